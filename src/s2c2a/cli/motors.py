@@ -294,8 +294,11 @@ def _bring_up(
     spec: ArmSpec, port: str, yes: bool
 ) -> "Iterator[tuple[BringUp, ServoBus]]":
     from s2c2a.hardware.bring_up import BringUp
+    from s2c2a.hardware.bus import NO_WATCHDOG
 
     with _bus(spec, port) as bus:
+        if not bus.has_watchdog:
+            print(NO_WATCHDOG)
         yield BringUp(bus, spec, lambda motion: _confirm(motion, yes), print), bus
 
 

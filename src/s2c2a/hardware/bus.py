@@ -11,9 +11,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Self
+from typing import ClassVar, Self
 
 from s2c2a.errors import S2C2AError
+
+NO_WATCHDOG = (
+    "these servos have no watchdog: if this computer or program fails, they keep their "
+    "last goal and their torque. Keep a switch for their power within reach"
+)
 
 
 class BusError(S2C2AError):
@@ -92,11 +97,17 @@ class ServoBus(ABC):
         ticks_per_turn: of the position.
         torque_constant: torque per current [N m/A].
         baud_rates: speeds that the servos can have [bit/s].
+        has_watchdog: whether servos stop by themselves when commands stay out.
+        restarted: ids of servos that lost their settings since `prepare`. They forgot
+            their turns: they have no state and must not move before they are prepared
+            again.
     """
 
     ticks_per_turn: int
+    has_watchdog: ClassVar[bool] = True
     torque_constant: float
     baud_rates: tuple[int, ...]
+    restarted: set[int]
 
     @abstractmethod
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
@@ -129,7 +140,11 @@ class ServoBus(ABC):
 
     @abstractmethod
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
-        """Switch the torque of servos on or off."""
+        """Switch the torque of servos on or off.
+
+        Raises:
+            BusError: servos do not answer; all others are switched.
+        """
 
     @abstractmethod
     def set_current(self, ids: Iterable[int], current: float) -> None:
@@ -155,8 +170,8 @@ class ServoBus(ABC):
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos in one exchange.
 
-        A servo that does not answer in time, or whose answer is damaged, is left out;
-        the states of the others are valid.
+        A servo that does not answer in time, whose answer is damaged, or that has
+        restarted, is left out; the states of the others are valid.
 
         Raises:
             PortLostError: the port is gone.

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import S2C2AError
@@ -35,10 +35,10 @@ class CalibratedServo(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    id: int = Field(ge=0, le=252)
+    id: int = Field(strict=True, ge=0, le=252)
     model: str = Field(max_length=40)
-    firmware: int = Field(ge=0, le=255)
-    home: int = Field(ge=-(2**31), le=2**31)
+    firmware: int = Field(strict=True, ge=0, le=2**16 - 1)
+    home: int = Field(strict=True, ge=-(2**31), le=2**31)
     spread: float | None = Field(default=None, ge=0)
 
 
@@ -61,6 +61,15 @@ class Calibration(BaseModel):
     adapter: str = Field(default="", max_length=100)
     servos: tuple[CalibratedServo, ...] = Field(max_length=MAX_SERVOS)
     finished: bool = True
+
+    @field_validator("servos")
+    @classmethod
+    def _check_ids(
+        cls, servos: tuple[CalibratedServo, ...]
+    ) -> tuple[CalibratedServo, ...]:
+        if len({servo.id for servo in servos}) < len(servos):
+            raise ValueError("a servo stands in it twice; home the arm again")
+        return servos
 
     def home(self, arm: ArmSpec) -> Ticks:
         """Return the homes of an arm's servos [ticks], shape (modules, cables).

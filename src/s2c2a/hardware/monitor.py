@@ -1,6 +1,6 @@
 """Faults of servos and cables, in words."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 
 import numpy as np
 
@@ -13,10 +13,17 @@ WOUND_IN = 0.003  # m; a module with such a cable is bent by tension
 SNAP_TIME = 1.5  # s; a swinging arm has slack cables for up to 0.8 s
 FOLLOWING_ERROR = 0.004  # m
 STALL_TIME = 1.0  # s
+RESTARTED = (
+    "has restarted, as after a loss of power, and forgot its position; check its cable "
+    "and the supply, then open the arm again"
+)
 
 
 def describe_faults(
-    states: Mapping[int, ServoState], servos: Servos, ids: Iterable[int]
+    states: Mapping[int, ServoState],
+    servos: Servos,
+    ids: Iterable[int],
+    restarted: Container[int] = (),
 ) -> str:
     """Describe the first fault of an arm's servos; empty if there is none.
 
@@ -24,9 +31,10 @@ def describe_faults(
         states: by id; a servo that did not answer is missing.
         servos: of the arm, with their limits.
         ids: servos that were read.
+        restarted: servos that lost their settings.
     """
     for id in ids:
-        fault = _servo_fault(states.get(id), servos)
+        fault = RESTARTED if id in restarted else _servo_fault(states.get(id), servos)
         if fault:
             return f"servo {id} ({servos.number_of(id)}) {fault}"
     return ""

@@ -2,15 +2,26 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.bus import BusError, PortLostError
 
+PORT_FAILURES: tuple[type[Exception], ...] = (OSError, TypeError, AttributeError)
+"""What pyserial raises where a port is gone; the last two where it was closed."""
+with suppress(ImportError):  # Windows has no termios
+    import termios
+
+    PORT_FAILURES = (*PORT_FAILURES, termios.error)
+REFUSALS: tuple[type[Exception], ...] = (*PORT_FAILURES, ValueError)
+"""What pyserial raises where a port cannot be opened, or not at a speed."""
+
 BITS_PER_BYTE = 10  # with start and stop bit
-WRITE_TIMEOUT = 0.5  # s
+POLL_PERIOD = 0.002  # s; a read returns at once when a byte arrives
+LONGEST_DRAIN = 0.1  # s
+WRITE_TIMEOUT = 0.1  # s; enough for the longest packet at the lowest speed
 LATENCY_TIMER = "/sys/bus/usb-serial/devices/{name}/latency_timer"
 """Of an FTDI adapter on Linux [ms]: how long it collects bytes before it sends them."""
 
@@ -34,15 +45,22 @@ class SerialLine:
         self.port = port
         try:
             self._serial = serial.Serial(
-                port, baud_rate, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True
+                port,
+                baud_rate,
+                timeout=POLL_PERIOD,
+                write_timeout=WRITE_TIMEOUT,
+                exclusive=True,
             )
-        except (OSError, ValueError) as error:
+        except REFUSALS as error:
             raise BusError(
                 f"the serial port '{port}' cannot be opened: {error}; check that the "
                 "adapter is plugged in, that no other program uses it, and that you "
                 "have the right to use it (on Linux, the group dialout). "
                 "`s2c2a motors scan` lists the ports"
             ) from error
+        # many ports do not know this mode
+        with suppress(OSError, ValueError, AttributeError, NotImplementedError):
+            self._serial.set_low_latency_mode(True)
         self.latency = latency_of(port)
 
     @property
@@ -54,7 +72,9 @@ class SerialLine:
     def baud_rate(self, baud_rate: int) -> None:
         try:
             self._serial.baudrate = baud_rate
-        except (OSError, ValueError) as error:
+        except PORT_FAILURES as error:
+            raise self._lost(error) from error
+        except ValueError as error:
             raise BusError(
                 f"{self.port} cannot run at {baud_rate} bit/s: {error}"
             ) from error
@@ -80,42 +100,51 @@ class SerialLine:
             deadline: on the clock of `time.monotonic` [s].
 
         Returns:
-            The bytes; none if the deadline has passed.
+            The bytes; none if none have arrived at the deadline. What arrived before
+            a call that comes late is returned.
 
         Raises:
             PortLostError: the port is gone.
         """
         with self._port_errors():
-            waiting = self._serial.in_waiting
-            if waiting:
-                return self._serial.read(waiting)
-            self._serial.timeout = max(deadline - time.monotonic(), 0.0)
-            return self._serial.read(1) + self._serial.read(self._serial.in_waiting)
+            while True:
+                # the timeout of the port stays: pyserial sets the port up again when
+                # it changes
+                data = self._serial.read(max(self._serial.in_waiting, 1))
+                if data or time.monotonic() >= deadline:
+                    return data
 
     def drain(self, quiet_time: float) -> None:
         """Drop what arrives until the line was quiet for a time [s].
 
+        A line that is never quiet is left after `LONGEST_DRAIN`.
+
         Raises:
             PortLostError: the port is gone.
         """
-        while self.read(time.monotonic() + quiet_time):
+        end = time.monotonic() + LONGEST_DRAIN
+        while self.read(time.monotonic() + quiet_time) and time.monotonic() < end:
             continue
 
     def close(self) -> None:
         """Close the port; allowed more than once."""
-        with self._port_errors():
+        with suppress(*PORT_FAILURES):
             self._serial.close()
 
     @contextmanager
     def _port_errors(self) -> Iterator[None]:
         try:
             yield
-        except (OSError, TypeError, AttributeError) as error:
-            # pyserial raises the last two if the port is closed in the meantime
-            raise PortLostError(
-                f"the serial port '{self.port}' is gone ({error}); plug it in again, "
-                "and look for another program that uses it"
-            ) from error
+        except PORT_FAILURES as error:
+            raise self._lost(error) from error
+
+    def _lost(self, error: Exception) -> PortLostError:
+        if not self._serial.is_open:
+            return PortLostError(f"the port {self.port} is closed; open a new bus")
+        return PortLostError(
+            f"the port {self.port} is gone ({error}); check the cable, plug it in "
+            "again, look for another program that uses it, then open the arm again"
+        )
 
 
 def import_serial():

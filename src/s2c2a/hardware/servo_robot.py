@@ -1,14 +1,23 @@
 """A real arm whose cables are wound by bus servos."""
 
 import time
+import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import ClassVar
 
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
 from s2c2a.errors import RobotError, S2C2AError
-from s2c2a.hardware.bus import BusError, Mode, PortLostError, ServoBus, ServoState
+from s2c2a.hardware.bus import (
+    NO_WATCHDOG,
+    BusError,
+    Mode,
+    PortLostError,
+    ServoBus,
+    ServoState,
+)
 from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.end_tracking import EndTracking
@@ -68,6 +77,7 @@ class ServoRobot(Robot):
         self._fast_read = fast_read
         self._ids = np.array(self._servos.ids)
         self._bus: ServoBus | None = None
+        self._is_halted = False
         self._low, self._high = _displacement_limits(arm, self._geometry)
         self._goal = self._geometry.action_neutral
         self._monitor = CableMonitor(self._servos, arm.control_rate)
@@ -88,17 +98,21 @@ class ServoRobot(Robot):
     def open(self) -> Reading:
         """Connect, check every servo, and wind slowly to rest; see `Robot`.
 
+        Servos are prepared again after a fault or a halt; their torque is off meanwhile.
+
         Raises:
             BusError: the port or a servo is missing.
             RobotError: a servo is not the calibrated one, or not fit to move.
         """
-        if self._bus is None:
+        if not self._is_ready():
+            self._disconnect()
             self._connect()
         if self._tracking:
             self._tracking.start()
         self._go_to_rest()
         self._monitor.reset()
-        self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
+        if self.bus.has_watchdog:
+            self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
         self._opened_at = time.perf_counter()
         return self.read()
 
@@ -116,10 +130,9 @@ class ServoRobot(Robot):
             values["tensions"] = tensions
         if self._tracking:
             values |= self._tracking.read()
-        fault = describe_faults(states, self._servos, self._flat_ids)
+        fault = self._describe_faults(states)
         fault = fault or self._monitor.find_fault(self._goal, displacements, tensions)
-        if any(state.watchdog_tripped for state in states.values()):
-            self._restart_after_watchdog()
+        self._restart_after_watchdog(states)
         return Reading(moment, values, fault)
 
     def send(self, action: Actions) -> Actions:
@@ -128,34 +141,28 @@ class ServoRobot(Robot):
         limited = self._limited(np.clip(wanted, self._low, self._high))
         positions = self._winches.positions(limited)
         self._send_positions(positions)
-        self._goal = self._winches.displacements(positions)
+        sent = self._winches.displacements(positions)
+        # of what is sent, in whole ticks, so that rounding does not add up
+        self._budget -= np.abs(sent - self._goal)
+        self._goal = sent
         return self._goal.copy()
 
     def halt(self) -> None:
         """Stop every servo where it is, then hold or release; see `Robot`."""
         if self._bus is None:
             return
+        self._is_halted = True
         states = self._read_states()
         self.bus.send_goals({id: state.position for id, state in states.items()})
         if self._servos.on_emergency == "release":
-            self._release()
+            with suppress(BusError):
+                self.bus.set_torque(self._flat_ids, on=False)
 
     def close(self) -> None:
         """Hold or release the cables as configured, and close the port."""
         if self._tracking:
             self._tracking.close()
-        bus, self._bus = self._bus, None
-        if bus is None:
-            return
-        try:
-            bus.arm_watchdog(self._flat_ids, 0.0)
-            if self._servos.on_exit == "release":
-                bus.set_torque(self._flat_ids, on=False)
-        except BusError:
-            # what does not answer now stops by its watchdog
-            pass
-        finally:
-            bus.close()
+        self._disconnect(self._servos.on_exit == "release")
 
     @property
     def bus(self) -> ServoBus:
@@ -182,6 +189,29 @@ class ServoRobot(Robot):
                 "servos.protocol in the arm file"
             )
 
+    def _is_ready(self) -> bool:
+        """Whether all servos are prepared and sound."""
+        if self._bus is None or self._is_halted:
+            return False
+        try:
+            return not self._describe_faults(self._read_states())
+        except PortLostError:
+            return False
+
+    def _disconnect(self, release: bool = False) -> None:
+        """Close the port; what does not answer any more stops by its watchdog."""
+        bus, self._bus = self._bus, None
+        if bus is None:
+            return
+        with bus:
+            # first, since absent servos delay what follows
+            if release:
+                with suppress(BusError):
+                    bus.set_torque(self._flat_ids, on=False)
+            if bus.has_watchdog:
+                with suppress(BusError):
+                    bus.arm_watchdog(self._flat_ids, 0.0)
+
     def _connect(self) -> None:
         bus = open_bus(self._servos, self._port, self._fast_read)
         try:
@@ -193,7 +223,10 @@ class ServoRobot(Robot):
         except BaseException:
             bus.close()
             raise
+        if not bus.has_watchdog:
+            warnings.warn(NO_WATCHDOG, stacklevel=1)
         self._bus = bus
+        self._is_halted = False
         try:
             self._take_over()
         except BaseException:
@@ -222,7 +255,7 @@ class ServoRobot(Robot):
     def _take_over(self) -> None:
         """Let the servos hold the arm where it is."""
         states = self._read_all()
-        fault = describe_faults(states, self._servos, self._flat_ids)
+        fault = self._describe_faults(states)
         if fault:
             raise RobotError(f"the arm cannot start: {fault}")
         positions = self._positions(states)
@@ -269,7 +302,7 @@ class ServoRobot(Robot):
         self._send_positions(positions)
         self._goal = self._winches.displacements(positions)
         states = self._read_all()
-        fault = describe_faults(states, self._servos, self._flat_ids)
+        fault = self._describe_faults(states)
         if fault:
             raise RobotError(f"the arm stopped on its way to rest: {fault}")
         time.sleep(REST_PERIOD)
@@ -286,10 +319,14 @@ class ServoRobot(Robot):
             BusError: a servo does not answer.
         """
         states = self.bus.read_patiently(self._flat_ids, PATIENCE)
-        missing = [id for id in self._flat_ids if id not in states]
-        if missing:
-            raise BusError(f"servos {missing} do not answer; check cable and power")
+        if len(states) < self._ids.size:
+            raise BusError(self._describe_faults(states))
         return states
+
+    def _describe_faults(self, states: Mapping[int, ServoState]) -> str:
+        """Describe the first fault of the servos; empty if there is none."""
+        restarted = self.bus.restarted
+        return describe_faults(states, self._servos, self._flat_ids, restarted)
 
     def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
         values = [states[id].position for id in self._flat_ids]
@@ -335,26 +372,19 @@ class ServoRobot(Robot):
         speed = self._servos.limits.speed
         most = 2.0 * speed * self.arm.control_period
         self._budget = np.minimum(self._budget + speed * elapsed, most)
-        change = np.clip(wanted - self._goal, -self._budget, self._budget)
-        self._budget -= np.abs(change)
-        return self._goal + change
+        reach = np.maximum(self._budget, 0.0)
+        return self._goal + np.clip(wanted - self._goal, -reach, reach)
 
-    def _restart_after_watchdog(self) -> None:
-        """Let servos that stopped by their watchdog hold their place and obey again."""
-        try:
-            self.bus.arm_watchdog(self._flat_ids, 0.0)
+    def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
+        """Let servos that stopped by their watchdog return to the last goal and obey."""
+        stopped = [id for id, state in states.items() if state.watchdog_tripped]
+        if not stopped:
+            return
+        # where it fails, the next reading shows it again
+        with suppress(BusError):
+            self.bus.arm_watchdog(stopped, 0.0)
             self._send_positions(self._winches.positions(self._goal))
-            self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
-        except BusError:
-            pass  # the next reading shows it again
-
-    def _release(self) -> None:
-        """Switch every torque off, whatever single servos answer."""
-        for id in self._flat_ids:
-            try:
-                self.bus.set_torque([id], on=False)
-            except BusError:
-                continue
+            self.bus.arm_watchdog(stopped, self._servos.watchdog)
 
     def _declare_cables(self) -> Sensor:
         """Displacements beyond the limits by a part of the range are plausible."""

@@ -268,6 +268,8 @@ class Loop:
     def close(self) -> None:
         """Move a real arm to rest, whatever it reads, and close the robot.
 
+        An emergency stop ends the motion.
+
         Keyboard interrupts are ignored meanwhile: a second one does not leave the arm
         bent.
         """
@@ -276,8 +278,7 @@ class Loop:
             try:
                 with suppress(Exception):  # a robot that fails now is closed, too
                     while self._is_led_to_rest() and not self._limiter.at_rest:
-                        self._wait()
-                        self._send(self._limiter.limit(self._limiter.towards_rest()))
+                        self._step_to_rest()
             finally:
                 self._robot.close()
 
@@ -291,6 +292,20 @@ class Loop:
 
     def __exit__(self, *_: Any) -> None:
         self.close()
+
+    def _step_to_rest(self) -> None:
+        """Wait, and send the next command on the way to rest.
+
+        Raises:
+            EmergencyStopError: the arm must not move; it is halted.
+        """
+        self._wait()
+        try:
+            self._emergency_stop.check()
+        except EmergencyStopError as error:
+            self.stop(error)
+            raise
+        self._send(self._limiter.limit(self._limiter.towards_rest()))
 
     def _is_led_to_rest(self) -> bool:
         """Whether the robot moves to rest at the end; simulations only after errors."""

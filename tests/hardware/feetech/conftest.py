@@ -1,7 +1,7 @@
 """A bus over three scripted servos."""
 
 import pytest
-from fake_feetech_line import FakePort
+from fake_feetech_line import FakePort, serve
 
 from s2c2a.hardware.feetech import FeetechBus
 
@@ -9,7 +9,8 @@ from s2c2a.hardware.feetech import FeetechBus
 @pytest.fixture
 def port(monkeypatch):
     fake = FakePort(1, 2, 3)
-    monkeypatch.setattr("s2c2a.hardware.feetech.line.Serial", lambda *_, **__: fake)
+    serve(fake, monkeypatch)
+    monkeypatch.setattr("s2c2a.hardware.feetech.bus.PATIENT_TIMEOUT", 0.01)
     return fake
 
 

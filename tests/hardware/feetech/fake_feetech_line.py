@@ -1,6 +1,7 @@
 """Scripted Feetech servos behind an in-memory serial port."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
@@ -12,6 +13,12 @@ EPROM_END = 40
 def packet(*body: int) -> bytes:
     """A packet of these bytes after the header, with its checksum."""
     return HEADER + bytes(body) + bytes((~sum(body) & 0xFF,))
+
+
+def serve(port: "FakePort", monkeypatch) -> None:
+    """Let every serial port that is opened from now on be this one."""
+    module = SimpleNamespace(Serial=lambda *_, **__: port)
+    monkeypatch.setattr("s2c2a.hardware.serial_line.import_serial", lambda: module)
 
 
 class FakeServo:
@@ -69,7 +76,7 @@ class FakePort:
         self.spoil: dict[int, Callable[[bytes], bytes]] = {}
         self.echoes = False
         self.failure: Exception | None = None
-        self.closed = False
+        self.is_open = True
         self._received = bytearray()
 
     def __getitem__(self, id: int) -> FakeServo:
@@ -98,8 +105,13 @@ class FakePort:
         """Add bytes that come without an instruction."""
         self._received += data
 
+    def reset_input_buffer(self) -> None:
+        if self.failure is not None:
+            raise self.failure
+        self._received.clear()
+
     def close(self) -> None:
-        self.closed = True
+        self.is_open = False
 
     def _execute(self, id: int, instruction: int, parameters: bytes) -> None:
         present = [s for s in self.servos if s.baud_rate == self.baudrate]

@@ -4,7 +4,7 @@ import os
 from math import pi
 
 import pytest
-from fake_feetech_line import FakePort, packet
+from fake_feetech_line import FakePort, packet, serve
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -42,7 +42,7 @@ def test_a_state_is_converted_to_si_units(bus, port):
 
 def test_all_states_come_from_one_packet(bus, port):
     assert list(bus.read_states([1, 2, 3])) == [1, 2, 3]
-    assert port.sent == [packet(0xFE, 7, 0x82, 56, 15, 1, 2, 3)]
+    assert port.sent == [packet(0xFE, 7, 0x82, 46, 25, 1, 2, 3)]
 
 
 def test_no_servos_need_no_packet(bus, port):
@@ -78,8 +78,7 @@ def test_random_answers_give_no_states(answers):
     port = FakePort(1, 2, 3)
     port.spoil = {id: lambda _, i=id: answers[i - 1] for id in (1, 2, 3)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("s2c2a.hardware.feetech.line.Serial", lambda *_, **__: port)
-        patch.setattr("s2c2a.hardware.feetech.line.REPLY_TIMEOUT", 0.0)
+        serve(port, patch)
         bus = FeetechBus("fake", 1_000_000)
     assert bus.read_states([1, 2, 3]) == {}
 
@@ -93,7 +92,7 @@ def test_garbage_before_an_answer_is_skipped(bus, port, noise):
 
 
 def test_an_answer_to_an_earlier_packet_is_not_taken(bus, port):
-    port.receive(port[1].answer(bytes(15)))
+    port.receive(port[1].answer(bytes(25)))
     port.servos.remove(port[1])
     assert bus.read_states([1]) == {}
 
@@ -219,6 +218,33 @@ def test_a_servo_that_is_switched_on_stays_where_it_is(bus, port):
     port[1].set(56, 0x34, 0x02)
     bus.set_torque([1], True)
     assert port[1].memory[42:44] == b"\x34\x02"
+
+
+def test_a_servo_that_restarted_has_no_state_and_gets_no_goal(bus, port):
+    prepared(bus, 1, 2)
+    bus.set_torque([1, 2], True)
+    port[1].set(40, *bytes(9))  # torque, goal and limits after power-up
+    assert set(bus.read_states([1, 2])) == {2}
+    bus.send_goals({1: 100, 2: 200})
+    assert bus.restarted == {1}
+    assert port[1].memory[40] == 0
+    assert port[2].memory[42:44] == b"\xc8\x00"
+    prepared(bus, 1)
+    assert set(bus.read_states([1, 2])) == {1, 2}
+    assert bus.restarted == set()
+
+
+def test_a_servo_that_did_not_answer_gets_no_goal(bus, port):
+    prepared(bus, 1)
+    bus.set_torque([1], True)
+    port.spoil[1] = lambda answer: b""
+    bus.read_states([1])
+    bus.send_goals({1: 100})
+    assert port[1].memory[42:44] == bytes(2)
+    del port.spoil[1]
+    bus.read_states([1])
+    bus.send_goals({1: 100})
+    assert port[1].memory[42:44] == b"\x64\x00"
 
 
 def test_all_servos_are_switched_off_although_one_is_absent(bus, port):

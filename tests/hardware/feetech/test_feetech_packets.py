@@ -67,13 +67,13 @@ def test_one_packet_writes_the_goals_of_all_servos():
 
 
 def test_one_packet_reads_the_states_of_all_servos():
-    expected = bytes.fromhex("ff ff fe 06 82 38 0f 01 02 2f")
+    expected = bytes.fromhex("ff ff fe 06 82 2e 19 01 02 2f")
     assert packets.sync_read_packet((1, 2), tables.STATE_BLOCK) == expected
 
 
-def test_the_state_block_reaches_from_position_to_current():
+def test_the_state_block_reaches_from_speed_limit_to_current():
     block = tables.STATE_BLOCK
-    assert block.address == 56
+    assert block.address == 46
     assert block.address + block.size - 1 == 70
 
 

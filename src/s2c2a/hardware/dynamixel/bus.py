@@ -7,6 +7,7 @@ from s2c2a.hardware.bus import (
     BusError,
     HardwareError,
     Mode,
+    PortLostError,
     ServoBus,
     ServoInfo,
     ServoRefusalError,
@@ -39,7 +40,9 @@ from s2c2a.hardware.dynamixel.tables import (
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
-CYCLE_MARGIN = 0.008  # s; beyond wire time and latency of the adapter, in a cycle
+CYCLE_MARGIN = 0.02
+"""Wait beyond wire time and latency of the adapter, in a cycle [s]; many adapters keep
+bytes for up to 16 ms and do not say so."""
 EXCHANGE_MARGIN = 0.2  # s; the same, where nothing hurries
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
@@ -80,6 +83,7 @@ class DynamixelBus(ServoBus):
 
     Attributes:
         model: facts of the servos' model.
+        restarted: see `ServoBus`.
     """
 
     def __init__(
@@ -114,6 +118,7 @@ class DynamixelBus(ServoBus):
         self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
         self._misses: dict[int, int] = {}
+        self.restarted: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
         """Return the servos that answer; see `ServoBus`."""
@@ -147,6 +152,7 @@ class DynamixelBus(ServoBus):
     ) -> None:
         """Set mode and limits with the torque off; see `ServoBus`."""
         for id in ids:
+            self.restarted.discard(id)
             self.arm_watchdog([id], 0.0)
             self.write(id, "torque", 0)
             self._write_stored(id, self._stored_settings(mode))
@@ -160,22 +166,19 @@ class DynamixelBus(ServoBus):
         """Switch the torque, of all servos at once; see `ServoBus`."""
         ids = tuple(ids)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
-        for id in ids:
-            self.write(id, "torque", int(on))  # with a confirmation
+        self._write_each(ids, "torque", int(on))  # with a confirmation
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """Set the largest current; see `ServoBus`."""
         units = round(min(current, self.model.max_current) / self.model.current_unit)
-        for id in ids:
-            self.write(id, "goal_current", max(units, 1))
+        self._write_each(ids, "goal_current", max(units, 1))
 
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
         """Let servos stop when commands stay out; see `ServoBus`."""
         units = 0
         if seconds > 0:
             units = min(max(round(seconds / WATCHDOG_UNIT), 1), MAX_WATCHDOG)
-        for id in ids:
-            self.write(id, "watchdog", units)
+        self._write_each(ids, "watchdog", units)
 
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions; see `ServoBus`."""
@@ -189,14 +192,16 @@ class DynamixelBus(ServoBus):
         """Read the states of servos; see `ServoBus`.
 
         Every servo waits for the answer of the one before, so an absent servo silences
-        those behind it. It is asked last from then on.
+        those behind it. It is asked last from then on, and no joint answer is asked
+        for, which would lack all of them.
         """
         order = sorted(ids, key=lambda id: self._misses.get(id, 0))
         found: dict[int, ServoState] = {}
         for address, group in self._groups(order):
-            answers = self._read_group(address, group)
-            self._count_misses(group, answers)
-            found |= answers
+            blocks = self._read_group(address, group)
+            self._count_misses(group, blocks)
+            states = {id: self._state(id, block) for id, block in blocks.items()}
+            found |= {id: state for id, state in states.items() if state is not None}
         return found
 
     def reboot(self, id: int) -> None:
@@ -261,6 +266,23 @@ class DynamixelBus(ServoBus):
             if self.read(id, name) != value:
                 self.write(id, name, value)
 
+    def _write_each(self, ids: Iterable[int], name: str, value: int) -> None:
+        """Write a register of servos; one that fails does not keep the others from it.
+
+        Raises:
+            BusError: that of the first servo that failed.
+        """
+        failures: list[BusError] = []
+        for id in ids:
+            try:
+                self.write(id, name, value)
+            except PortLostError:
+                raise
+            except BusError as error:
+                failures.append(error)
+        if failures:
+            raise failures[0]
+
     def _join_state(self, id: int) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""
         info = self.info(id)
@@ -303,31 +325,30 @@ class DynamixelBus(ServoBus):
             groups.setdefault(self._indirect_data[id], []).append(id)
         return list(groups.items())
 
-    def _read_group(self, address: int, ids: list[int]) -> dict[int, ServoState]:
+    def _read_group(self, address: int, ids: list[int]) -> dict[int, bytes]:
+        """Joined blocks of servos."""
+        is_joint = self._fast_read and not any(self._misses.get(id) for id in ids)
         instruction = Instruction.SYNC_READ
-        if self._fast_read:
+        if is_joint:
             instruction = Instruction.FAST_SYNC_READ
         parameters = _span(address, STATE_SIZE) + bytes(ids)
         self._line.write(encode(BROADCAST, instruction, parameters))
         expected = len(ids) * (STATUS_OVERHEAD + STATE_SIZE)
-        reader = StatusReader(expected if self._fast_read else 2 * STATE_SIZE)
+        reader = StatusReader(expected if is_joint else 2 * STATE_SIZE)
         duration = self._line.wire_time(len(parameters) + expected)
-        found: dict[int, ServoState] = {}
-        awaited = {BROADCAST} if self._fast_read else set(ids)
+        found: dict[int, bytes] = {}
+        awaited = {BROADCAST} if is_joint else set(ids)
         duration += self._line.latency + CYCLE_MARGIN
         for packet in self._receive(reader, duration, awaited):
             for id, data in _blocks(packet, len(ids)):
-                state = self._decode(data)
-                if state is not None and id in ids:
-                    found[id] = state
+                if id in ids and len(data) == STATE_SIZE:
+                    found[id] = data
         if len(found) < len(ids):
             self._line.drain(CYCLE_QUIET_TIME)
         return found
 
-    def _decode(self, data: bytes) -> ServoState | None:
-        """The state in a joined block; None if the servo was restarted."""
-        if len(data) != STATE_SIZE:
-            return None
+    def _state(self, id: int, data: bytes) -> ServoState | None:
+        """The state in a joined block; None if the servo has restarted."""
         values = {}
         start = 0
         for name in STATE_LAYOUT:
@@ -335,6 +356,8 @@ class DynamixelBus(ServoBus):
             values[name] = register.decode(data[start : start + register.size])
             start += register.size
         if values["status_return_level"] != ANSWER_ALL:
+            self.restarted.add(id)
+        if id in self.restarted:
             return None
         return ServoState(
             position=values["position"],
@@ -407,6 +430,9 @@ class DynamixelBus(ServoBus):
                 yield packet
             if awaited and not remaining:
                 return
+            # a line that never gets quiet must not hold the caller
+            if time.monotonic() > deadline:
+                break
         yield from reader.flush()
 
 

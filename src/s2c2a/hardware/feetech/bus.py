@@ -1,6 +1,7 @@
 """Servo bus of Feetech STS servos."""
 
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 
 from s2c2a.hardware.bus import (
@@ -12,13 +13,23 @@ from s2c2a.hardware.bus import (
     ServoState,
 )
 from s2c2a.hardware.feetech import packets, tables
-from s2c2a.hardware.feetech.line import SerialLine
-from s2c2a.hardware.feetech.packets import Answer, value_in_block
+from s2c2a.hardware.feetech.packets import (
+    OVERHEAD,
+    Answer,
+    take_answers,
+    value_in_block,
+)
 from s2c2a.hardware.feetech.tables import Register
 from s2c2a.hardware.feetech.turns import TurnCounter
+from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
 """Attempts to read or write a register of one servo; noise spoils single packets."""
+REPLY_TIMEOUT = 0.02
+"""Longest wait for answers beyond the time on the line [s]; many USB adapters hold bytes
+back for up to 16 ms and do not say so."""
+PATIENT_TIMEOUT = 0.1
+"""The same for an answer that nothing else waits for [s]."""
 SETTINGS = {
     tables.RETURN_DELAY: 0,
     tables.STATUS_LEVEL: 1,
@@ -47,12 +58,20 @@ class FeetechBus(ServoBus):
     servos whose torque this bus has switched off are therefore kept back until it is
     switched on.
 
+    Restart. A servo that restarts loses its limits, which come with every state. Since
+    a goal would switch it on and turn it by whole turns, it gets none before the next
+    `prepare`; nor does a servo that did not answer last, which may be restarting.
+
     Attributes:
         ticks_per_turn: 4096.
         torque_constant: stall torque per stall current [N m/A].
+        baud_rates: of the servos [bit/s].
+        restarted: see `ServoBus`.
     """
 
     ticks_per_turn = tables.TICKS_PER_TURN
+    baud_rates = tuple(tables.BAUD_CODES)
+    has_watchdog = False
 
     def __init__(self, port: str, baud_rate: int, model: str = "sts3215"):
         """Open a port.
@@ -77,6 +96,9 @@ class FeetechBus(ServoBus):
         self._turns = TurnCounter(self.ticks_per_turn)
         self._phases: dict[int, int] = {}
         self._kept_goals: dict[int, int | None] = {}
+        self._speeds: dict[int, int] = {}
+        self._silent: set[int] = set()
+        self.restarted: set[int] = set()
         self._line = SerialLine(port, baud_rate)
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
@@ -92,7 +114,7 @@ class FeetechBus(ServoBus):
             BusError: servos have no such baud rate.
         """
         _baud_code(baud_rate)
-        self._line.set_baud_rate(baud_rate)
+        self._line.baud_rate = baud_rate
 
     def assign(self, id: int, new_id: int, baud_rate: int) -> None:
         """See `ServoBus`.
@@ -105,12 +127,12 @@ class FeetechBus(ServoBus):
         self._check_assignment(id, new_id)
         self._write(id, tables.LOCK, 0)
         # which id or rate the answer has depends on the firmware: none is awaited
-        self._line.send(packets.write_packet(id, tables.ID, new_id))
+        self._line.write(packets.write_packet(id, tables.ID, new_id))
         self._read(new_id, tables.IDENTITY_BLOCK)
         if baud_rate == self._line.baud_rate:
             self._store(new_id, tables.BAUD_RATE, code)
         else:
-            self._line.send(packets.write_packet(new_id, tables.BAUD_RATE, code))
+            self._line.write(packets.write_packet(new_id, tables.BAUD_RATE, code))
             self._lock_at_new_rate(new_id, baud_rate)
 
     def prepare(
@@ -124,11 +146,13 @@ class FeetechBus(ServoBus):
         ids = tuple(ids)
         self.set_torque(ids, False)
         self._turns.forget(ids)
+        self.restarted -= set(ids)
         for id in ids:
             self._prepare_settings(id)
             self._write(id, tables.ACCELERATION, 0)
             self._write(id, tables.GOAL_TIME, 0)
-            self._write(id, tables.GOAL_SPEED, self._speed_value(id, speed))
+            self._speeds[id] = self._speed_value(id, speed)
+            self._write(id, tables.GOAL_SPEED, self._speeds[id])
         self.set_current(ids, current)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
@@ -145,6 +169,9 @@ class FeetechBus(ServoBus):
             self._release_goals(ids)
         else:
             self._kept_goals |= dict.fromkeys(ids)
+            # at once; an absent servo does not delay the others
+            off = dict.fromkeys(ids, 0)
+            self._line.write(packets.sync_write_packet(off, tables.TORQUE_ENABLE))
         self._write_each(ids, tables.TORQUE_ENABLE, int(on))
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
@@ -175,14 +202,15 @@ class FeetechBus(ServoBus):
             BusError: a goal exceeds +-32767 ticks; nothing is sent.
             PortLostError: the port is gone.
         """
-        packet = packets.sync_write_packet(goals, tables.GOAL_POSITION)
+        # refuses an impossible goal of any servo
+        packets.sync_write_packet(goals, tables.GOAL_POSITION)
         kept = goals.keys() & self._kept_goals.keys()
-        if kept:
-            self._kept_goals |= {id: goals[id] for id in kept}
-            sent = {id: goal for id, goal in goals.items() if id not in kept}
+        self._kept_goals |= {id: goals[id] for id in kept}
+        barred = kept | self._silent | self.restarted
+        sent = {id: goal for id, goal in goals.items() if id not in barred}
+        if sent:
             packet = packets.sync_write_packet(sent, tables.GOAL_POSITION)
-        if len(kept) < len(goals):
-            self._line.send(packet)
+            self._line.write(packet)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """See `ServoBus`."""
@@ -191,8 +219,16 @@ class FeetechBus(ServoBus):
             return {}
         block = tables.STATE_BLOCK
         packet = packets.sync_read_packet(ids, block)
-        answers = self._line.exchange(packet, ids, block.size)
-        return {id: self._state(answer) for id, answer in answers.items()}
+        answers = self._exchange(packet, ids, block.size)
+        self._silent = (self._silent | set(ids)) - answers.keys()
+        self.restarted |= {
+            id for id, answer in answers.items() if self._has_restarted(answer)
+        }
+        return {
+            id: self._state(answer)
+            for id, answer in answers.items()
+            if id not in self.restarted
+        }
 
     def reboot(self, id: int) -> None:
         """Switch the torque off, which clears an overload.
@@ -217,10 +253,46 @@ class FeetechBus(ServoBus):
         """See `ServoBus`."""
         self._line.close()
 
+    def _exchange(
+        self,
+        packet: bytes,
+        ids: Sequence[int],
+        size: int,
+        timeout: float = REPLY_TIMEOUT,
+    ) -> dict[int, Answer]:
+        """Send a packet and return the valid answers by id.
+
+        Servos answer in the order of their ids: the exchange ends with the answer of
+        the last one. Any number of absent servos costs one timeout at most.
+
+        Args:
+            packet: instruction.
+            ids: of the servos that answer, in their order.
+            size: of the data in each answer [bytes].
+            timeout: longest wait beyond the time on the line [s].
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        answers: dict[int, Answer] = {}
+        buffer = bytearray()
+        count = len(packet) + len(ids) * (size + OVERHEAD)
+        duration = self._line.wire_time(count) + self._line.latency + timeout
+        self._line.write(packet)
+        deadline = time.monotonic() + duration
+        while ids[-1] not in answers and (data := self._line.read(deadline)):
+            buffer += data
+            for answer in take_answers(buffer, set(ids), size):
+                answers[answer.id] = answer
+            # a line that never gets quiet must not hold the caller
+            if time.monotonic() > deadline:
+                break
+        return answers
+
     def _identify(self, id: int) -> ServoInfo | None:
         # no ping: its answer can equal its echo
         block = tables.IDENTITY_BLOCK
-        answers = self._line.exchange(packets.read_packet(id, block), (id,), block.size)
+        answers = self._exchange(packets.read_packet(id, block), (id,), block.size)
         if id not in answers:
             return None
         (major, minor, _) = answers[id].data[:3]
@@ -239,13 +311,13 @@ class FeetechBus(ServoBus):
     def _lock_at_new_rate(self, id: int, baud_rate: int) -> None:
         """Lock the EPROM; some firmware changes its rate only at the next power-up."""
         old_rate = self._line.baud_rate
-        self._line.set_baud_rate(baud_rate)
+        self._line.baud_rate = baud_rate
         try:
             if self._identify(id) is None:
-                self._line.set_baud_rate(old_rate)
+                self._line.baud_rate = old_rate
             self._write(id, tables.LOCK, 1)
         finally:
-            self._line.set_baud_rate(old_rate)
+            self._line.baud_rate = old_rate
 
     def _prepare_settings(self, id: int) -> None:
         """Store the settings in EPROM that differ."""
@@ -277,6 +349,11 @@ class FeetechBus(ServoBus):
             del self._kept_goals[id]
         if goals:
             self.send_goals(goals)
+
+    def _has_restarted(self, answer: Answer) -> bool:
+        """Whether a servo lost the speed that it was prepared with."""
+        speed = value_in_block(answer.data, tables.STATE_BLOCK, tables.GOAL_SPEED)
+        return speed != self._speeds.get(answer.id, speed)
 
     def _state(self, answer: Answer) -> ServoState:
         def value(register: Register) -> int:
@@ -336,7 +413,7 @@ class FeetechBus(ServoBus):
 
     def _attempt(self, id: int, packet: bytes, size: int) -> Answer | None:
         for _ in range(ATTEMPTS):
-            answers = self._line.exchange(packet, (id,), size)
+            answers = self._exchange(packet, (id,), size, PATIENT_TIMEOUT)
             if id in answers:
                 return answers[id]
         return None

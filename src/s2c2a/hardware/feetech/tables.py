@@ -60,8 +60,8 @@ IDENTITY_BLOCK = Register(0, 5)
 """Firmware (major, minor), byte order, model (two bytes)."""
 SETTINGS_BLOCK = Register(RETURN_DELAY.address, MODE.address - RETURN_DELAY.address + 1)
 """All settings in EPROM that `prepare` needs."""
-STATE_BLOCK = Register(PRESENT_POSITION.address, 15)
-"""Everything that a servo measures, in one contiguous read."""
+STATE_BLOCK = Register(GOAL_SPEED.address, 25)
+"""Limits, which a restart resets, and everything that a servo measures."""
 
 PHASE_FINE_SPEED = 1 << 2
 """Speeds in steps/s; in 50 steps/s without this bit."""
