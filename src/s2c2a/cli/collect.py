@@ -57,6 +57,7 @@ def collect(
         overwrite: replace the recording if it exists.
     """
     from s2c2a import data, strategies
+    from s2c2a.runtime import stop_on_signal
 
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity)
@@ -75,6 +76,7 @@ def collect(
             )
         threads = 1
     with (
+        stop_on_signal(),
         make_executor(threads, cluster) if cluster else nullcontext() as executor,
         progress_bar() as progress,
     ):

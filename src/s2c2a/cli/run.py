@@ -97,6 +97,7 @@ def run(
     from s2c2a import jobs, strategies
     from s2c2a.arm import load_arm
     from s2c2a.estimation import EstimationSettings
+    from s2c2a.runtime import stop_on_signal
 
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, payload, event)
@@ -137,9 +138,12 @@ def run(
         work.out is not None and not (work.out / f"{spec.name}.html").exists()
     )
     label = f"{paced.name}-{spec.name}"
-    with run_directory(
-        label, options, work, alone=one_process, resume=is_unfinished
-    ) as (directory, make):
+    with (
+        stop_on_signal(),
+        run_directory(
+            label, options, work, alone=one_process, resume=is_unfinished
+        ) as (directory, make),
+    ):
         runs = make(job_list)
     _report(runs, directory, f"{paced.name} with {spec.name}", video)
 

@@ -92,11 +92,13 @@ class ServoBus(ABC):
         ticks_per_turn: of the position.
         torque_constant: torque per current [N m/A].
         baud_rates: speeds that the servos can have [bit/s].
+        has_watchdog: whether the servos can stop by themselves (`arm_watchdog`).
     """
 
     ticks_per_turn: int
     torque_constant: float
     baud_rates: tuple[int, ...]
+    has_watchdog: bool = True
 
     @abstractmethod
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:

@@ -37,7 +37,7 @@ class CalibratedServo(BaseModel):
 
     id: int = Field(ge=0, le=252)
     model: str = Field(max_length=40)
-    firmware: int = Field(ge=0, le=255)
+    firmware: int = Field(ge=0, le=65_535)
     home: int = Field(ge=-(2**31), le=2**31)
     spread: float | None = Field(default=None, ge=0)
 
@@ -100,8 +100,8 @@ def load_calibration(path: str | os.PathLike, arm: ArmSpec) -> Calibration:
     if not Path(path).is_file():
         raise CalibrationError(
             f"there is no calibration {path}; make one with "
-            "`s2c2a motors home --arm FILE`, or name one "
-            "(--robot-option calibration=FILE)"
+            "`s2c2a motors home --arm FILE`, or name one (--calibration FILE in "
+            "`motors check`, --robot-option calibration=FILE elsewhere)"
         )
     try:
         values = json.loads(read_text(path, CalibrationError))

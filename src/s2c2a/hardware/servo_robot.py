@@ -98,7 +98,8 @@ class ServoRobot(Robot):
             self._tracking.start()
         self._go_to_rest()
         self._monitor.reset()
-        self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
+        if self.bus.has_watchdog:
+            self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
         self._opened_at = time.perf_counter()
         return self.read()
 
@@ -148,7 +149,8 @@ class ServoRobot(Robot):
         if bus is None:
             return
         try:
-            bus.arm_watchdog(self._flat_ids, 0.0)
+            if bus.has_watchdog:
+                bus.arm_watchdog(self._flat_ids, 0.0)
             if self._servos.on_exit == "release":
                 bus.set_torque(self._flat_ids, on=False)
         except BusError:

@@ -30,6 +30,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
+from s2c2a.runtime import stop_on_signal
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
@@ -144,6 +145,11 @@ class ControlProcess(Control):
             if error:
                 raise S2C2AError(error)
 
+    def stop_at_once(self) -> None:
+        """Trigger the emergency stop of the control process."""
+        if self.process is not None and self._process.is_alive():
+            os.kill(self.process, signal.SIGUSR1)
+
     def stop(self) -> None:
         """See `Control`; kills a process that does not respond."""
         self._stopping.set()
@@ -233,13 +239,14 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         control.watch(partial(_queue_snapshot, messages))
         # from here on, an exit returns the arm to rest
         signal.signal(signal.SIGTERM, lambda *_: sys.exit())
-        try:
-            control.start()
-            _raise_priority()
-            threading.Thread(target=control.prepare, daemon=True).start()
-            _obey(control, pipe, messages)
-        finally:
-            control.stop()
+        with stop_on_signal():
+            try:
+                control.start()
+                _raise_priority()
+                threading.Thread(target=control.prepare, daemon=True).start()
+                _obey(control, pipe, messages)
+            finally:
+                control.stop()
     except S2C2AError as error:
         messages.put(error)
     messages.put(None)

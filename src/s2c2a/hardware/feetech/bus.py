@@ -53,6 +53,8 @@ class FeetechBus(ServoBus):
     """
 
     ticks_per_turn = tables.TICKS_PER_TURN
+    baud_rates = tuple(tables.BAUD_CODES)
+    has_watchdog = False
 
     def __init__(self, port: str, baud_rate: int, model: str = "sts3215"):
         """Open a port.
