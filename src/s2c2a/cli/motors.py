@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from s2c2a.hardware.bring_up import BringUp
     from s2c2a.hardware.bus import ServoBus, ServoInfo
 
+MAX_SPREAD = 0.001  # m; of homings that a calibration can rely on
+
 app = SubcommandApp()
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
 Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
@@ -175,10 +177,16 @@ def home(
             before=before,
             save=lambda unfinished: files.save_calibration(unfinished, path),
         )
-    spreads = [servo.spread for servo in calibration.servos if servo.spread is not None]
-    if spreads:
-        print(f"repeatability: {1000 * max(spreads):.3f} mm (standard deviation)")
     print(f"calibration: {path}")
+    spread = max(servo.spread or 0.0 for servo in calibration.servos)
+    if spread:
+        print(f"repeatability: {1000 * spread:.3f} mm (standard deviation)")
+    if spread > MAX_SPREAD:
+        raise S2C2AError(
+            f"the homings differ by {1000 * spread:.1f} mm, too much for a calibration; "
+            "let the arm stand straight without payload, check the cables, then home it "
+            "again (--overwrite)"
+        )
 
 
 @app.command
