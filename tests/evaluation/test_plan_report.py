@@ -5,7 +5,12 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import describe_overload, describe_plans, describe_vibrations
+from s2c2a.evaluation import (
+    describe_faults,
+    describe_overload,
+    describe_plans,
+    describe_vibrations,
+)
 
 TWIN = load_arm("twin_arm")
 
@@ -102,4 +107,14 @@ def test_vibrations_are_described_with_the_steps_of_reduced_feedback():
     assert describe_vibrations(episode) == (
         "the arm vibrated 1 times, first at 1.0 s: commands vibrate; "
         "the feedback was reduced in 2 of 4 steps"
+    )
+
+
+def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_held():
+    episode = make_episode(stage=np.array([2, 3, 3, 2], np.int8))
+    assert describe_faults(episode) == ""
+    faulty = episode.with_options(faults=["servo 1 does not answer"], late_steps=5)
+    assert describe_faults(faulty) == (
+        "the arm was held in 2 steps because of faults (servo 1 does not answer); "
+        "5 steps began late"
     )

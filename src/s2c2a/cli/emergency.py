@@ -5,7 +5,7 @@ import select
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from s2c2a.robots.factory import RobotFactory
 
@@ -15,14 +15,11 @@ POLL_PERIOD = 0.02  # s; a key acts before the next control step
 
 @contextmanager
 def emergency_controls(robot: RobotFactory) -> Iterator[None]:
-    """Let the space bar, Escape and SIGUSR1 stop a real arm; not a simulated one."""
-    if robot.simulated:
-        yield
-        return
+    """Let SIGUSR1 and, for a real arm, the space bar and Escape stop the arm."""
     from s2c2a.runtime.emergency import EMERGENCY_STOP, stop_on_signal
 
     EMERGENCY_STOP.reset()
-    with stop_on_signal(), _stop_on_key():
+    with stop_on_signal(), nullcontext() if robot.simulated else _stop_on_key():
         yield
 
 

@@ -1,5 +1,6 @@
 """Command `s2c2a live`: interactive control of an arm in the browser."""
 
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -71,6 +72,8 @@ def live(
         "model": model,
     }
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
+        if hasattr(signal, "SIGUSR1"):  # not on Windows
+            signal.signal(signal.SIGUSR1, lambda *_: control.stop_at_once())
         wait_for_interrupt()
     latest = control.latest
     at_rest = latest and latest.stage is Stage.IDLE

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from s2c2a.hardware.bring_up import BringUp
     from s2c2a.hardware.bus import ServoBus, ServoInfo
 
+MAX_SPREAD = 0.001  # m; of homings that a calibration can rely on
+
 app = SubcommandApp()
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
 Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
@@ -100,14 +102,16 @@ def setup(
 
 def _only_servo(bus: "ServoBus") -> "tuple[int, ServoInfo]":
     """Baud rate and identity of the only servo on the bus."""
-    found = []
+    found: dict[int, tuple[int, ServoInfo]] = {}
     for rate in bus.baud_rates:
         bus.set_baud_rate(rate)
-        found += [(rate, info) for info in bus.scan()]
+        for info in bus.scan():
+            found.setdefault(info.id, (rate, info))
     if len(found) == 1:
-        bus.set_baud_rate(found[0][0])
-        return found[0]
-    ids = [info.id for _, info in found]
+        (only,) = found.values()
+        bus.set_baud_rate(only[0])
+        return only
+    ids = sorted(found)
     raise S2C2AError(
         f"{len(found)} servos answer (ids {ids}); connect one servo at a time"
         if found
@@ -176,10 +180,16 @@ def home(
             before=before,
             save=lambda unfinished: files.save_calibration(unfinished, path),
         )
-    spreads = [servo.spread for servo in calibration.servos if servo.spread is not None]
-    if spreads:
-        print(f"repeatability: {1000 * max(spreads):.3f} mm (standard deviation)")
     print(f"calibration: {path}")
+    spread = max(servo.spread or 0.0 for servo in calibration.servos)
+    if spread:
+        print(f"repeatability: {1000 * spread:.3f} mm (standard deviation)")
+    if spread > MAX_SPREAD:
+        raise S2C2AError(
+            f"the homings differ by {1000 * spread:.1f} mm, too much for a calibration; "
+            "let the arm stand straight without payload, check the cables, then home it "
+            "again (--overwrite)"
+        )
 
 
 @app.command

@@ -219,6 +219,7 @@ def _report(
         evaluation.describe_plans,
         evaluation.describe_estimates,
         evaluation.describe_overload,
+        evaluation.describe_faults,
         evaluation.describe_vibrations,
     )
     for run in runs:

@@ -18,7 +18,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.planning import reach_gaps
-from s2c2a.spaces import POSITION
+from s2c2a.spaces import POSITION, Stage
 
 MAX_BYTES = 20_000_000
 PLAN_OUTCOMES = {
@@ -34,6 +34,7 @@ PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
 OVERLOAD = 0.05  # of the arm's length, between a goal and the plan
 OVERLOAD_TIME = 1.0  # s
+MAX_FAULTS = 5  # that a report names
 _LATEX_ESCAPES = str.maketrans(
     {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
 )
@@ -153,6 +154,21 @@ def describe_overload(episode: Episode) -> str:
         f"the arm cannot carry {1000 * payloads[overloaded].max():.0f} g (estimated) "
         f"to its goals: in {overloaded.sum()} of {len(payloads)} steps the best plan "
         f"stays up to {largest:.1f} cm away"
+    )
+
+
+def describe_faults(episode: Episode) -> str:
+    """Describe faults of the readings during the run; empty if there were none."""
+    faults = episode.options.get("faults", ())
+    if not faults:
+        return ""
+    held = int((episode.columns["stage"] == Stage.HOLD).sum())
+    late = episode.options.get("late_steps", 0)
+    shown = "; ".join(faults[:MAX_FAULTS])
+    more = "; ..." if len(faults) > MAX_FAULTS else ""
+    return (
+        f"the arm was held in {held} steps because of faults ({shown}{more}); {late} "
+        "steps began late"
     )
 
 

@@ -97,7 +97,7 @@ class BringUp:
         length = f"{1000 * abs(distance):.1f} mm"
         self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
         with self._moving([id], self._servos.limits.current):
-            winches = self._winches_at(self._ids.ravel().tolist())
+            winches = self._winches_at([id])
             start = self._displacement(winches, id)
             self._wind({id: start + distance}, winches)
             return self._displacement(winches, id) - start

@@ -109,8 +109,8 @@ def load_calibration(path: str | os.PathLike, arm: ArmSpec) -> Calibration:
     if not Path(path).is_file():
         raise CalibrationError(
             f"there is no calibration {path}; make one with "
-            "`s2c2a motors home --arm FILE`, or name one "
-            "(--robot-option calibration=FILE)"
+            "`s2c2a motors home --arm FILE`, or name one (--calibration FILE in "
+            "`motors check`, --robot-option calibration=FILE elsewhere)"
         )
     try:
         values = json.loads(read_text(path, CalibrationError))

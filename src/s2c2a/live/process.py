@@ -144,6 +144,11 @@ class ControlProcess(Control):
             if error:
                 raise S2C2AError(error)
 
+    def stop_at_once(self) -> None:
+        """Trigger the emergency stop of the control process."""
+        if self.process is not None and self._process.is_alive():
+            os.kill(self.process, signal.SIGUSR1)
+
     def stop(self) -> None:
         """See `Control`; kills a process that does not respond."""
         self._stopping.set()

@@ -409,3 +409,10 @@ def test_an_unplugged_port_is_lost():
     with pytest.raises(PortLostError):
         bus.set_baud_rate(500_000)
     bus.close()
+
+
+def test_servos_have_baud_rates_and_no_watchdog(bus):
+    assert 1_000_000 in bus.baud_rates
+    assert not bus.has_watchdog
+    with pytest.raises(BusError, match="no watchdog"):
+        bus.arm_watchdog([1], 0.4)

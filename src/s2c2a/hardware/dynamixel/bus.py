@@ -144,8 +144,14 @@ class DynamixelBus(ServoBus):
                 f"choose one of {', '.join(map(str, BAUD_RATES))}"
             )
         if new_id != id:
-            self.write(id, "id", new_id)
-        self.write(new_id, "baud_rate", BAUD_RATES.index(baud_rate))
+            if self.scan([new_id]):
+                raise BusError(
+                    f"servo {new_id} is on the bus already; connect one servo at a "
+                    "time, or choose another id"
+                )
+            self._change_identity(id, "id", new_id)
+            self.info(new_id)
+        self._change_identity(new_id, "baud_rate", BAUD_RATES.index(baud_rate))
 
     def prepare(
         self, ids: Iterable[int], mode: Mode, current: float, speed: float
@@ -244,6 +250,20 @@ class DynamixelBus(ServoBus):
         names = [model.name for model in MODELS.values() if model.number == number]
         firmware = packet.data[2] if len(packet.data) > 2 else 0
         return ServoInfo(packet.id, number, (*names, "unknown")[0], firmware)
+
+    def _change_identity(self, id: int, name: str, value: int) -> None:
+        """Write a register that changes the id or speed of the answer.
+
+        Which of the old and the new one the answer has is not specified.
+
+        Raises:
+            ServoRefusalError: the servo refuses the value.
+        """
+        register = REGISTERS[name]
+        data = register.address.to_bytes(2, "little") + register.encode(value)
+        self._line.write(encode(id, Instruction.WRITE, data))
+        for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
+            self._check_refusal(answer, f"writing {name} = {value}")
 
     def _stored_settings(self, mode: Mode) -> dict[str, int]:
         """Values of registers that keep their value without power."""

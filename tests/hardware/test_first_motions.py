@@ -1,0 +1,50 @@
+"""First motions of an arm with ideal servos."""
+
+from datetime import UTC, datetime
+
+import pytest
+from ideal_bus import IdealBus
+
+from s2c2a.arm import load_arm
+from s2c2a.hardware import bring_up, servo_robot
+from s2c2a.hardware.bring_up import BringUp
+from s2c2a.hardware.calibration import CalibratedServo, Calibration, save_calibration
+from s2c2a.hardware.servo_robot import DynamixelRobot
+
+ARM = load_arm("twin_arm")
+IDS = range(1, 10)
+
+
+@pytest.fixture
+def calibration_file(tmp_path):
+    servos = [
+        CalibratedServo(id=id, model="xl330-m288", firmware=52, home=0) for id in IDS
+    ]
+    calibration = Calibration(arm=ARM.name, date=datetime.now(UTC), servos=servos)
+    path = tmp_path / "homes.json"
+    save_calibration(calibration, path)
+    return path
+
+
+def test_a_jog_asks_only_the_servo_that_moves(monkeypatch):
+    monkeypatch.setattr(bring_up, "STILL_TIME", 0.0)
+    bus = IdealBus()
+    moved = BringUp(bus, ARM, lambda _: True, print).jog(4, 0.003)
+    assert moved == pytest.approx(0.003, abs=1e-4)
+    assert bus.prepared == {4}
+
+
+@pytest.mark.parametrize("has_watchdog", [True, False])
+def test_an_arm_opens_and_is_released_with_and_without_a_watchdog(
+    monkeypatch, calibration_file, has_watchdog
+):
+    bus = IdealBus(has_watchdog)
+    monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
+    monkeypatch.setattr(servo_robot, "SETTLING_TIME", 0.0)
+    with DynamixelRobot(ARM, calibration=str(calibration_file)):
+        assert bus.torque == dict.fromkeys(IDS, True)
+    assert bus.torque == dict.fromkeys(IDS, False)
+
+
+def test_a_calibration_accepts_firmware_of_three_digits():
+    assert CalibratedServo(id=1, model="sts3215", firmware=310, home=0).firmware == 310
