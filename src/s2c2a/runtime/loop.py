@@ -22,6 +22,7 @@ from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.feedback import Feedback
+from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
@@ -154,6 +155,7 @@ class Loop:
         self._blocked: str = ""
         self.late_steps = 0
         self.phase = Phase()
+        self._following = FollowingMonitor(self.arm)
         self._monitor = OscillationMonitor(self.arm)
         self._monitors_vibration = monitors_vibration
         self._emergency_stop = emergency_stop
@@ -299,6 +301,7 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
+        self._following.reset()
         self._monitor.reset()
         self.feedback = Feedback()
         self.vibration = ""
@@ -334,7 +337,9 @@ class Loop:
     def _check_reading(self, reading: Reading, moment: float) -> str:
         """Describe the fault of a reading, if any; in simulation, none is too old."""
         now = reading.time if self._robot.own_time else moment - self._opened_at
-        return self._check.find_fault(reading, now, self._limiter.last_change)
+        fault = self._check.find_fault(reading, now, self._limiter.last_change)
+        following_fault = self._following.find_fault(reading)
+        return fault or following_fault
 
     def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
@@ -417,6 +422,7 @@ class Loop:
         if sent.shape != command.shape or not np.isfinite(sent).all():
             text = f"it returned {answer!r}, not the action that it sent"
             raise self._robot_error("send", text)
+        self._following.sent(sent)
         self._robot.advance(self.arm.control_period)
         return sent
 
