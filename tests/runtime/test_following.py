@@ -103,7 +103,7 @@ def test_the_fault_names_the_module_and_the_cable(twin):
     readings = commands.copy()
     readings[:, 1, 2] += 0.5 * ArmGeometry.of(twin).action_scale[1]
     fault = faults_of(twin, readings, commands)[-1]
-    assert "module 2, cable 3 reads" in fault
+    assert "module 2, cable 3;" in fault
 
 
 def test_a_shorter_deviation_is_no_fault(twin):

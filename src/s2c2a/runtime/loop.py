@@ -226,9 +226,9 @@ class Loop:
         moment, delay = self._wait()
         with self._stop_on_error():
             self._emergency_stop.check()
-            reading = self._faults(self._read())
-            fault = self._blocked or self._check_reading(reading, moment)
-            self._blocked = ""
+            measured = self._read()
+            reading = self._faults(measured)
+            fault = self._find_fault(measured, reading, moment)
             previous_stage = self._update_stage(request, fault)
             if self._is_passive(fault):
                 sent = self._passive_step()
@@ -334,12 +334,23 @@ class Loop:
             self.stop(error)
             raise
 
+    def _find_fault(self, measured: Reading, reading: Reading, moment: float) -> str:
+        """Describe a blocked call, an unsound reading or cables that do not follow.
+
+        Args:
+            measured: reading of the robot; injected faults do not move cables.
+            reading: the same with injected faults.
+            moment: of this step, on the loop's clock [s].
+        """
+        following_fault = self._following.find_fault(measured)
+        fault = self._blocked or self._check_reading(reading, moment)
+        self._blocked = ""
+        return fault or following_fault
+
     def _check_reading(self, reading: Reading, moment: float) -> str:
         """Describe the fault of a reading, if any; in simulation, none is too old."""
         now = reading.time if self._robot.own_time else moment - self._opened_at
-        fault = self._check.find_fault(reading, now, self._limiter.last_change)
-        following_fault = self._following.find_fault(reading)
-        return fault or following_fault
+        return self._check.find_fault(reading, now, self._limiter.last_change)
 
     def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
