@@ -44,7 +44,7 @@ class Counter(Robot):
         states[-1, 2] = number
         cables = np.full(
             self.geometry.action_neutral.shape,
-            np.nan if number in self.invalid else float(number),
+            np.nan if number in self.invalid else 1e-5 * number,
         )
         return Reading(0.1 * number, {"cables": cables, "states": states})
 

@@ -1,19 +1,23 @@
-"""A robot that carries out commands late: the arm stays near its path."""
+"""Robots that carry out commands late, or others than were sent."""
 
 from collections import deque
 
 import numpy as np
+import pytest
 
+from s2c2a.arm import ArmGeometry
+from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Loop, StepRequest
-from s2c2a.spaces import POSITION
-from s2c2a.strategies import s2c2a_strategy, shipped_networks
+from s2c2a.spaces import POSITION, Stage
+from s2c2a.strategies import pcc_strategy, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
 
 SECONDS = 12.0
 FAULT_TIME = 4.0  # s
 LAG = 3  # control steps
 NEAR = 0.05  # m
+NOTICED = 3.0  # s
 
 
 class LateRobot(SimulatedRobot):
@@ -30,6 +34,19 @@ class LateRobot(SimulatedRobot):
         return action
 
 
+class DisproportionateRobot(SimulatedRobot):
+    """Moves so many times as far as it says, up to its limits."""
+
+    gain = 4.0
+
+    def send(self, action):
+        geometry = ArmGeometry.of(self.arm)
+        rest = geometry.action_neutral
+        wrong = rest + self.gain * (np.asarray(action) - rest)
+        super().send(np.clip(wrong, geometry.action_low, geometry.action_high))
+        return action
+
+
 def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     strategy = s2c2a_strategy(shipped_networks(twin))
     goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
@@ -41,3 +58,32 @@ def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     settled = errors[round(FAULT_TIME * twin.control_rate) :]
     assert settled.max() < NEAR
     assert settled[-20:].mean() < 0.5 * NEAR
+
+
+@pytest.mark.parametrize("gain", [4.0, -1.0])
+@pytest.mark.parametrize("name", ["twin", "simulated"])
+def test_an_arm_that_contradicts_its_commands_is_held_then_moved_to_rest(
+    name, gain, request
+):
+    arm = request.getfixturevalue(name)
+    robot = DisproportionateRobot(arm)
+    robot.gain = gain
+    goals = circle(arm).goals[: round(SECONDS * arm.control_rate)]
+    with Loop(robot, pcc_strategy(arm, PAPER)) as loop:
+        steps = [loop.tick(StepRequest(goal)) for goal in goals]
+    first = next(number for number, step in enumerate(steps) if step.fault)
+    assert "the cables do not follow the commands" in steps[first].fault
+    assert steps[first].stage is Stage.HOLD
+    assert first < NOTICED * arm.control_rate
+    assert steps[-1].stage is Stage.FAULT
+    np.testing.assert_allclose(steps[-1].action, ArmGeometry.of(arm).action_neutral)
+
+
+def test_a_learned_strategy_is_stopped_on_a_robot_that_moves_four_times_as_far(twin):
+    strategy = s2c2a_strategy(shipped_networks(twin))
+    goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
+    with Loop(DisproportionateRobot(twin), strategy) as loop:
+        steps = [loop.tick(StepRequest(goal)) for goal in goals]
+    ran = [step for step in steps if step.stage is Stage.RUN]
+    assert len(ran) < NOTICED * twin.control_rate
+    assert steps[-1].stage is Stage.FAULT

@@ -22,6 +22,7 @@ from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.feedback import Feedback
+from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
@@ -155,6 +156,7 @@ class Loop:
         self._blocked: str = ""
         self.late_steps = 0
         self.phase = Phase()
+        self._following = FollowingMonitor(self.arm)
         self._monitor = OscillationMonitor(self.arm)
         self._monitors_vibration = monitors_vibration
         self._emergency_stop = emergency_stop
@@ -225,9 +227,9 @@ class Loop:
         moment, delay = self._wait()
         with self._stop_on_error():
             self._emergency_stop.check()
-            reading = self._faults(self._read())
-            fault = self._blocked or self._check_reading(reading, moment)
-            self._blocked = ""
+            measured = self._read()
+            reading = self._faults(measured)
+            fault = self._find_fault(measured, reading, moment)
             previous_stage = self._update_stage(request, fault)
             if self._is_passive(fault):
                 sent = self._passive_step()
@@ -315,6 +317,7 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
+        self._following.reset()
         self._monitor.reset()
         self.feedback = Feedback()
         self.vibration = ""
@@ -346,6 +349,19 @@ class Loop:
         except BaseException as error:
             self.stop(error)
             raise
+
+    def _find_fault(self, measured: Reading, reading: Reading, moment: float) -> str:
+        """Describe a blocked call, an unsound reading or cables that do not follow.
+
+        Args:
+            measured: reading of the robot; injected faults do not move cables.
+            reading: the same with injected faults.
+            moment: of this step, on the loop's clock [s].
+        """
+        following_fault = self._following.find_fault(measured)
+        fault = self._blocked or self._check_reading(reading, moment)
+        self._blocked = ""
+        return fault or following_fault
 
     def _check_reading(self, reading: Reading, moment: float) -> str:
         """Describe the fault of a reading, if any; in simulation, none is too old."""
@@ -433,6 +449,7 @@ class Loop:
         if sent.shape != command.shape or not np.isfinite(sent).all():
             text = f"it returned {answer!r}, not the action that it sent"
             raise self._robot_error("send", text)
+        self._following.sent(sent)
         self._robot.advance(self.arm.control_period)
         return sent
 

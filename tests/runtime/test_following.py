@@ -1,0 +1,136 @@
+"""Following error: readings must follow the commands; honest motors pass."""
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.robots.simulation.transmission import compute_motor_path
+from s2c2a.runtime.following import MARGIN, MAX_LAG, FollowingMonitor
+from s2c2a.spaces import Reading
+
+STEPS = 120
+
+
+def commands_of(arm):
+    """Bends of a turning direction, up to the full bend and back."""
+    moments = np.arange(STEPS) * arm.control_period
+    share = np.sin(0.6 * moments)[:, None, None]
+    directions = np.stack([np.cos(0.8 * moments), np.sin(0.8 * moments)], axis=-1)
+    shares = np.repeat(share * directions[:, None], arm.module_count, axis=1)
+    geometry = ArmGeometry.of(arm)
+    return np.clip(
+        geometry.actions_at(shares), geometry.action_low, geometry.action_high
+    )
+
+
+def faults_of(arm, readings, commands):
+    """Faults of a reading after each command."""
+    monitor = FollowingMonitor(arm)
+    faults = []
+    for step, (cables, command) in enumerate(zip(readings, commands, strict=True)):
+        monitor.sent(command)
+        faults.append(monitor.find_fault(Reading(float(step), {"cables": cables})))
+    return faults
+
+
+def with_motor(arm, **values):
+    """The arm with other values of its motors."""
+    return arm.model_copy(update={"motor": arm.motor.model_copy(update=values)})
+
+
+def lagging(commands, arm, **motor):
+    """Readings of motors that follow the commands with their lag and speed limit."""
+    position = commands[0]
+    readings = []
+    period = np.array([arm.control_period])
+    for command in commands:
+        values = with_motor(arm, **motor).motor
+        position = compute_motor_path(position, command, period, values)[-1]
+        readings.append(position)
+    return np.array(readings)
+
+
+@pytest.fixture(params=["twin", "simulated"])
+def arm(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_cables_that_reach_their_commands_pass(arm):
+    commands = commands_of(arm)
+    assert not any(faults_of(arm, commands, commands))
+
+
+def test_cables_with_a_lag_of_three_tenths_of_a_second_pass(arm):
+    commands = commands_of(arm)
+    readings = lagging(commands, arm, time_constant=0.3)
+    assert not any(faults_of(arm, readings, commands))
+
+
+def test_commands_that_are_carried_out_half_a_second_late_pass(arm):
+    commands = commands_of(arm)
+    steps = round(MAX_LAG * arm.control_rate)
+    late = np.concatenate([np.repeat(commands[:1], steps, axis=0), commands[:-steps]])
+    assert not any(faults_of(arm, late, commands))
+
+
+def test_motors_at_their_speed_limit_pass(arm):
+    reach = np.abs(ArmGeometry.of(arm).action_scale).max()
+    slow = with_motor(arm, speed_limit=0.1 * reach)
+    commands = commands_of(arm)
+    readings = lagging(commands, slow)
+    assert np.abs(readings - commands).max() > 2.0 * MARGIN * reach
+    assert not any(faults_of(slow, readings, commands))
+
+
+WRONG = {
+    "gain 4": lambda away: 4.0 * away,
+    "wrong sign": lambda away: -away,
+    "motors that do not move": lambda away: 0.0 * away,
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_cables_that_contradict_their_commands_are_a_fault(arm, name):
+    geometry = ArmGeometry.of(arm)
+    commands = commands_of(arm)
+    readings = WRONG[name](commands - geometry.action_neutral) + geometry.action_neutral
+    faults = [fault for fault in faults_of(arm, readings, commands) if fault]
+    assert "the cables do not follow the commands: module 1, cable" in faults[0]
+
+
+def test_the_fault_names_the_module_and_the_cable(twin):
+    commands = commands_of(twin)
+    readings = commands.copy()
+    readings[:, 1, 2] += 0.5 * ArmGeometry.of(twin).action_scale[1]
+    fault = faults_of(twin, readings, commands)[-1]
+    assert "module 2, cable 3;" in fault
+
+
+def test_a_shorter_deviation_is_no_fault(twin):
+    commands = commands_of(twin)
+    readings = commands.copy()
+    readings[10:15, 0, 0] += 0.5 * ArmGeometry.of(twin).action_scale[0]
+    assert not any(faults_of(twin, readings, commands))
+
+
+def test_deviations_within_the_margin_are_no_fault(twin):
+    commands = commands_of(twin)
+    margin = 0.99 * MARGIN * ArmGeometry.of(twin).action_scale[:, None]
+    assert not any(faults_of(twin, commands + margin, commands))
+
+
+@pytest.mark.parametrize("cables", [None, np.zeros((1, 1)), np.full((3, 3), np.nan)])
+def test_missing_cables_are_not_compared(twin, cables):
+    monitor = FollowingMonitor(twin)
+    values = {} if cables is None else {"cables": cables}
+    assert not any(monitor.find_fault(Reading(0.0, values)) for _ in range(STEPS))
+
+
+def test_a_reset_forgets_the_commands(twin):
+    commands = commands_of(twin)
+    monitor = FollowingMonitor(twin)
+    for command in commands[:40]:
+        monitor.sent(command)
+    monitor.reset()
+    rest = Reading(0.0, {"cables": ArmGeometry.of(twin).action_neutral})
+    assert not any(monitor.find_fault(rest) for _ in range(STEPS))
