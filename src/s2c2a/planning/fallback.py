@@ -50,13 +50,24 @@ class Outcome(IntEnum):
     sentence: str
 
     SOLVED = 0, "The plan is the result of the solver."
-    KEPT = 1, "The plan is kept, because the solver's result is farther from the goal."
-    RESTARTED = 2, "The plan is the result of a random restart within the step limit."
+    KEPT = (
+        1,
+        "The last plan is kept, because the solver's result is farther from the goal.",
+    )
+    RESTARTED = (
+        2,
+        "The plan is the result of a solver run from a random start, within the step "
+        "limit.",
+    )
     FALLBACK = (
         3,
-        "The plan moves towards a better shape that the fallback search found.",
+        "The plan moves toward a better configuration that the fallback search found.",
     )
-    STUCK = 4, "The plan makes no progress, although a better shape is known."
+    STUCK = (
+        4,
+        "The plan makes no progress, although the fallback search knows a better "
+        "configuration.",
+    )
 
     def __new__(cls, value: int, sentence: str) -> "Outcome":
         """A number with a sentence."""
