@@ -41,7 +41,6 @@ from s2c2a.hardware.serial_line import SerialLine
 ATTEMPTS = 3
 CYCLE_MARGIN = 0.008  # s; beyond wire time and latency of the adapter, in a cycle
 EXCHANGE_MARGIN = 0.2  # s; the same, where nothing hurries
-UNCONFIRMED_TIME = 0.2  # s; beyond the latency, until a setting is stored
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
 SCAN_TIME = 0.003  # s for the answer of each possible id
@@ -140,11 +139,8 @@ class DynamixelBus(ServoBus):
                 f"choose one of {', '.join(map(str, BAUD_RATES))}"
             )
         if new_id != id:
-            self._write_unconfirmed(id, "id", new_id)
-            self.info(new_id)
-        if baud_rate != self._line.baud_rate:
-            code = BAUD_RATES.index(baud_rate)
-            self._write_unconfirmed(new_id, "baud_rate", code)
+            self.write(id, "id", new_id)
+        self.write(new_id, "baud_rate", BAUD_RATES.index(baud_rate))
 
     def prepare(
         self, ids: Iterable[int], mode: Mode, current: float, speed: float
@@ -229,13 +225,6 @@ class DynamixelBus(ServoBus):
         register = REGISTERS[name]
         data = register.address.to_bytes(2, "little") + register.encode(value)
         self._exchange(id, Instruction.WRITE, data, f"writing {name} = {value}")
-
-    def _write_unconfirmed(self, id: int, name: str, value: int) -> None:
-        """Write a register whose answer can have the old or the new id or speed."""
-        register = REGISTERS[name]
-        data = register.address.to_bytes(2, "little") + register.encode(value)
-        self._line.write(encode(id, Instruction.WRITE, data))
-        self._line.drain(self._line.latency + UNCONFIRMED_TIME)
 
     def info(self, id: int) -> ServoInfo:
         """Return the identity of one servo.
