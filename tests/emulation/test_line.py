@@ -1,9 +1,11 @@
 """Serial line on a pseudo-terminal."""
 
 import os
+import sys
 import termios
 
 import pytest
+from serial import Serial
 
 from s2c2a.emulation.answers import Answer
 from s2c2a.emulation.line import Line
@@ -97,3 +99,9 @@ def test_a_file_in_place_of_the_link_is_kept(tmp_path):
     with pytest.raises(S2C2AError, match="no symbolic link"):
         Line(path, 1_000_000).plug()
     assert path.read_text() == "precious"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sets a speed as Linux does")
+def test_a_baud_rate_without_a_constant_is_recognized(line):
+    with Serial(str(line.link), 4_500_000):
+        assert line.user_baud_rate() == 4_500_000

@@ -3,9 +3,11 @@
 import errno
 import os
 import re
+import struct
 import termios
 import tty
 from contextlib import suppress
+from fcntl import ioctl
 from pathlib import Path
 
 from s2c2a.emulation.answers import Answer
@@ -19,6 +21,9 @@ _BAUD_RATES = {
     if re.fullmatch(r"B\d+", name)
 }
 _UNSET_BAUD_RATES = (0, 38_400)  # of a new pseudo-terminal
+_OTHER_SPEED = 0o010000  # BOTHER of Linux: a speed without a constant, as 4.5 Mbit/s
+_GET_TERMIOS2 = 0x802C542A  # TCGETS2
+_TERMIOS2_SIZE = 44  # bytes; the last four are the output speed
 
 
 class Line:
@@ -88,8 +93,11 @@ class Line:
     def user_baud_rate(self) -> int | None:
         """Return the speed that the user of the port set [bit/s], None if unknown."""
         try:
-            speed = _BAUD_RATES.get(termios.tcgetattr(self.file)[5], 0)
-        except termios.error:
+            code = termios.tcgetattr(self.file)[5]
+            if code == _OTHER_SPEED:
+                return _other_speed(self.file)
+            speed = _BAUD_RATES.get(code, 0)
+        except (termios.error, OSError):
             return None
         return None if speed in _UNSET_BAUD_RATES else speed
 
@@ -137,3 +145,9 @@ class Line:
     def _duration(self, size: int) -> float:
         baud_rate = self.user_baud_rate() or self.default_baud_rate
         return size * BITS_PER_BYTE / baud_rate
+
+
+def _other_speed(file: int) -> int:
+    """Speed of a terminal that has no constant [bit/s]; Linux only."""
+    data = ioctl(file, _GET_TERMIOS2, bytes(_TERMIOS2_SIZE))
+    return struct.unpack_from("=I", data, _TERMIOS2_SIZE - 4)[0]
