@@ -116,7 +116,9 @@ class SerialLine:
                 # the timeout of the port stays: pyserial sets the port up again when
                 # it changes
                 data = self._serial.read(max(self._serial.in_waiting, 1))
-                if data or time.monotonic() >= deadline:
+                if data:
+                    return data + self._serial.read(self._serial.in_waiting)
+                if time.monotonic() >= deadline:
                     return data
 
     def drain(self, quiet_time: float) -> None:
