@@ -74,11 +74,10 @@ def test_a_servo_that_fails_leads_the_arm_to_rest(wire, fault, text):
     wire.check_records()
 
 
-@pytest.mark.parametrize("voltage", [3.5, 7.0])
-def test_a_supply_out_of_range_leads_the_arm_to_rest(wire, voltage):
+def test_a_supply_out_of_range_leads_the_arm_to_rest(wire):
     with wire.driven():
         wire.steps(6)
-        wire.sees(f"voltage {voltage}", f"servo 1 .*{voltage} V; allowed", CYCLES)
+        wire.sees("voltage 3.5", r"servo 1 .*3\.5 V; allowed", CYCLES)
         assert wire.led_to_rest()
     wire.check_records()
 
@@ -115,10 +114,10 @@ def test_an_arm_goes_on_over_a_noisy_line(wire, fault):
     with wire.driven():
         wire.steps(4)
         wire.emulator.inject(fault)
-        records = wire.steps(20)
+        records = wire.steps(14)
         wire.emulator.inject(f"{fault[: fault.rindex(' ')]} 0")
     assert wire.loop.phase.stage is not Stage.FAULT
-    assert sum(not record.fault for record in records) >= 10
+    assert sum(not record.fault for record in records) >= 7
     assert wire.largest_error(records) < 0.006
     wire.check_records()
 
@@ -246,9 +245,9 @@ def test_an_arm_of_feetech_servos_survives_a_noisy_line(feetech_wire):
     with wire.driven():
         wire.steps(4)
         wire.emulator.inject("lost 0.05")
-        records = wire.steps(20)
+        records = wire.steps(14)
         wire.emulator.inject("lost 0")
-    assert sum(not record.fault for record in records) >= 10
+    assert sum(not record.fault for record in records) >= 7
     assert wire.largest_error(records) < 0.006
 
 
@@ -262,7 +261,7 @@ def test_a_scan_lists_every_servo_and_its_cable(wire, capsys):
 def test_homing_finds_the_straight_arm_and_the_check_agrees(
     emulator, tmp_path, monkeypatch, capsys
 ):
-    for name, value in (("STILL_TIME", 0.15), ("CURRENT_STEPS", (0.7, 1.0))):
+    for name, value in (("STILL_TIME", 0.25), ("CURRENT_STEPS", (1.0,))):
         monkeypatch.setattr(f"s2c2a.hardware.bring_up.{name}", value)
     wire = ArmOnAWire(emulator, tmp_path, homed=False)  # slack in every cable
     arm, port = str(wire.arm_file), str(wire.port)

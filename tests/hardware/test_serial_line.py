@@ -40,6 +40,26 @@ class NoisyPort:
         pass
 
 
+class StuckPort(NoisyPort):
+    """Port of pyserial that takes no bytes and gives none."""
+
+    in_waiting = 0
+
+    def read(self, count):
+        return b""
+
+    def write(self, data):
+        raise TimeoutError("Write timeout")
+
+
+def serve(port, monkeypatch):
+    """Let every serial port that is opened from now on be this one."""
+    module = SimpleNamespace(
+        Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
+    )
+    monkeypatch.setattr("s2c2a.hardware.serial_line.import_serial", lambda: module)
+
+
 @pytest.fixture
 def terminal():
     """Both ends of a pseudo-terminal."""
@@ -101,9 +121,18 @@ def test_an_unplugged_port_is_lost():
 
 @pytest.mark.parametrize("kind", [DynamixelBus, FeetechBus])
 def test_a_line_full_of_noise_ends_with_an_error(monkeypatch, kind):
-    module = SimpleNamespace(Serial=lambda *_, **__: NoisyPort())
-    monkeypatch.setattr("s2c2a.hardware.serial_line.import_serial", lambda: module)
+    serve(NoisyPort(), monkeypatch)
     bus = kind("fake", 1_000_000)
+    assert bus.scan([1]) == []
+    with pytest.raises(BusError, match=r"1\]? .*not answer"):
+        bus.set_torque([1], False)
+
+
+@pytest.mark.parametrize("kind", [DynamixelBus, FeetechBus])
+def test_a_port_that_takes_no_bytes_is_a_servo_without_an_answer(monkeypatch, kind):
+    serve(StuckPort(), monkeypatch)
+    bus = kind("fake", 1_000_000)
+    bus.send_goals({1: 0})
     assert bus.scan([1]) == []
     with pytest.raises(BusError, match=r"1\]? .*not answer"):
         bus.set_torque([1], False)

@@ -201,6 +201,14 @@ def test_turns_that_servos_forgot_do_not_move_the_arm(tmp_path, monkeypatch):
     assert bench.bus.states[5].position == HOME - 3 * 4096
 
 
+def test_cables_of_more_than_a_turn_are_announced(tmp_path, monkeypatch):
+    arm = arm_with()
+    motor = arm.motor.model_copy(update={"pulley_radius": 0.006})
+    bench = Bench(tmp_path, arm.model_copy(update={"motor": motor}), monkeypatch)
+    with pytest.warns(UserWarning, match="home the arm again after every loss"):
+        bench.robot.open()
+
+
 def test_a_missing_servo_is_named_when_the_robot_opens(tmp_path, monkeypatch):
     bench = Bench(tmp_path, arm_with(), monkeypatch)
     del bench.bus.states[5]

@@ -21,7 +21,7 @@ REFUSALS: tuple[type[Exception], ...] = (*PORT_FAILURES, ValueError)
 BITS_PER_BYTE = 10  # with start and stop bit
 POLL_PERIOD = 0.002  # s; a read returns at once when a byte arrives
 LONGEST_DRAIN = 0.1  # s
-WRITE_TIMEOUT = 0.1  # s; enough for the longest packet at the lowest speed
+WRITE_TIMEOUT = 0.2  # s; enough for the longest packet at the lowest speed
 LATENCY_TIMER = "/sys/bus/usb-serial/devices/{name}/latency_timer"
 """Of an FTDI adapter on Linux [ms]: how long it collects bytes before it sends them."""
 
@@ -43,6 +43,7 @@ class SerialLine:
         """
         serial = import_serial()
         self.port = port
+        self._timeout_error = serial.SerialTimeoutException
         try:
             self._serial = serial.Serial(
                 port,
@@ -86,12 +87,16 @@ class SerialLine:
     def write(self, data: bytes) -> None:
         """Drop what has arrived so far, then send bytes.
 
+        Bytes that the adapter does not take in time are lost, as on a noisy line: no
+        servo answers them.
+
         Raises:
             PortLostError: the port is gone.
         """
         with self._port_errors():
             self._serial.reset_input_buffer()
-            self._serial.write(data)
+            with suppress(self._timeout_error):
+                self._serial.write(data)
 
     def read(self, deadline: float) -> bytes:
         """Return the bytes that have arrived; wait for the first one, without spinning.
@@ -111,7 +116,9 @@ class SerialLine:
                 # the timeout of the port stays: pyserial sets the port up again when
                 # it changes
                 data = self._serial.read(max(self._serial.in_waiting, 1))
-                if data or time.monotonic() >= deadline:
+                if data:
+                    return data + self._serial.read(self._serial.in_waiting)
+                if time.monotonic() >= deadline:
                     return data
 
     def drain(self, quiet_time: float) -> None:

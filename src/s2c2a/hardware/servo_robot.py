@@ -32,6 +32,10 @@ REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
 REST_PERIOD = 0.02  # s between goals on that way
 SETTLING_TIME = 1.0  # s
 MARGIN = 0.25  # of the range: what is plausible beyond the limits
+MANY_TURNS = (
+    "the cables wind more than a turn of their pulleys, and servos forget whole turns "
+    "without power: home the arm again after every loss of power"
+)
 NOISE_TICKS = 20
 RATE_FACTOR = 6.0  # cables may move faster than commands by this
 
@@ -259,6 +263,9 @@ class ServoRobot(Robot):
         if fault:
             raise RobotError(f"the arm cannot start: {fault}")
         positions = self._positions(states)
+        turn = 2 * np.pi * self.arm.motor.pulley_radius
+        if (self._high - self._low).max() >= turn:
+            warnings.warn(MANY_TURNS, stacklevel=1)
         self._winches = self._winches.in_same_turn(positions)
         displacements = self._winches.displacements(positions)
         self._check_plausible(displacements)

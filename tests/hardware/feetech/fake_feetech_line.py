@@ -17,7 +17,9 @@ def packet(*body: int) -> bytes:
 
 def serve(port: "FakePort", monkeypatch) -> None:
     """Let every serial port that is opened from now on be this one."""
-    module = SimpleNamespace(Serial=lambda *_, **__: port)
+    module = SimpleNamespace(
+        Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
+    )
     monkeypatch.setattr("s2c2a.hardware.serial_line.import_serial", lambda: module)
 
 
