@@ -14,6 +14,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import recipe_named, s2c2a_strategy, shipped_networks
 from s2c2a.strategies.pcc import PlainPCC
+from s2c2a.studies.sensors import with_sensors
 from s2c2a.tasks import circle
 
 TWIN = load_arm("twin_arm")
@@ -87,6 +88,14 @@ def test_a_payload_that_is_added_during_the_run_is_no_outlier(strategy):
     assert not episode.ran("rejected.imu")[-100:].any()
     assert episode.ran("payload")[-1] == pytest.approx(0.1, rel=0.3)
     assert errors[-50:].mean() < 2.5
+
+
+def test_currents_show_a_payload_that_is_added_during_the_run():
+    arm = with_sensors(TWIN, "current")
+    episode, errors = run(strategy_for(arm), events="5 payload 0.1")
+    assert not episode.ran("rejected.current").any()
+    assert episode.ran("payload")[-1] == pytest.approx(0.1, rel=0.3)
+    assert errors[-50:].mean() < 5.0
 
 
 def test_the_next_start_begins_without_an_estimate(strategy):

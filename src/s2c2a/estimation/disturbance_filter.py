@@ -381,7 +381,9 @@ class DisturbanceFilter(eqx.Module):
         smallest = jnp.minimum(size, unexplained_size)
         average = self._average_innovation(state, number, smallest, is_present)
         is_outlier = jnp.maximum(average, smallest) > GATE
-        is_outlier |= jnp.any(jnp.abs(unexplained) > innovation.max_residual)
+        # with its offset: a sensor that is too far off stays rejected
+        raw = jnp.where(is_present, unexplained + state.offsets[number], 0.0)
+        is_outlier |= jnp.any(jnp.abs(raw) > innovation.max_residual)
         history = self._history(state, number, innovation, unexplained, is_present)
         is_outlier |= history.has_changed
         remaining = jnp.maximum(state.rejected_for[number] - self.period, 0.0)
@@ -488,7 +490,8 @@ class DisturbanceFilter(eqx.Module):
         jump. The bend biases count as residual, so a fault that moves them shows, too.
         After an external force the average follows. What it moves while the sensor is
         rejected becomes an offset, so that a jump moves the estimate by little more
-        than `max_change`, whatever its size.
+        than `max_change`, whatever its size. A sensor that agrees with the encoders
+        again, as after a repair, has no offset.
         """
         elapsed = state.unseen_for[number] + self.period
         before = state.usual_residuals[number]
@@ -502,6 +505,8 @@ class DisturbanceFilter(eqx.Module):
         has_changed = jnp.any(jnp.abs(deviation) > innovation.max_change)
         fading = np.exp(-self.period / OFFSET_MEMORY)
         offset = fading * state.offsets[number] + jnp.where(has_changed, change, 0.0)
+        agrees = (jnp.abs(residual) < innovation.max_change) | ~is_present
+        offset = jnp.where(agrees.all() & is_present.any(), 0.0, offset)
         return _History(
             usual=jnp.where(is_present, usual, before),
             offset=offset,
