@@ -99,7 +99,7 @@ def test_a_stalled_servo_is_seen_after_a_second_of_motion(wire):
     wire.check_records()
 
 
-def test_a_snapped_cable_is_seen_after_a_second_and_a_half(wire):
+def test_a_snapped_cable_is_seen_after_two_seconds(wire):
     with wire.driven(is_steady=True):
         wire.steps(15)
         wire.sees(f"snapped {wire.wound_in()}", "it has snapped, or left", 30)

@@ -20,6 +20,11 @@ from s2c2a.tasks.repetition import (
 PAUSE = 2.0  # s; at rest between repetitions, so that the arm stops swinging
 
 StepProgress = Callable[[int, int], None]
+Keep = Callable[[Episode], None]
+
+
+def forget(episode: Episode) -> None:
+    """Keep nothing of a run that is interrupted."""
 
 
 def rollout(
@@ -28,6 +33,7 @@ def rollout(
     task: Task,
     progress: StepProgress = lambda done, total: None,
     clock: Clock | None = None,
+    keep: Keep = forget,
 ) -> Episode:
     """Run a strategy on a task, from rest and back to rest.
 
@@ -37,6 +43,8 @@ def rollout(
         task: one goal for every control step.
         progress: called with the number of steps done and of all steps.
         clock: source of time; see `Loop`.
+        keep: called with the steps until then if an error ends the run; the option
+            `interrupted` of the episode is the reason.
 
     Returns:
         The episode, with the steps back to rest.
@@ -46,7 +54,7 @@ def rollout(
             rest; or robot, strategy, or goals failed.
     """
     with Loop(robot, strategy, clock) as loop:
-        return _run_task(loop, task, progress)
+        return _run_task(loop, task, progress, keep)
 
 
 def repeated_rollout(
@@ -56,6 +64,7 @@ def repeated_rollout(
     repetitions: int,
     progress: StepProgress = lambda done, total: None,
     clock: Clock | None = None,
+    keep: Keep = forget,
 ) -> list[Episode]:
     """Repeat a task; measured errors of each repetition move the targets of the next.
 
@@ -68,6 +77,7 @@ def repeated_rollout(
         repetitions: their number.
         progress: called with the number of steps done and of all steps.
         clock: source of time; see `Loop`.
+        keep: see `rollout`.
 
     Returns:
         An episode for each repetition, with the targets of the task and the column
@@ -86,7 +96,7 @@ def repeated_rollout(
             def report(done: int, _: int, before: int = number * steps) -> None:
                 progress(before + done, repetitions * steps)
 
-            episode = _run_task(loop, moved_task(task, offsets), report)
+            episode = _run_task(loop, moved_task(task, offsets), report, keep)
             episodes.append(with_true_targets(episode, task, offsets))
             if number + 1 < repetitions:
                 offsets = learned_offsets(episodes[-1], offsets, sensor)
@@ -94,29 +104,46 @@ def repeated_rollout(
     return episodes
 
 
-def _run_task(loop: Loop, task: Task, progress: StepProgress) -> Episode:
+def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Episode:
     """One run from rest and back to rest."""
     late_before = loop.late_steps
     steps: list[StepRecord] = []
+
+    def episode(**options: str) -> Episode:
+        return build_episode(
+            steps,
+            loop.arm,
+            strategy=loop.driver.name,
+            task=task.name,
+            late_steps=loop.late_steps - late_before,
+            **options,
+        )
+
+    try:
+        _do_steps(loop, task, progress, steps)
+    except BaseException as error:
+        if steps:
+            keep(episode(interrupted=str(error) or type(error).__name__))
+        raise
+    return episode()
+
+
+def _do_steps(
+    loop: Loop, task: Task, progress: StepProgress, steps: list[StepRecord]
+) -> None:
+    """Append the record of every step, as soon as it is done."""
     for number, goal in enumerate(task.goals, 1):
         steps.append(loop.tick(StepRequest(goal)))
         while steps[-1].stage is Stage.START:
             steps.append(loop.tick(StepRequest(goal)))
         if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
-            steps += loop.to_rest()
+            steps.extend(loop.to_rest())
             raise S2C2AError(
                 f"step {number} of '{task.name}': {steps[-1].fault}; "
                 "the arm was moved to rest; check the sensor, then run again"
             )
         progress(number, len(task.goals))
-    steps += loop.to_rest()
-    return build_episode(
-        steps,
-        loop.arm,
-        strategy=loop.driver.name,
-        task=task.name,
-        late_steps=loop.late_steps - late_before,
-    )
+    steps.extend(loop.to_rest())
 
 
 def _rest(loop: Loop) -> None:

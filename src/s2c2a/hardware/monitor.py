@@ -8,9 +8,11 @@ from s2c2a.arm import Servos
 from s2c2a.hardware.bus import ServoState
 from s2c2a.spaces import Actions
 
-SLACK = 0.3  # N; of a cable that carries nothing, with the noise of the current
-WOUND_IN = 0.003  # m; a module with such a cable is bent by tension
-SNAP_TIME = 1.5  # s; a swinging arm has slack cables for up to 0.8 s
+SLACK = 0.5  # N; of a cable that carries nothing, with the noise of the current
+WOUND_IN = 0.006  # m; a module with such a cable is bent by tension
+SNAP_TIME = 2.0  # s; a swinging arm has slack cables for up to 1.1 s
+GEAR_FRICTION = 0.4  # N of cable tension; of the XL330, if the arm file has none
+MOVING = 0.0001  # m between two readings
 FOLLOWING_ERROR = 0.004  # m
 STALL_TIME = 1.0  # s
 RESTARTED = (
@@ -69,20 +71,23 @@ class CableMonitor:
     If none carries anything, then the one that is wound in does not reach the module.
     """
 
-    def __init__(self, servos: Servos, control_rate: float):
+    def __init__(self, servos: Servos, control_rate: float, friction: float = 0.0):
         """A monitor before its first reading.
 
         Args:
             servos: of the arm.
             control_rate: readings a second [Hz].
+            friction: of the gears, in the tension from currents [N]; zero if unknown.
         """
         self._servos = servos
+        self._friction = friction or GEAR_FRICTION
         self._snap_readings = max(round(SNAP_TIME * control_rate), 3)
         self._stall_readings = max(round(STALL_TIME * control_rate), 3)
         self.reset()
 
     def reset(self) -> None:
         """Forget all readings."""
+        self._last: Actions | None = None
         self._slack = np.zeros(len(self._servos.ids), int)
         self._stalled = np.zeros(np.shape(self._servos.ids), int)
 
@@ -102,9 +107,10 @@ class CableMonitor:
 
     def _snapped(self, displacements: Actions, tensions: np.ndarray) -> str:
         """A module that has a cable wound in, and no tension in any."""
+        carried = tensions + self._friction * self._direction(displacements)
         # comparisons with NaN are false: what was not measured is no fault
         is_wound = displacements.min(axis=-1) < -WOUND_IN
-        is_slack = (tensions < SLACK).all(axis=-1)
+        is_slack = (carried < SLACK).all(axis=-1)
         self._slack = np.where(is_wound & is_slack, self._slack + 1, 0)
         module = int(np.argmax(self._slack))
         if self._slack[module] < self._snap_readings:
@@ -114,6 +120,13 @@ class CableMonitor:
             f"the cable of {self._name(module, cable)} is wound in and has no tension: "
             "it has snapped, or left its pulley"
         )
+
+    def _direction(self, displacements: Actions) -> np.ndarray:
+        """1 where a cable is paid out, -1 where it is wound in, 0 where it stands."""
+        last = displacements if self._last is None else self._last
+        moved = displacements - last
+        self._last = displacements
+        return np.sign(moved) * (np.abs(moved) > MOVING)
 
     def _stall(self, goal: Actions, displacements: Actions) -> str:
         """A servo that does not arrive."""

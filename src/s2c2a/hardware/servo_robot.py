@@ -84,7 +84,9 @@ class ServoRobot(Robot):
         self._is_halted = False
         self._low, self._high = _displacement_limits(arm, self._geometry)
         self._goal = self._geometry.action_neutral
-        self._monitor = CableMonitor(self._servos, arm.control_rate)
+        self._monitor = CableMonitor(
+            self._servos, arm.control_rate, arm.motor.current_friction
+        )
         self._opened_at = 0.0
         self._budget = np.zeros(self._ids.shape)
         self._sent_at = 0.0

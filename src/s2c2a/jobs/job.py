@@ -174,21 +174,33 @@ class Job(Artifact[Run]):
                 robot=str(self.conditions.robot),
                 versions=versions.versions(),
             )
-            for episode in self._episodes(strategy, partial(progress, str(self)))
+            for episode in self._episodes(strategy, partial(progress, str(self)), cache)
         ]
         episodes.save_episodes(described, self.path(cache))
 
     def _episodes(
-        self, strategy: Driver, progress: Callable[[int, int], None]
+        self, strategy: Driver, progress: Callable[[int, int], None], cache: Cache
     ) -> list[episodes.Episode]:
-        """Run the task as often as wanted."""
+        """Run the task as often as wanted; keep what a real arm did before an error."""
         robot = self.robot()
         task = self.weighted_task
-        if self.repetitions == 1:
-            return [evaluation.rollout(robot, strategy, task, progress)]
-        return evaluation.repeated_rollout(
-            robot, strategy, task, self.repetitions, progress
-        )
+        interrupted = self.path(cache).with_name(f"interrupted-{self.file}")
+
+        def keep(episode: episodes.Episode) -> None:
+            if not robot.own_time:
+                episodes.save_episodes([episode], interrupted)
+
+        try:
+            if self.repetitions == 1:
+                return [evaluation.rollout(robot, strategy, task, progress, keep=keep)]
+            return evaluation.repeated_rollout(
+                robot, strategy, task, self.repetitions, progress, keep=keep
+            )
+        except S2C2AError as error:
+            if not interrupted.exists():
+                raise
+            text = f"{error}; the steps until then are kept: {interrupted}"
+            raise S2C2AError(text) from error
 
     def robot(self) -> Robot:
         """The robot, not open yet.

@@ -16,7 +16,6 @@ from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models.forward_model import ForwardModel
 
 BEND_STD = 0.003  # rad
-MAX_CHANGE = 0.05  # rad; in some seconds, of what encoders and payload do not explain
 
 
 class BendSensor(SensorModel):
@@ -44,7 +43,8 @@ class BendSensor(SensorModel):
         residual = (measured - expected.bends).reshape(-1)
         values = residual.size
         std = jnp.full(values, BEND_STD)
-        return Innovation(residual, jnp.eye(values), std, MAX_BEND_CHANGE, MAX_CHANGE)
+        # no `max_change`: an external force changes bends as suddenly as a fault does
+        return Innovation(residual, jnp.eye(values), std, MAX_BEND_CHANGE)
 
     @property
     def value_count(self) -> int:
