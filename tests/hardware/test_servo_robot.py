@@ -225,6 +225,8 @@ def test_a_halt_stops_where_the_arm_is(tmp_path, monkeypatch, choice, torque):
     _, goals = bench.bus.goals[-1]
     assert goals[5] == HOME + 123
     assert bench.bus.torques == dict.fromkeys(IDS, torque)
+    bench.robot.close()
+    assert bench.bus.torques == dict.fromkeys(IDS, torque)
 
 
 def test_a_halted_robot_is_prepared_when_it_opens_again(bench):

@@ -168,7 +168,8 @@ class ServoRobot(Robot):
         """Hold or release the cables as configured, and close the port."""
         if self._tracking:
             self._tracking.close()
-        self._disconnect(self._servos.on_exit == "release")
+        after = self._servos.on_emergency if self._is_halted else self._servos.on_exit
+        self._disconnect(after == "release")
 
     @property
     def bus(self) -> ServoBus:
