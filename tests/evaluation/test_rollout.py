@@ -313,3 +313,19 @@ def test_a_tension_arm_returns_to_its_pretension(simulated):
         robot.sent[-1], robot.geometry.action_neutral, rtol=1e-12
     )
     assert robot.sent[-1].min() > 0
+
+
+def test_the_steps_before_an_error_are_kept(twin):
+    class Broken(Counter):
+        def send(self, action):
+            if len(self.sent) == 3:
+                raise OSError("the cable is out")
+            return super().send(action)
+
+    kept = []
+    task = Task("five", [Goal.of(twin.module_count)] * STEPS)
+    with pytest.raises(S2C2AError, match="the cable is out"):
+        rollout(Broken(twin), Script(twin), task, keep=kept.append)
+    (episode,) = kept
+    assert len(episode["actions"]) == 3
+    assert "the cable is out" in episode.options["interrupted"]
