@@ -189,7 +189,8 @@ def check_contract(
     Keep clear of it.
 
     Args:
-        robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
         arm: a preset or an arm file that describes the robot.
         robot_option: arguments of the class.
         response: measure the frequency response instead: the first mode, the gain and

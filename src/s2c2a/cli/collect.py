@@ -47,7 +47,8 @@ def collect(
         seed: random seed.
         recipe: sets the type of babbling, the speeds and the number of episodes; use
             the same one in `train`.
-        robot: the simulated arm, or a class of your own such as my_arm.py:MyArm.
+        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
         fidelity: of the simulation.
         threads: parallel episodes, all cores by default; the recording is the same.

@@ -19,7 +19,7 @@ from s2c2a.robots.factory import RobotFactory, options_from, robot_class
 if TYPE_CHECKING:
     from s2c2a import jobs
 
-RobotName = Annotated[str, tyro.conf.arg(metavar="sim|MODULE:CLASS")]
+RobotName = Annotated[str, tyro.conf.arg(metavar="sim|dynamixel|feetech|MODULE:CLASS")]
 RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
 Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 

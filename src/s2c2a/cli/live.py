@@ -49,7 +49,8 @@ def live(
         weights: files from `s2c2a train`; the first one starts. By default the networks
             of the package for a preset, and `pcc` for an arm of your own.
         strategy: more strategies without training, by name or your own file.py:Class.
-        robot: the simulated arm, or a class of your own.
+        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
         fidelity: of the simulation.
         guard: what avoids obstacles: the tip, or the whole arm.

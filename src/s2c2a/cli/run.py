@@ -29,7 +29,7 @@ from s2c2a.cli.execution import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from s2c2a import arm, jobs, robots, tasks
+    from s2c2a import arm, jobs, robots, strategies, tasks
 
 
 def run(
@@ -69,7 +69,8 @@ def run(
             figure.
         recipe: how networks are trained and plans made; `best` by default. A weight file
             has its own; a recipe beside it must train alike, and decides how to plan.
-        weights: a file of `s2c2a train`; without it, networks are trained or taken from
+        weights: a file of `s2c2a train`, or "shipped" for the networks of the package
+            (presets only); without it, networks are trained or taken from
             the cache (S2C2A_CACHE sets its directory).
         model: class of your own forward model that the weight file uses; files alone run
             no code.
@@ -77,7 +78,8 @@ def run(
         pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
         seed: of data, training and start; the first of several.
         seeds: number of seeds; several run in parallel.
-        robot: the simulated arm, or your own class such as my_arm.py:MyArm.
+        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
         robot_option: parameters of that class.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip of the simulated arm [kg].
@@ -107,7 +109,7 @@ def run(
     conditions = jobs.Conditions(factory, strategies.RunOptions(guard, settings))
     _import_classes(model, controller)
     chosen = strategies.recipe_from(recipe) if recipe else None
-    given = jobs.GivenNetworks.read(weights, spec, chosen) if weights else None
+    given = _given_networks(weights, spec, chosen) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _paced_task(task, spec, pace)
     job_list = jobs.jobs_for(
@@ -146,6 +148,19 @@ def run(
     ):
         runs = make(job_list)
     _report(runs, directory, f"{paced.name} with {spec.name}", video)
+
+
+def _given_networks(
+    weights: Path, spec: "arm.ArmSpec", recipe: "strategies.Recipe | None"
+) -> "jobs.GivenNetworks":
+    """The networks of a file, or those of the package."""
+    from s2c2a import jobs
+    from s2c2a.strategies.shipped import SHIPPED, shipped_file
+
+    if str(weights) == SHIPPED:
+        with shipped_file(spec) as path:
+            return jobs.GivenNetworks.read(path, spec, recipe)
+    return jobs.GivenNetworks.read(weights, spec, recipe)
 
 
 def _import_classes(model: str | None, controller: str | None) -> None:

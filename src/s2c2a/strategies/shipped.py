@@ -1,7 +1,10 @@
 """Networks that come with the package."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
@@ -10,9 +13,13 @@ from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.strategies.trained import TrainedNetworks
 
+SHIPPED = "shipped"
+"""Name of these networks in place of a file."""
 
-def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
-    """The networks that come with the package for an arm.
+
+@contextmanager
+def shipped_file(arm: ArmSpec) -> Iterator[Path]:
+    """Yield the file of the networks that come with the package for an arm.
 
     Raises:
         StrategyError: there are none for this arm.
@@ -22,10 +29,21 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
             continue
         with resources.as_file(file) as path:
             if arm_of_strategy(path).same_mechanics(arm):
-                networks = load_strategy(path)
-                recipe = recipe_named(networks.recipe.name)
-                return replace(networks, arm=arm, recipe=recipe)
+                yield path
+                return
     raise StrategyError(
         f"no trained networks come with the package for '{arm.name}'; collect data with "
         "`s2c2a collect`, train with `s2c2a train`, and give the file with --weights"
     )
+
+
+def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
+    """The networks that come with the package for an arm.
+
+    Raises:
+        StrategyError: there are none for this arm.
+    """
+    with shipped_file(arm) as path:
+        networks = load_strategy(path)
+    recipe = recipe_named(networks.recipe.name)
+    return replace(networks, arm=arm, recipe=recipe)
