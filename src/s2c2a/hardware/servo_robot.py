@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.hardware.bus import (
     NO_WATCHDOG,
@@ -19,6 +20,7 @@ from s2c2a.hardware.bus import (
     ServoState,
 )
 from s2c2a.hardware.buses import open_bus
+from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.end_tracking import EndTracking
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
@@ -31,7 +33,6 @@ PATIENCE = 1.0  # s for an answer while the arm is at rest
 REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
 REST_PERIOD = 0.02  # s between goals on that way
 SETTLING_TIME = 1.0  # s
-MARGIN = 0.25  # of the range: what is plausible beyond the limits
 MANY_TURNS = (
     "the cables wind more than a turn of their pulleys, and servos forget whole turns "
     "without power: home the arm again after every loss of power"
@@ -82,7 +83,7 @@ class ServoRobot(Robot):
         self._ids = np.array(self._servos.ids)
         self._bus: ServoBus | None = None
         self._is_halted = False
-        self._low, self._high = _displacement_limits(arm, self._geometry)
+        self._low, self._high = displacement_limits(arm)
         self._goal = self._geometry.action_neutral
         self._monitor = CableMonitor(
             self._servos, arm.control_rate, arm.motor.current_friction
@@ -109,13 +110,19 @@ class ServoRobot(Robot):
         Raises:
             BusError: the port or a servo is missing.
             RobotError: a servo is not the calibrated one, or not fit to move.
+            EmergencyStopError: the emergency stop was triggered; the arm is halted.
         """
+        EMERGENCY_STOP.check()
         if not self._is_ready():
             self._disconnect()
             self._connect()
         if self._tracking:
             self._tracking.start()
-        self._go_to_rest()
+        try:
+            self._go_to_rest()
+        except EmergencyStopError:
+            self.halt()
+            raise
         self._monitor.reset()
         if self.bus.has_watchdog:
             self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
@@ -158,17 +165,24 @@ class ServoRobot(Robot):
         if self._bus is None:
             return
         self._is_halted = True
-        states = self._read_states()
-        self.bus.send_goals({id: state.position for id, state in states.items()})
-        if self._servos.on_emergency == "release":
-            with suppress(BusError):
-                self.bus.set_torque(self._flat_ids, on=False)
+        try:
+            states = self._read_states()
+            self.bus.send_goals({id: state.position for id, state in states.items()})
+        finally:
+            if self._servos.on_emergency == "release":
+                with suppress(BusError):
+                    self.bus.set_torque(self._flat_ids, on=False)
 
     def close(self) -> None:
-        """Hold or release the cables as configured, and close the port."""
+        """Hold or release the cables as configured, and close the port.
+
+        After a halt, `on_emergency` decides instead of `on_exit`.
+        """
         if self._tracking:
             self._tracking.close()
-        self._disconnect(self._servos.on_exit == "release")
+        servos = self._servos
+        choice = servos.on_emergency if self._is_halted else servos.on_exit
+        self._disconnect(choice == "release")
 
     @property
     def bus(self) -> ServoBus:
@@ -270,24 +284,10 @@ class ServoRobot(Robot):
             warnings.warn(MANY_TURNS, stacklevel=1)
         self._winches = self._winches.in_same_turn(positions)
         displacements = self._winches.displacements(positions)
-        self._check_plausible(displacements)
+        check_plausible(displacements, self.arm)
         self._goal = displacements
         self._send_positions(positions)
         self.bus.set_torque(self._flat_ids, on=True)
-
-    def _check_plausible(self, displacements: Actions) -> None:
-        room = MARGIN * (self._high - self._low)
-        low = self._low - room
-        high = self._high + room
-        outside = (displacements < low) | (displacements > high)
-        if outside.any():
-            ids = self._ids[outside].tolist()
-            places = 1000 * displacements[outside]
-            raise RobotError(
-                f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "
-                "out of their range; the calibration no longer fits. Home the arm "
-                "again (`s2c2a motors home`)"
-            )
 
     def _go_to_rest(self) -> None:
         """Wind all cables to rest together, slowly, and let the arm settle."""
@@ -302,11 +302,13 @@ class ServoRobot(Robot):
             self._wind_to(rest)
 
     def _wind_to(self, displacements: Actions) -> None:
-        """One slow step towards rest.
+        """One slow step toward rest.
 
         Raises:
             RobotError: a servo is at fault.
+            EmergencyStopError: the arm must not move.
         """
+        EMERGENCY_STOP.check()
         positions = self._winches.positions(displacements)
         self._send_positions(positions)
         self._goal = self._winches.displacements(positions)
@@ -419,16 +421,3 @@ class FeetechRobot(ServoRobot):
     """An arm with Feetech servos."""
 
     protocol = "feetech"
-
-
-def _displacement_limits(
-    arm: ArmSpec, geometry: ArmGeometry
-) -> tuple[Actions, Actions]:
-    """Smallest and largest displacements [m], shape (modules, cables)."""
-    limit = servos_of(arm).limits.displacement
-    if limit is None:
-        return geometry.action_low, geometry.action_high
-    return (
-        np.maximum(geometry.action_low, -limit),
-        np.minimum(geometry.action_high, limit),
-    )

@@ -16,11 +16,11 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
