@@ -142,8 +142,11 @@ class ServoBus(ABC):
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque of servos on or off.
 
+        A servo confirms its last goal before it is switched on.
+
         Raises:
-            BusError: servos do not answer; all others are switched.
+            BusError: servos do not answer. All others are switched off; when
+                switching on, none or only some of them are on.
         """
 
     @abstractmethod

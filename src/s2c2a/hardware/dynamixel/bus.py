@@ -118,6 +118,7 @@ class DynamixelBus(ServoBus):
         self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
         self._misses: dict[int, int] = {}
+        self._goals: dict[int, int] = {}
         self.restarted: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
@@ -159,6 +160,7 @@ class DynamixelBus(ServoBus):
         """Set mode and limits with the torque off; see `ServoBus`."""
         for id in ids:
             self.restarted.discard(id)
+            self._goals.pop(id, None)
             self.arm_watchdog([id], 0.0)
             self.write(id, "torque", 0)
             self._write_stored(id, self._stored_settings(mode))
@@ -171,6 +173,8 @@ class DynamixelBus(ServoBus):
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque, of all servos at once; see `ServoBus`."""
         ids = tuple(ids)
+        if on:
+            self._repeat_goals(ids)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
         self._write_each(ids, "torque", int(on))  # with a confirmation
 
@@ -192,6 +196,7 @@ class DynamixelBus(ServoBus):
             id: min(max(ticks, -MAX_POSITION), MAX_POSITION)
             for id, ticks in goals.items()
         }
+        self._goals |= limited
         self._sync_write("goal_position", limited)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
@@ -302,6 +307,18 @@ class DynamixelBus(ServoBus):
                 failures.append(error)
         if failures:
             raise failures[0]
+
+    def _repeat_goals(self, ids: Iterable[int]) -> None:
+        """Write the last goals again, with a confirmation.
+
+        With a lost goal, a servo that is switched on would turn to its old one.
+
+        Raises:
+            BusError: a servo does not confirm its goal.
+        """
+        for id in ids:
+            if id in self._goals:
+                self.write(id, "goal_position", self._goals[id])
 
     def _join_state(self, id: int) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""

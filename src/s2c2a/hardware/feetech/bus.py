@@ -162,7 +162,8 @@ class FeetechBus(ServoBus):
         stays where it is.
 
         Raises:
-            BusError: servos do not answer; all others are switched.
+            BusError: servos do not answer. All others are switched off; when switching
+                on, none or only some of them are on.
         """
         ids = tuple(ids)
         if on:
@@ -336,7 +337,11 @@ class FeetechBus(ServoBus):
         self._write(id, tables.LOCK, 1)
 
     def _release_goals(self, ids: tuple[int, ...]) -> None:
-        """Send the goals that were kept back; servos without one stay in place."""
+        """Write the goals that were kept back; servos without one stay in place.
+
+        Raises:
+            BusError: a servo does not answer; it and those after it stay off.
+        """
         kept = {id: self._kept_goals[id] for id in ids if id in self._kept_goals}
         unknown = [id for id, goal in kept.items() if goal is None]
         states = self.read_states(unknown)
@@ -345,10 +350,10 @@ class FeetechBus(ServoBus):
             raise _absent(missing)
         goals = {id: state.position for id, state in states.items()}
         goals |= {id: goal for id, goal in kept.items() if goal is not None}
-        for id in kept:
+        for id, goal in goals.items():
+            # confirmed: with a lost goal, the servo would turn to its old one
+            self._write(id, tables.GOAL_POSITION, goal)
             del self._kept_goals[id]
-        if goals:
-            self.send_goals(goals)
 
     def _has_restarted(self, answer: Answer) -> bool:
         """Whether a servo lost the speed that it was prepared with."""
