@@ -6,7 +6,6 @@ A push button on a GPIO pin, or one of a joystick, needs two lines:
     button.when_pressed = EMERGENCY_STOP.trigger
 """
 
-import threading
 from typing import Any
 
 from s2c2a.errors import S2C2AError
@@ -21,7 +20,8 @@ class EmergencyStop:
 
     def __init__(self) -> None:
         """A switch that is off."""
-        self._event = threading.Event()
+        # no lock: a signal handler may interrupt its own thread anywhere
+        self._is_triggered = False
         self._source = ""
 
     def trigger(self, source: Any = "a program") -> None:
@@ -31,16 +31,16 @@ class EmergencyStop:
             source: person or device that stopped the arm, for the message.
         """
         self._source = str(source)
-        self._event.set()
+        self._is_triggered = True
 
     def reset(self) -> None:
         """Allow motion again, from the next opening of the robot on."""
-        self._event.clear()
+        self._is_triggered = False
 
     @property
     def is_triggered(self) -> bool:
         """Whether the arm must not move."""
-        return self._event.is_set()
+        return self._is_triggered
 
     def check(self) -> None:
         """Raise an error if the arm must not move.
