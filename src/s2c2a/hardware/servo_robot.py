@@ -38,16 +38,16 @@ MANY_TURNS = (
     "without power: home the arm again after every loss of power"
 )
 NOISE_TICKS = 20
-RATE_FACTOR = 6.0  # cables may move faster than commands by this
+RATE_FACTOR = 6.0  # largest plausible speed of a cable over that of commands
 
 
 class ServoRobot(Robot):
     """An arm with one servo and one pulley for each cable.
 
-    Use a subclass that names a protocol. Limits stand in the table `[servos.limits]`
-    of the arm file: `send` limits displacement and speed, the servos limit their
-    current, and a reading whose temperature, voltage or tension is out of limits
-    carries a fault, so that the control loop holds the arm and leads it to rest.
+    Use a subclass that names a protocol. The table `[servos.limits]` of the arm file
+    defines the limits: `send` limits displacement and speed, the servos limit their
+    current, and a reading has a fault if a temperature or voltage is out of limits or a
+    cable has snapped, so that the control loop holds the arm and moves it to rest.
 
     Args:
         arm: description of the arm.
@@ -105,11 +105,12 @@ class ServoRobot(Robot):
     def open(self) -> Reading:
         """Connect, check every servo, and wind slowly to rest; see `Robot`.
 
-        Servos are prepared again after a fault or a halt; their torque is off meanwhile.
+        Servos are prepared again after a fault or a halt, with their torque off.
 
         Raises:
             BusError: the port or a servo is missing.
-            RobotError: a servo is not the calibrated one, or not fit to move.
+            RobotError: a servo is not the calibrated one or has a fault, or a cable is
+                out of its range.
             EmergencyStopError: the emergency stop was triggered; the arm is halted.
         """
         EMERGENCY_STOP.check()
@@ -130,7 +131,10 @@ class ServoRobot(Robot):
         return self.read()
 
     def read(self) -> Reading:
-        """Return displacements and tensions; what was not measured is NaN."""
+        """Return displacements [m] and tensions [N], shape (modules, cables).
+
+        Missing measurements are NaN. A lost port is a fault of the reading.
+        """
         moment = time.perf_counter() - self._opened_at
         try:
             states = self._read_states()
@@ -219,12 +223,12 @@ class ServoRobot(Robot):
             return False
 
     def _disconnect(self, release: bool = False) -> None:
-        """Close the port; what does not answer any more stops by its watchdog."""
+        """Close the port; servos that no longer answer stop by their watchdogs."""
         bus, self._bus = self._bus, None
         if bus is None:
             return
         with bus:
-            # first, since absent servos delay what follows
+            # first, since absent servos delay the rest
             if release:
                 with suppress(BusError):
                     bus.set_torque(self._flat_ids, on=False)
@@ -387,7 +391,7 @@ class ServoRobot(Robot):
         return self._goal + np.clip(wanted - self._goal, -reach, reach)
 
     def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
-        """Let servos that stopped by their watchdog return to the last goal and obey."""
+        """Let servos that stopped by their watchdog go to the last goal and obey."""
         stopped = [id for id, state in states.items() if state.watchdog_tripped]
         if not stopped:
             return
