@@ -313,3 +313,17 @@ def test_a_tension_arm_returns_to_its_pretension(simulated):
         robot.sent[-1], robot.geometry.action_neutral, rtol=1e-12
     )
     assert robot.sent[-1].min() > 0
+
+
+def test_an_interrupted_run_hands_over_its_steps(robot, script, task):
+    kept = []
+
+    def fail(done, total):
+        if done == 3:
+            raise S2C2AError("no power")
+
+    with pytest.raises(S2C2AError, match="no power"):
+        rollout(robot, script, task, fail, keep=kept.append)
+    (episode,) = kept
+    assert len(episode.columns["time"]) == 3
+    assert episode.options["interrupted"] == "no power"

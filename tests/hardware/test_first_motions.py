@@ -67,8 +67,15 @@ def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
 
     bus.set_torque = switch_all_but_the_last
     with pytest.raises(BusError, match="servo 9"):
-        BringUp(bus, ARM, lambda _: True, print).home([])
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(IDS))
     assert not any(bus.torque.values())
+
+
+def test_homing_names_servos_that_do_not_answer_before_anything_moves():
+    bus = IdealBus()
+    with pytest.raises(BusError, match=r"no answer from servos \[8, 9\]"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(range(1, 8)))
+    assert bus.torque == {}
 
 
 def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration_file):

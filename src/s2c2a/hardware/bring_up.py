@@ -135,6 +135,7 @@ class BringUp:
             BusError: a servo does not answer, or a cable does not become taut.
             DeclinedError: the operator declined.
         """
+        self._check_identities(infos)
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
         for module, ids in enumerate(self._ids.tolist(), 1):
@@ -169,6 +170,14 @@ class BringUp:
             check_plausible(winches.displacements(positions), self._arm)
             self._wind(dict.fromkeys(ids, 0.0), winches)
             return [self._check_cable(id, winches) for id in ids]
+
+    def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
+        missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
+        if missing:
+            raise BusError(
+                f"no answer from servos {sorted(missing)}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
 
     def _home_module(
         self, module: int, ids: list[int], repeat: int
