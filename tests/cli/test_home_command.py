@@ -13,6 +13,7 @@ from s2c2a.hardware.calibration import CalibratedServo, Calibration
 
 class NoBus:
     torque_constant = 0.35
+    has_watchdog = True
 
     def scan(self, ids):
         return []

@@ -315,17 +315,15 @@ def test_a_tension_arm_returns_to_its_pretension(simulated):
     assert robot.sent[-1].min() > 0
 
 
-def test_the_steps_before_an_error_are_kept(twin):
-    class Broken(Counter):
-        def send(self, action):
-            if len(self.sent) == 3:
-                raise OSError("the cable is out")
-            return super().send(action)
-
+def test_an_interrupted_run_hands_over_its_steps(robot, script, task):
     kept = []
-    task = Task("five", [Goal.of(twin.module_count)] * STEPS)
-    with pytest.raises(S2C2AError, match="the cable is out"):
-        rollout(Broken(twin), Script(twin), task, keep=kept.append)
+
+    def fail(done, total):
+        if done == 3:
+            raise S2C2AError("no power")
+
+    with pytest.raises(S2C2AError, match="no power"):
+        rollout(robot, script, task, fail, keep=kept.append)
     (episode,) = kept
-    assert len(episode["actions"]) == 3
-    assert "the cable is out" in episode.options["interrupted"]
+    assert len(episode.columns["time"]) == 3
+    assert episode.options["interrupted"] == "no power"

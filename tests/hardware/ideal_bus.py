@@ -15,6 +15,7 @@ class IdealBus(ServoBus):
         self.prepared = set()
         self.positions = {}
         self.torque = {}
+        self.restarted = set()
 
     def scan(self, ids=()):
         return [ServoInfo(id, 1200, "xl330-m288", 52) for id in ids]

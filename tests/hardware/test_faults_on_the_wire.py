@@ -11,11 +11,11 @@ from emulator_process import EmulatorProcess
 
 from s2c2a.arm import servos_of
 from s2c2a.cli import motors
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.hardware.bus import BusError, PortLostError
 from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.servo_robot import NO_WATCHDOG
 from s2c2a.robots import check_robot
-from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.spaces import Stage
 
 CYCLES = 3  # in which a fault is seen

@@ -5,10 +5,17 @@ from datetime import UTC, datetime
 import pytest
 from ideal_bus import IdealBus
 
-from s2c2a.arm import load_arm
+from s2c2a.arm import load_arm, servos_of
+from s2c2a.errors import RobotError
 from s2c2a.hardware import bring_up, servo_robot
 from s2c2a.hardware.bring_up import BringUp
-from s2c2a.hardware.calibration import CalibratedServo, Calibration, save_calibration
+from s2c2a.hardware.bus import BusError
+from s2c2a.hardware.calibration import (
+    CalibratedServo,
+    Calibration,
+    load_calibration,
+    save_calibration,
+)
 from s2c2a.hardware.servo_robot import DynamixelRobot
 
 ARM = load_arm("twin_arm")
@@ -48,3 +55,38 @@ def test_an_arm_opens_and_is_released_with_and_without_a_watchdog(
 
 def test_a_calibration_accepts_firmware_of_three_digits():
     assert CalibratedServo(id=1, model="sts3215", firmware=310, home=0).firmware == 310
+
+
+def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
+    bus = IdealBus()
+
+    def switch_all_but_the_last(ids, on):
+        bus.torque |= dict.fromkeys(ids[:-1] if on else ids, on)
+        if on:
+            raise BusError("servo 9 does not answer")
+
+    bus.set_torque = switch_all_but_the_last
+    with pytest.raises(BusError, match="servo 9"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(IDS))
+    assert not any(bus.torque.values())
+
+
+def test_homing_names_servos_that_do_not_answer_before_anything_moves():
+    bus = IdealBus()
+    with pytest.raises(BusError, match=r"no answer from servos \[8, 9\]"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(range(1, 8)))
+    assert bus.torque == {}
+
+
+def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration_file):
+    servos = servos_of(ARM)
+    limits = servos.limits.model_copy(update={"displacement": 0.01})
+    table = servos.model_copy(update={"limits": limits})
+    arm = ARM.model_copy(update={"servos": table})
+    bus = IdealBus()
+    bus.positions = {5: 2000}
+    calibration = load_calibration(calibration_file, arm)
+    with pytest.raises(RobotError, match=r"servos \[5\] stand at"):
+        BringUp(bus, arm, lambda _: True, print).check(calibration)
+    assert bus.positions[5] == 2000
+    assert not any(bus.torque.values())

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.emergency import EmergencyStop, EmergencyStopError
 from s2c2a.errors import ActionError, RobotError
 from s2c2a.hardware.bus import BusError, HardwareError
 from s2c2a.hardware.calibration import CalibratedServo, Calibration, save_calibration
@@ -227,6 +228,42 @@ def test_a_halt_stops_where_the_arm_is(tmp_path, monkeypatch, choice, torque):
     assert bench.bus.torques == dict.fromkeys(IDS, torque)
     bench.robot.close()
     assert bench.bus.torques == dict.fromkeys(IDS, torque)
+
+
+@pytest.mark.parametrize(("choice", "torque"), [("hold", True), ("release", False)])
+def test_closing_a_halted_robot_does_not_undo_the_halt(
+    tmp_path, monkeypatch, choice, torque
+):
+    table = {"on_emergency": choice, "on_exit": "release"}
+    bench = Bench(tmp_path, arm_with(**table), monkeypatch)
+    bench.robot.open()
+    bench.robot.halt()
+    bench.robot.close()
+    assert bench.bus.torques == dict.fromkeys(IDS, torque)
+
+
+def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
+    tmp_path, monkeypatch
+):
+    bench = Bench(tmp_path, arm_with(on_emergency="hold"), monkeypatch)
+    bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 500)
+    stop = EmergencyStop()
+    monkeypatch.setattr("s2c2a.hardware.servo_robot.EMERGENCY_STOP", stop)
+    started = bench.clock.now
+    monkeypatch.setattr(
+        bench.clock,
+        "sleep",
+        lambda seconds: (
+            setattr(bench.clock, "now", bench.clock.now + seconds),
+            bench.clock.now > started + 0.1 and stop.trigger(),
+        ),
+    )
+    with pytest.raises(EmergencyStopError):
+        bench.robot.open()
+    assert bench.clock.now < started + 0.2
+    assert HOME < bench.bus.states[5].position < HOME + 500
+    bench.robot.close()
+    assert bench.bus.torques == dict.fromkeys(IDS, True)
 
 
 def test_a_halted_robot_is_prepared_when_it_opens_again(bench):

@@ -16,7 +16,8 @@ POLL_PERIOD = 0.02  # s; a key acts before the next control step
 @contextmanager
 def emergency_controls(robot: RobotFactory) -> Iterator[None]:
     """Let SIGUSR1 and, for a real arm, the space bar and Escape stop the arm."""
-    from s2c2a.runtime.emergency import EMERGENCY_STOP, stop_on_signal
+    from s2c2a.emergency import EMERGENCY_STOP
+    from s2c2a.runtime.emergency import stop_on_signal
 
     EMERGENCY_STOP.reset()
     with stop_on_signal(), nullcontext() if robot.simulated else _stop_on_key():
@@ -32,7 +33,7 @@ def _stop_on_key() -> Iterator[None]:
     except ImportError:  # a system without POSIX terminals
         yield
         return
-    if not sys.stdin.isatty():
+    if not sys.stdin.isatty() or _is_in_background(sys.stdin.fileno()):
         yield
         return
     keyboard = sys.stdin.fileno()
@@ -41,10 +42,10 @@ def _stop_on_key() -> Iterator[None]:
     watcher = threading.Thread(
         target=_watch_keys, args=(keyboard, done), name="keys", daemon=True
     )
-    print("The space bar stops the arm at once.", file=sys.stderr)
+    print("The space bar or Escape stops the arm at once.", file=sys.stderr)
+    watcher.start()
     try:
         tty.setcbreak(keyboard)
-        watcher.start()
         yield
     finally:
         done.set()
@@ -52,13 +53,23 @@ def _stop_on_key() -> Iterator[None]:
         termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
 
 
+def _is_in_background(keyboard: int) -> bool:
+    """Whether the terminal suspends this process when it changes the keyboard."""
+    try:
+        return os.tcgetpgrp(keyboard) != os.getpgrp()
+    except OSError:  # not the terminal that controls this process
+        return False
+
+
 def _watch_keys(keyboard: int, done: threading.Event) -> None:
-    from s2c2a.runtime.emergency import EMERGENCY_STOP
+    from s2c2a.emergency import EMERGENCY_STOP
 
     while not done.is_set():
         is_ready, _, _ = select.select([keyboard], [], [], POLL_PERIOD)
         if not is_ready:
             continue
         key = os.read(keyboard, 1)
-        if key and key in STOP_KEYS:
+        if not key:  # the terminal is closed
+            return
+        if key in STOP_KEYS:
             EMERGENCY_STOP.trigger("the keyboard")

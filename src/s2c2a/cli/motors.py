@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from s2c2a.hardware.bring_up import BringUp
     from s2c2a.hardware.bus import ServoBus, ServoInfo
 
-MAX_SPREAD = 0.001  # m; of homings that a calibration can rely on
+MAX_SPREAD = 0.001  # m; largest standard deviation of reliable homings
 
 app = SubcommandApp()
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
@@ -164,6 +164,7 @@ def home(
         yes: do not ask before every module.
     """
     from s2c2a.hardware import calibration as files
+    from s2c2a.hardware.serial_line import adapter_of
 
     spec = load_arm(arm)
     path = out or files.default_path(spec)
@@ -176,19 +177,28 @@ def home(
     with _bring_up(spec, port, yes) as (bring_up, bus):
         calibration = bring_up.home(
             bus.scan([id for row in servos_of(spec).ids for id in row]),
+            adapter=adapter_of(port or servos_of(spec).port),
             repeat=repeat,
             before=before,
             save=lambda unfinished: files.save_calibration(unfinished, path),
         )
     print(f"calibration: {path}")
-    spread = max(servo.spread or 0.0 for servo in calibration.servos)
+    _report_spread(max(servo.spread or 0.0 for servo in calibration.servos))
+
+
+def _report_spread(spread: float) -> None:
+    """Print the standard deviation of homings [m].
+
+    Raises:
+        S2C2AError: it is too large for a calibration.
+    """
     if spread:
         print(f"repeatability: {1000 * spread:.3f} mm (standard deviation)")
     if spread > MAX_SPREAD:
         raise S2C2AError(
-            f"the homings differ by {1000 * spread:.1f} mm, too much for a calibration; "
-            "let the arm stand straight without payload, check the cables, then home it "
-            "again (--overwrite)"
+            f"the homings differ by {1000 * spread:.1f} mm, too much for a "
+            "calibration; let the arm stand straight without payload, check the "
+            "cables, then home it again (--overwrite)"
         )
 
 
@@ -318,5 +328,5 @@ def _confirm(motion: str, yes: bool) -> bool:
         print(motion)
         return True
     if not sys.stdin.isatty():
-        raise S2C2AError(f"next: {motion}. Nobody can answer here; add --yes to agree")
+        raise S2C2AError(f"next: {motion}. No terminal can answer; add --yes to agree")
     return input(f"{motion}. Continue? [y/N] ").strip().lower() in ("y", "yes")

@@ -22,7 +22,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
+from s2c2a.runtime import CommandLimits, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
@@ -235,23 +235,32 @@ def _run_episode(
     # a real arm keeps its own limits
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
-    steps = []
-    gap = 0
     with Loop(robot, player, limits=limits, monitors_vibration=False) as loop:
-        for _ in actions:
-            step = loop.tick(StepRequest())
-            steps.append(step)
-            gap = gap + 1 if step.stage is Stage.HOLD else 0
-            if gap > MAX_GAP or step.stage not in (Stage.RUN, Stage.HOLD):
-                raise RecordingError(
-                    f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
-                    "correct that, then continue (--resume)"
-                )
-        episode = build_episode(steps, arm)
+        episode = build_episode(_episode_steps(loop, len(actions), number), arm)
     columns = _without_gaps(episode, player.sensors)
     # without computing times, the file is identical on any machine
     columns.pop("tick_time", None)
     return replace(episode, columns=columns)
+
+
+def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:
+    """Do the steps of an episode.
+
+    Raises:
+        RecordingError: a sensor failed for longer than `MAX_GAP`.
+    """
+    steps: list[StepRecord] = []
+    gap = 0
+    for _ in range(count):
+        step = loop.tick(StepRequest())
+        steps.append(step)
+        gap = gap + 1 if step.stage is Stage.HOLD else 0
+        if gap > MAX_GAP or step.stage not in (Stage.RUN, Stage.HOLD):
+            raise RecordingError(
+                f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
+                "correct that, then continue (--resume)"
+            )
+    return steps
 
 
 def _without_gaps(episode: Episode, sensors: Iterable[str]) -> dict[str, np.ndarray]:

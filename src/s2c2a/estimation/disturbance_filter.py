@@ -88,8 +88,8 @@ class FilterState(NamedTuple):
             (sensors,).
         usual_residuals: slow average of each sensor's residual against the encoders
             and the payload; `MAX_VALUE` before the first measurement.
-        offsets: by how much each sensor's usual residual moved while it was rejected;
-            they are subtracted from its measurements.
+        offsets: change of each sensor's usual residual while it was rejected; they are
+            subtracted from its measurements.
         unseen_for: time since each sensor's last measurement [s], shape (sensors,).
         rejected_for: remaining time of rejection of each sensor [s], shape (sensors,).
     """
@@ -114,7 +114,7 @@ class _History(NamedTuple):
 
     Attributes:
         usual: slow average of its residual, shape (values,).
-        offset: what that average moved while the sensor was rejected, shape (values,).
+        offset: change of that average while the sensor was rejected, shape (values,).
         unseen_for: time since its last measurement [s].
         has_changed: whether the residual has left its average.
     """
@@ -483,12 +483,12 @@ class DisturbanceFilter(eqx.Module):
         innovation: Innovation,
         unexplained: Float[Array, " values"],
         is_present: Bool[Array, " values"],
-    ) -> "_History":
+    ) -> _History:
         """Compare a sensor with its own past, by its residual against the encoders.
 
         A residual that leaves its slow average shows a fault: drift, wrong latency or a
         jump. The bend biases count as residual, so a fault that moves them shows, too.
-        After an external force the average follows. What it moves while the sensor is
+        After an external force the average follows. Its change while the sensor is
         rejected becomes an offset, so that a jump moves the estimate by little more
         than `max_change`, whatever its size. A sensor that agrees with the encoders
         again, as after a repair, has no offset.

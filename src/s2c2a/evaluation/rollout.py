@@ -17,14 +17,14 @@ from s2c2a.tasks.repetition import (
     with_true_targets,
 )
 
-PAUSE = 2.0  # s; at rest between repetitions, so that the arm stops swinging
+PAUSE = 2.0  # s; at rest between repetitions, so that the vibration decays
 
 StepProgress = Callable[[int, int], None]
 Keep = Callable[[Episode], None]
 
 
 def forget(episode: Episode) -> None:
-    """Keep nothing of a run that is interrupted."""
+    """Discard the steps of an interrupted run."""
 
 
 def rollout(
@@ -43,8 +43,8 @@ def rollout(
         task: one goal for every control step.
         progress: called with the number of steps done and of all steps.
         clock: source of time; see `Loop`.
-        keep: called with the steps until then if an error ends the run; the option
-            `interrupted` of the episode is the reason.
+        keep: called with the episode so far if an error ends the run; its option
+            `interrupted` is the message of the error.
 
     Returns:
         The episode, with the steps back to rest.

@@ -15,24 +15,25 @@ from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
+from s2c2a.hardware.cable_range import check_plausible
 from s2c2a.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.hardware.monitor import describe_faults
 from s2c2a.hardware.winch import Winches
 from s2c2a.spaces import Actions
 
 HOME_SPEED = 0.02  # m/s
-MAX_SLACK = 0.08  # m that is wound in at most
-STILL_TICKS = 8  # change within
-STILL_TIME = 0.5  # s of a cable that is taut
-CURRENT_STEPS = (0.5, 0.75, 1.0)  # of the home current
+MAX_SLACK = 0.08  # m; the longest slack that is wound in
+STILL_TICKS = 8  # largest change of a position that counts as standing still
+STILL_TIME = 0.5  # s for which a taut cable stands still
+CURRENT_STEPS = (0.5, 0.75, 1.0)  # parts of the home current
 AVERAGED_READINGS = 10
-TIMEOUT = 15.0  # s of one motion
+TIMEOUT = 15.0  # s for one motion
 POLL_PERIOD = 0.05  # s
 RELAXATION = 0.004  # m that a cable is paid out between repeated homings
 CHECK_TRAVEL = 0.003  # m
-CHECK_ERROR = 0.0007  # m
-CHECK_TENSION = 0.3  # N that the tension rises by at least
-PATIENCE = 1.0  # s for an answer; nothing hurries here
+CHECK_ERROR = 0.0007  # m; largest error of the position
+CHECK_TENSION = 0.3  # N; smallest rise of the tension
+PATIENCE = 1.0  # s for an answer of a servo
 
 Confirm = Callable[[str], bool]
 Report = Callable[[str], None]
@@ -51,7 +52,7 @@ class CableCheck:
         place: module and cable, for users.
         error: of the position at the end of the motion [m].
         rise: of the tension while the cable was wound in [N].
-        fault: what is wrong, with advice; empty if nothing is.
+        fault: description with advice; empty if there is none.
     """
 
     id: int
@@ -65,12 +66,12 @@ class BringUp:
     """Careful motions of single cables and modules, before an arm is calibrated."""
 
     def __init__(self, bus: ServoBus, arm: ArmSpec, confirm: Confirm, report: Report):
-        """Motions of an arm.
+        """Prepare motions of an arm; nothing moves yet.
 
         Args:
-            bus: of its servos.
-            arm: with the table `[servos]`, or default servos.
-            confirm: announces a motion and returns whether the operator agrees.
+            bus: servo bus of the arm.
+            arm: description of the arm; without a table `[servos]`, with default servos.
+            confirm: announces a motion to the operator and returns whether the operator agrees.
             report: receives a line for the user.
         """
         self._bus = bus
@@ -82,15 +83,19 @@ class BringUp:
         self._torque_constant = self._servos.torque_constant or bus.torque_constant
 
     def jog(self, id: int, distance: float) -> float:
-        """Move one cable by a distance [m], positive pays it out; return what it did.
+        """Move one cable and return the distance that it moved [m].
+
+        Args:
+            id: servo of the cable.
+            distance: positive pays the cable out, negative winds it in [m].
 
         Raises:
-            BusError: the servo does not answer, or is none of the arm.
+            BusError: the servo does not answer, or does not belong to the arm.
             DeclinedError: the operator declined.
         """
         if id not in self._ids:
             raise BusError(
-                f"servo {id} is none of '{self._arm.name}'; choose one of "
+                f"servo {id} does not belong to '{self._arm.name}'; choose one of "
                 f"{self._ids.ravel().tolist()}"
             )
         verb = "pays out" if distance > 0 else "winds in"
@@ -114,7 +119,7 @@ class BringUp:
 
         All cables of a module are wound in with the same small current, so that the
         module stands straight. The stretch of the cables and their backlash, as the
-        arm file has them, are taken off.
+        arm file states them, are subtracted.
 
         Args:
             infos: identity of all servos.
@@ -130,6 +135,7 @@ class BringUp:
             BusError: a servo does not answer, or a cable does not become taut.
             DeclinedError: the operator declined.
         """
+        self._check_identities(infos)
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
         for module, ids in enumerate(self._ids.tolist(), 1):
@@ -150,14 +156,28 @@ class BringUp:
         Raises:
             BusError: a servo does not answer.
             DeclinedError: the operator declined.
+            RobotError: a cable is out of its range; nothing moves.
         """
         ids = self._ids.ravel().tolist()
-        self._ask(f"every cable moves by {1000 * CHECK_TRAVEL:g} mm, one by one")
+        self._ask(
+            "all cables go to their homes together, then each one moves by "
+            f"{1000 * CHECK_TRAVEL:g} mm"
+        )
         with self._moving(ids, self._servos.limits.current):
             winches = Winches.of(self._arm, calibration.home(self._arm))
-            winches = winches.in_same_turn(self._positions(ids))
+            positions = self._positions(ids)
+            winches = winches.in_same_turn(positions)
+            check_plausible(winches.displacements(positions), self._arm)
             self._wind(dict.fromkeys(ids, 0.0), winches)
             return [self._check_cable(id, winches) for id in ids]
+
+    def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
+        missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
+        if missing:
+            raise BusError(
+                f"no answer from servos {sorted(missing)}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
 
     def _home_module(
         self, module: int, ids: list[int], repeat: int
@@ -182,9 +202,9 @@ class BringUp:
         return homes
 
     def _stretch(self, module: int) -> Actions:
-        """Cable that winds in between rest and taut [m], shape (modules, cables).
+        """Length that is wound in from rest to taut [m], shape (modules, cables).
 
-        The backlash is taken up, and the cables are stretched by the home current.
+        It takes up the backlash and stretches the cables by the home current.
         """
         tension = self._servos.home_current * self._torque_constant
         tension = tension / self._arm.motor.pulley_radius
@@ -273,13 +293,17 @@ class BringUp:
 
     @contextmanager
     def _moving(self, ids: list[int], current: float) -> Iterator[None]:
-        """Servos that hold their place, with a limited current; at the end, too."""
+        """Let servos hold their place with a limited current, also after the motion.
+
+        An error switches their torque off.
+        """
         speed = HOME_SPEED / self._arm.motor.pulley_radius
         self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
         states = self._states(ids)
         self._bus.send_goals({id: states[id].position for id in ids})
-        self._bus.set_torque(ids, on=True)
         try:
+            # a failure may leave some of them on
+            self._bus.set_torque(ids, on=True)
             yield
         except BaseException:
             self._bus.set_torque(ids, on=False)
@@ -336,7 +360,7 @@ class BringUp:
         return np.round(np.mean(readings, axis=0)).astype(int)
 
     def _winches_at(self, ids: list[int]) -> Winches:
-        """Winches whose zero is where the cables are now."""
+        """Winches whose zero is the present position of the cables."""
         return Winches.of(self._arm, self._positions(ids))
 
     def _displacement(self, winches: Winches, id: int) -> float:

@@ -69,7 +69,7 @@ class ServoInfo:
 
 @dataclass(frozen=True)
 class ServoState:
-    """What a servo measures.
+    """Measurements and status of a servo.
 
     Attributes:
         position: [ticks].
@@ -78,7 +78,7 @@ class ServoState:
         voltage: of the supply [V].
         temperature: [deg C].
         errors: reasons for which the torque is off.
-        watchdog_tripped: whether the servo stopped because commands stayed out.
+        watchdog_tripped: whether the servo stopped because no command arrived.
     """
 
     position: int
@@ -97,7 +97,7 @@ class ServoBus(ABC):
         ticks_per_turn: of the position.
         torque_constant: torque per current [N m/A].
         baud_rates: speeds that the servos can have [bit/s].
-        has_watchdog: whether servos stop by themselves when commands stay out.
+        has_watchdog: whether servos stop by themselves without commands.
         restarted: ids of servos that lost their settings since `prepare`. They forgot
             their turns: they have no state and must not move before they are prepared
             again.
@@ -114,7 +114,7 @@ class ServoBus(ABC):
         """Return the servos that answer at the current baud rate.
 
         Args:
-            ids: that are asked; all of them if empty.
+            ids: servos to ask; all possible ones if empty.
         """
 
     @abstractmethod
@@ -123,32 +123,56 @@ class ServoBus(ABC):
 
     @abstractmethod
     def assign(self, id: int, new_id: int, baud_rate: int) -> None:
-        """Store another id and baud rate in a servo; torque must be off."""
+        """Store another id and baud rate in a servo; torque must be off.
+
+        Args:
+            id: of the servo now.
+            new_id: of the servo afterwards.
+            baud_rate: of the servo afterwards [bit/s].
+
+        Raises:
+            BusError: the id or the baud rate is taken or impossible, or the servo does
+                not answer.
+        """
 
     @abstractmethod
     def prepare(
         self, ids: Iterable[int], mode: Mode, current: float, speed: float
     ) -> None:
-        """Set mode and limits of servos and switch fast answers on; torque is then off.
+        """Set mode and limits of servos, and switch their torque off.
 
         Args:
             ids: of the servos.
             mode: operating mode.
             current: largest current [A].
             speed: largest speed [rad/s].
+
+        Raises:
+            BusError: a servo does not answer, or refuses a value.
         """
 
     @abstractmethod
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque of servos on or off.
 
+        A servo confirms its last goal before it is switched on.
+
         Raises:
-            BusError: servos do not answer; all others are switched.
+            BusError: servos do not answer. All others are switched off; when
+                switching on, none or only some of them are on.
         """
 
     @abstractmethod
     def set_current(self, ids: Iterable[int], current: float) -> None:
-        """Set the largest current [A] of servos that hold a position."""
+        """Set the largest current of servos that hold a position.
+
+        Args:
+            ids: of the servos.
+            current: largest current [A].
+
+        Raises:
+            BusError: servos do not answer; all others are set.
+        """
 
     @abstractmethod
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
@@ -164,7 +188,14 @@ class ServoBus(ABC):
 
     @abstractmethod
     def send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goal positions [ticks] by id, in one packet, without an answer."""
+        """Send goal positions in one packet, without an answer.
+
+        Args:
+            goals: position by id [ticks].
+
+        Raises:
+            PortLostError: the port is gone.
+        """
 
     @abstractmethod
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:

@@ -68,7 +68,7 @@ class Calibration(BaseModel):
         cls, servos: tuple[CalibratedServo, ...]
     ) -> tuple[CalibratedServo, ...]:
         if len({servo.id for servo in servos}) < len(servos):
-            raise ValueError("a servo stands in it twice; home the arm again")
+            raise ValueError("a servo occurs twice; home the arm again")
         return servos
 
     def home(self, arm: ArmSpec) -> Ticks:
@@ -94,7 +94,11 @@ def default_path(arm: ArmSpec) -> Path:
 
 
 def save_calibration(calibration: Calibration, path: str | os.PathLike) -> None:
-    """Write a calibration file at once."""
+    """Write a calibration file; an interruption leaves the former file.
+
+    Raises:
+        CalibrationError: the file cannot be written.
+    """
     text = json.dumps(calibration.model_dump(mode="json"), indent=1)
     write_atomically(text + "\n", path, CalibrationError)
 

@@ -22,7 +22,7 @@ class EndTracking:
     """
 
     def __init__(self, arm: ArmSpec, source: str):
-        """Tracking that has not started.
+        """Prepare the tracking; nothing is received yet.
 
         Args:
             arm: its modules are the bodies "end-1" to "end-M", beside "base".
@@ -45,7 +45,12 @@ class EndTracking:
         self._tracker.start()
 
     def read(self) -> dict[str, np.ndarray]:
-        """Return the states of the newest frame; NaN if it is too old, or none came."""
+        """Return the states of the newest frame, in the base frame of the arm.
+
+        Returns:
+            Sensor `states`, shape (modules, 6): position [m] and axis [1] of each
+            module end; NaN if no frame has come, or the newest one is too old.
+        """
         frame = self._tracker.latest()
         if frame is None:
             return {"states": self._missing}

@@ -8,9 +8,9 @@ from s2c2a.arm import Servos
 from s2c2a.hardware.bus import ServoState
 from s2c2a.spaces import Actions
 
-SLACK = 0.5  # N; of a cable that carries nothing, with the noise of the current
+SLACK = 0.5  # N; a cable without load shows less, with the noise of the current
 WOUND_IN = 0.006  # m; a module with such a cable is bent by tension
-SNAP_TIME = 2.0  # s; a swinging arm has slack cables for up to 1.1 s
+SNAP_TIME = 2.0  # s; a vibrating arm has slack cables for up to 1.1 s
 GEAR_FRICTION = 0.4  # N of cable tension; of the XL330, if the arm file has none
 MOVING = 0.0001  # m between two readings
 FOLLOWING_ERROR = 0.004  # m
@@ -68,7 +68,7 @@ class CableMonitor:
 
     A module is bent by the cables that are wound in. If they carry nothing because the
     module leans on their side, under its weight or a payload, then the others hold it.
-    If none carries anything, then the one that is wound in does not reach the module.
+    If no cable carries a load, then the one that is wound in does not reach the module.
     """
 
     def __init__(self, servos: Servos, control_rate: float, friction: float = 0.0):
@@ -97,18 +97,18 @@ class CableMonitor:
         """Describe a fault of a cable; empty if there is none.
 
         Args:
-            goal: displacements that were sent last [m], shape (modules, cables).
-            displacements: measured [m]; NaN where missing.
-            tensions: measured [N]; NaN where missing.
+            goal: displacements sent last [m], shape (modules, cables).
+            displacements: measured [m], same shape; NaN where missing.
+            tensions: measured [N], same shape; NaN where missing.
         """
         return self._snapped(displacements, tensions) or self._stall(
             goal, displacements
         )
 
     def _snapped(self, displacements: Actions, tensions: np.ndarray) -> str:
-        """A module that has a cable wound in, and no tension in any."""
+        """Describe a module that has a cable wound in, and no tension in any."""
         carried = tensions + self._friction * self._direction(displacements)
-        # comparisons with NaN are false: what was not measured is no fault
+        # comparisons with NaN are false: a missing measurement is no fault
         is_wound = displacements.min(axis=-1) < -WOUND_IN
         is_slack = (carried < SLACK).all(axis=-1)
         self._slack = np.where(is_wound & is_slack, self._slack + 1, 0)
@@ -129,7 +129,7 @@ class CableMonitor:
         return np.sign(moved) * (np.abs(moved) > MOVING)
 
     def _stall(self, goal: Actions, displacements: Actions) -> str:
-        """A servo that does not arrive."""
+        """Describe a servo that does not reach its goal; empty if there is none."""
         away = np.abs(goal - displacements) > FOLLOWING_ERROR
         self._stalled = np.where(away, self._stalled + 1, 0)
         module, cable = np.unravel_index(np.argmax(self._stalled), away.shape)

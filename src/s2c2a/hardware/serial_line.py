@@ -10,20 +10,20 @@ from s2c2a.errors import S2C2AError
 from s2c2a.hardware.bus import BusError, PortLostError
 
 PORT_FAILURES: tuple[type[Exception], ...] = (OSError, TypeError, AttributeError)
-"""What pyserial raises where a port is gone; the last two where it was closed."""
+"""Exceptions of pyserial for a lost port; the last two for a closed one."""
 with suppress(ImportError):  # Windows has no termios
     import termios
 
     PORT_FAILURES = (*PORT_FAILURES, termios.error)
 REFUSALS: tuple[type[Exception], ...] = (*PORT_FAILURES, ValueError)
-"""What pyserial raises where a port cannot be opened, or not at a speed."""
+"""Exceptions of pyserial for a port that refuses to open, or a baud rate."""
 
 BITS_PER_BYTE = 10  # with start and stop bit
 POLL_PERIOD = 0.002  # s; a read returns at once when a byte arrives
 LONGEST_DRAIN = 0.1  # s
 WRITE_TIMEOUT = 0.2  # s; enough for the longest packet at the lowest speed
 LATENCY_TIMER = "/sys/bus/usb-serial/devices/{name}/latency_timer"
-"""Of an FTDI adapter on Linux [ms]: how long it collects bytes before it sends them."""
+"""File on Linux: time for which an FTDI adapter collects bytes [ms]."""
 
 
 class SerialLine:
@@ -85,7 +85,7 @@ class SerialLine:
         return count * BITS_PER_BYTE / self.baud_rate
 
     def write(self, data: bytes) -> None:
-        """Drop what has arrived so far, then send bytes.
+        """Drop the bytes received so far, then send bytes.
 
         Bytes that the adapter does not take in time are lost, as on a noisy line: no
         servo answers them.
@@ -105,8 +105,8 @@ class SerialLine:
             deadline: on the clock of `time.monotonic` [s].
 
         Returns:
-            The bytes; none if none have arrived at the deadline. What arrived before
-            a call that comes late is returned.
+            The bytes; empty if none have arrived at the deadline. A call after the
+            deadline returns the bytes that arrived before it.
 
         Raises:
             PortLostError: the port is gone.
@@ -122,9 +122,12 @@ class SerialLine:
                     return data
 
     def drain(self, quiet_time: float) -> None:
-        """Drop what arrives until the line was quiet for a time [s].
+        """Drop bytes until none has arrived for a time.
 
-        A line that is never quiet is left after `LONGEST_DRAIN`.
+        A line that is never quiet is drained for `LONGEST_DRAIN`.
+
+        Args:
+            quiet_time: time without a byte [s].
 
         Raises:
             PortLostError: the port is gone.

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.hardware.bus import (
     NO_WATCHDOG,
@@ -19,6 +20,7 @@ from s2c2a.hardware.bus import (
     ServoState,
 )
 from s2c2a.hardware.buses import open_bus
+from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.end_tracking import EndTracking
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
@@ -31,22 +33,21 @@ PATIENCE = 1.0  # s for an answer while the arm is at rest
 REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
 REST_PERIOD = 0.02  # s between goals on that way
 SETTLING_TIME = 1.0  # s
-MARGIN = 0.25  # of the range: what is plausible beyond the limits
 MANY_TURNS = (
     "the cables wind more than a turn of their pulleys, and servos forget whole turns "
     "without power: home the arm again after every loss of power"
 )
 NOISE_TICKS = 20
-RATE_FACTOR = 6.0  # cables may move faster than commands by this
+RATE_FACTOR = 6.0  # largest plausible speed of a cable over that of commands
 
 
 class ServoRobot(Robot):
     """An arm with one servo and one pulley for each cable.
 
-    Use a subclass that names a protocol. Limits stand in the table `[servos.limits]`
-    of the arm file: `send` limits displacement and speed, the servos limit their
-    current, and a reading whose temperature, voltage or tension is out of limits
-    carries a fault, so that the control loop holds the arm and leads it to rest.
+    Use a subclass that names a protocol. The table `[servos.limits]` of the arm file
+    defines the limits: `send` limits displacement and speed, the servos limit their
+    current, and a reading has a fault if a temperature or voltage is out of limits or a
+    cable has snapped, so that the control loop holds the arm and moves it to rest.
 
     Args:
         arm: description of the arm.
@@ -82,7 +83,7 @@ class ServoRobot(Robot):
         self._ids = np.array(self._servos.ids)
         self._bus: ServoBus | None = None
         self._is_halted = False
-        self._low, self._high = _displacement_limits(arm, self._geometry)
+        self._low, self._high = displacement_limits(arm)
         self._goal = self._geometry.action_neutral
         self._monitor = CableMonitor(
             self._servos, arm.control_rate, arm.motor.current_friction
@@ -104,18 +105,25 @@ class ServoRobot(Robot):
     def open(self) -> Reading:
         """Connect, check every servo, and wind slowly to rest; see `Robot`.
 
-        Servos are prepared again after a fault or a halt; their torque is off meanwhile.
+        Servos are prepared again after a fault or a halt, with their torque off.
 
         Raises:
             BusError: the port or a servo is missing.
-            RobotError: a servo is not the calibrated one, or not fit to move.
+            RobotError: a servo is not the calibrated one or has a fault, or a cable is
+                out of its range.
+            EmergencyStopError: the emergency stop was triggered; the arm is halted.
         """
+        EMERGENCY_STOP.check()
         if not self._is_ready():
             self._disconnect()
             self._connect()
         if self._tracking:
             self._tracking.start()
-        self._go_to_rest()
+        try:
+            self._go_to_rest()
+        except EmergencyStopError:
+            self.halt()
+            raise
         self._monitor.reset()
         if self.bus.has_watchdog:
             self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
@@ -123,7 +131,10 @@ class ServoRobot(Robot):
         return self.read()
 
     def read(self) -> Reading:
-        """Return displacements and tensions; what was not measured is NaN."""
+        """Return displacements [m] and tensions [N], shape (modules, cables).
+
+        Missing measurements are NaN. A lost port is a fault of the reading.
+        """
         moment = time.perf_counter() - self._opened_at
         try:
             states = self._read_states()
@@ -158,18 +169,24 @@ class ServoRobot(Robot):
         if self._bus is None:
             return
         self._is_halted = True
-        states = self._read_states()
-        self.bus.send_goals({id: state.position for id, state in states.items()})
-        if self._servos.on_emergency == "release":
-            with suppress(BusError):
-                self.bus.set_torque(self._flat_ids, on=False)
+        try:
+            states = self._read_states()
+            self.bus.send_goals({id: state.position for id, state in states.items()})
+        finally:
+            if self._servos.on_emergency == "release":
+                with suppress(BusError):
+                    self.bus.set_torque(self._flat_ids, on=False)
 
     def close(self) -> None:
-        """Hold or release the cables as configured, and close the port."""
+        """Hold or release the cables as configured, and close the port.
+
+        After a halt, `on_emergency` decides instead of `on_exit`.
+        """
         if self._tracking:
             self._tracking.close()
-        after = self._servos.on_emergency if self._is_halted else self._servos.on_exit
-        self._disconnect(after == "release")
+        servos = self._servos
+        choice = servos.on_emergency if self._is_halted else servos.on_exit
+        self._disconnect(choice == "release")
 
     @property
     def bus(self) -> ServoBus:
@@ -206,12 +223,12 @@ class ServoRobot(Robot):
             return False
 
     def _disconnect(self, release: bool = False) -> None:
-        """Close the port; what does not answer any more stops by its watchdog."""
+        """Close the port; servos that no longer answer stop by their watchdogs."""
         bus, self._bus = self._bus, None
         if bus is None:
             return
         with bus:
-            # first, since absent servos delay what follows
+            # first, since absent servos delay the rest
             if release:
                 with suppress(BusError):
                     bus.set_torque(self._flat_ids, on=False)
@@ -271,24 +288,10 @@ class ServoRobot(Robot):
             warnings.warn(MANY_TURNS, stacklevel=1)
         self._winches = self._winches.in_same_turn(positions)
         displacements = self._winches.displacements(positions)
-        self._check_plausible(displacements)
+        check_plausible(displacements, self.arm)
         self._goal = displacements
         self._send_positions(positions)
         self.bus.set_torque(self._flat_ids, on=True)
-
-    def _check_plausible(self, displacements: Actions) -> None:
-        room = MARGIN * (self._high - self._low)
-        low = self._low - room
-        high = self._high + room
-        outside = (displacements < low) | (displacements > high)
-        if outside.any():
-            ids = self._ids[outside].tolist()
-            places = 1000 * displacements[outside]
-            raise RobotError(
-                f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "
-                "out of their range; the calibration no longer fits. Home the arm "
-                "again (`s2c2a motors home`)"
-            )
 
     def _go_to_rest(self) -> None:
         """Wind all cables to rest together, slowly, and let the arm settle."""
@@ -303,11 +306,13 @@ class ServoRobot(Robot):
             self._wind_to(rest)
 
     def _wind_to(self, displacements: Actions) -> None:
-        """One slow step towards rest.
+        """One slow step toward rest.
 
         Raises:
             RobotError: a servo is at fault.
+            EmergencyStopError: the arm must not move.
         """
+        EMERGENCY_STOP.check()
         positions = self._winches.positions(displacements)
         self._send_positions(positions)
         self._goal = self._winches.displacements(positions)
@@ -386,7 +391,7 @@ class ServoRobot(Robot):
         return self._goal + np.clip(wanted - self._goal, -reach, reach)
 
     def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
-        """Let servos that stopped by their watchdog return to the last goal and obey."""
+        """Let servos that stopped by their watchdog go to the last goal and obey."""
         stopped = [id for id, state in states.items() if state.watchdog_tripped]
         if not stopped:
             return
@@ -420,16 +425,3 @@ class FeetechRobot(ServoRobot):
     """An arm with Feetech servos."""
 
     protocol = "feetech"
-
-
-def _displacement_limits(
-    arm: ArmSpec, geometry: ArmGeometry
-) -> tuple[Actions, Actions]:
-    """Smallest and largest displacements [m], shape (modules, cables)."""
-    limit = servos_of(arm).limits.displacement
-    if limit is None:
-        return geometry.action_low, geometry.action_high
-    return (
-        np.maximum(geometry.action_low, -limit),
-        np.minimum(geometry.action_high, limit),
-    )

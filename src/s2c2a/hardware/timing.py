@@ -9,7 +9,7 @@ from s2c2a.arm import Servos
 from s2c2a.hardware.bus import Mode, ServoBus
 from s2c2a.progress import Progress, quiet
 
-LATE = 0.1  # of a period; a cycle that ends later than its period is late by more
+LATE = 0.1  # part of a period; a cycle with a longer delay counts as late
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,18 @@ def measure_timing(
 ) -> BusTiming:
     """Send goals and read states at a rate, with the torque off: nothing moves.
 
+    Feetech servos get no goals, which would switch their torque on; their times are
+    those of reading.
+
     Args:
         bus: of the servos.
         servos: of the arm.
         rate: cycles a second [Hz].
-        cycles: their number.
+        cycles: number of cycles.
         progress: called with a label, the number done and the total.
+
+    Raises:
+        BusError: a servo does not answer while it is prepared, or the port is gone.
     """
     ids = [id for row in servos.ids for id in row]
     bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, servos.home_current, 1.0)

@@ -35,7 +35,7 @@ class Winches:
 
     @classmethod
     def of(cls, arm: ArmSpec, home: Ticks) -> "Winches":
-        """Return the winches of an arm, with the homes of a calibration."""
+        """Return the winches of an arm with homes [ticks], shape (modules, cables)."""
         servos = servos_of(arm)
         directions = np.ones(home.shape, int)
         if servos.directions is not None:
@@ -79,10 +79,13 @@ class Winches:
         return -self.directions * currents * torque_constant / self.radius
 
     def in_same_turn(self, positions: Ticks) -> "Winches":
-        """Winches whose home is moved by whole turns, as near to positions as it can be.
+        """Return winches with homes moved by whole turns, closest to positions.
 
         Servos forget whole turns without power. If the range of a cable is smaller
         than a turn, its position tells the turn.
+
+        Args:
+            positions: present servo positions [ticks], shape (modules, cables).
         """
         turns = np.round((positions - self.home) / self.ticks_per_turn).astype(int)
         home = self.home + turns * self.ticks_per_turn

@@ -181,14 +181,19 @@ class Job(Artifact[Run]):
     def _episodes(
         self, strategy: Driver, progress: Callable[[int, int], None], cache: Cache
     ) -> list[episodes.Episode]:
-        """Run the task as often as wanted; keep what a real arm did before an error."""
+        """Run the task and its repetitions.
+
+        If an error interrupts a real arm, the steps until then are saved in a file.
+        """
         robot = self.robot()
         task = self.weighted_task
         interrupted = self.path(cache).with_name(f"interrupted-{self.file}")
+        kept: list[episodes.Episode] = []
 
         def keep(episode: episodes.Episode) -> None:
             if not robot.own_time:
                 episodes.save_episodes([episode], interrupted)
+                kept.append(episode)
 
         try:
             if self.repetitions == 1:
@@ -197,7 +202,7 @@ class Job(Artifact[Run]):
                 robot, strategy, task, self.repetitions, progress, keep=keep
             )
         except S2C2AError as error:
-            if not interrupted.exists():
+            if not kept:  # the file may be that of an earlier run
                 raise
             text = f"{error}; the steps until then are kept: {interrupted}"
             raise S2C2AError(text) from error

@@ -3,13 +3,9 @@
 Runs, recordings, and the live page all drive arms through `Loop`.
 """
 
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.emergency import (
-    EMERGENCY_STOP,
-    EmergencyStop,
-    EmergencyStopError,
-    stop_on_signal,
-)
+from s2c2a.runtime.emergency import stop_on_signal
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.loop import Driver, Loop
 from s2c2a.runtime.readings import RepeatDetector

@@ -1,7 +1,7 @@
 """Following error: cables whose readings contradict the commands that were sent.
 
-A wrong gain, a wrong sign, or motors that do not move. A controller that plans from
-encoders does not notice them: it believes what the encoders show.
+Causes are a wrong gain, a wrong sign, or motors that do not move. A controller that
+plans from encoders does not notice them, because it takes their values for true.
 """
 
 from collections import deque
@@ -11,13 +11,13 @@ import numpy as np
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.spaces import Actions, Reading
 
-MAX_LAG = 0.5  # s, beside the time constant of the motors
-MARGIN = 0.25  # of a module's action range
-MIN_DURATION = 0.5  # s outside of the band until it is a fault
+MAX_LAG = 0.5  # s; beyond the time constant of the motors
+MARGIN = 0.25  # part of a module's action range
+MIN_DURATION = 0.5  # s; a shorter time outside of the band is no fault
 
 
 class FollowingMonitor:
-    """Compares the readings of the cables with the commands of the last moments.
+    """Compares the readings of the cables with the latest commands.
 
     A motor that follows with a lag is within the range of these commands. This band,
     widened by `MARGIN`, contracts no faster than the motors' speed limit.
@@ -44,7 +44,7 @@ class FollowingMonitor:
         self._outside = np.zeros(rest.shape, int)
 
     def sent(self, command: Actions) -> None:
-        """Take notice of a command that the robot sent.
+        """Add a command that the robot sent.
 
         Args:
             command: displacements or tensions [m or N], shape (modules, cables).
@@ -58,13 +58,14 @@ class FollowingMonitor:
         """Describe a cable that does not follow the commands; empty if there is none.
 
         Args:
-            reading: latest, once a control step. Without `cables` nothing is compared.
+            reading: of this control step. Without `cables` [m or N], shape (modules,
+                cables), nothing is compared.
         """
         cables = reading.get("cables")
         shape = self._outside.shape
         if not isinstance(cables, np.ndarray) or cables.shape != shape:
             return ""
-        # comparisons with NaN are false: what was not measured is no fault
+        # comparisons with NaN are false: a missing measurement is no fault
         below = cables < self._low - self._margin
         above = cables > self._high + self._margin
         self._outside = np.where(below | above, self._outside + 1, 0)

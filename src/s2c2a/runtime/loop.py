@@ -16,11 +16,11 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
@@ -43,7 +43,7 @@ BLOCKED_PERIODS = 2.5  # control periods; a robot that takes longer to answer bl
 
 
 class Driver(Protocol):
-    """Controller that chooses the action of every control step; strategies are some.
+    """Controller that chooses the action of every control step, such as a strategy.
 
     Attributes:
         feedback: share of the feedback that it may use, from 0 to 1. The loop sets it
@@ -78,7 +78,7 @@ class Driver(Protocol):
         """
 
     def plan(self, estimate: Any, goal: Goal) -> Any:
-        """Plan towards a goal."""
+        """Plan toward a goal."""
 
     def act(self, plan: Any, estimate: Any) -> Actions:
         """Return the command [m or N], shape (modules, cables)."""
@@ -103,7 +103,7 @@ class Loop:
         arm: arm of the robot.
         driver: controller; may be replaced (`use`) while the arm is at rest.
         phase: stage of the arm and its counters.
-        fault: why the arm is stopped, or what is wrong with the latest reading.
+        fault: reason of a stop, or fault of the latest reading; empty without one.
         late_steps: number of steps that began late.
         blocked_steps: number of calls in which the robot took too long to answer.
         feedback: share of the feedback in use, and how often the arm vibrated.
@@ -415,7 +415,7 @@ class Loop:
         return self._limiter.hold() if self.feedback.is_held else desired
 
     def _passive_step(self) -> Actions:
-        """Hold the last command, or move towards rest; the driver does not act."""
+        """Hold the last command, or move toward rest; the driver does not act."""
         self._tick_time = 0.0
         if self.phase.stage is Stage.RELEASE:
             desired = self._limiter.towards_rest()

@@ -4,8 +4,8 @@ Half-waves of every signal are evaluated as in T. Hägglund, "A control-loop per
 monitor", Control Engineering Practice 3 (1995): a signal oscillates where significant
 half-waves follow each other without a pause or decay. The monitor needs no model and no
 estimate. It watches the commands and, as angles, what encoders, bend sensors, inertial
-sensors and a camera measure, at any control rate: from the slowest mode of a soft arm to
-a command that reverses in every step.
+sensors and a camera measure, at any control rate: from the slowest mode of a soft arm
+to a command that reverses in every step.
 """
 
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Vibration:
     frequency: float
 
     def __str__(self) -> str:
-        """One sentence for people."""
+        """Describe the vibration to a user, in deg and Hz."""
         return (
             f"{self.signal} of module {self.module + 1} vibrate at "
             f"{self.frequency:.1f} Hz with {np.rad2deg(self.amplitude):.1f} deg"
@@ -59,7 +59,7 @@ class HalfWaves:
     """Half-waves of several signals around their slow trend.
 
     Attributes:
-        amplitudes: largest deviation of late, decaying [rad].
+        amplitudes: recent largest deviations, which decay [rad], shape (channels,).
     """
 
     def __init__(self, channels: int, period: float):
@@ -149,7 +149,7 @@ class OscillationMonitor:
         self._commands = HalfWaves(channels, period)
         self._sensed: dict[str, HalfWaves] = {}
         self._turned = np.zeros((count, 2))
-        self._seen = np.full((count, 3), np.nan)
+        self._last_positions = np.full((count, 3), np.nan)
         self._goal = HalfWaves(6 * count, period)
 
     def update(
@@ -163,8 +163,8 @@ class OscillationMonitor:
             goal: of this step.
         """
         self._goal.update(self._goal_angles(goal), np.inf)
-        asked = GOAL_SHARE * float(self._goal.amplitudes.max())
-        threshold = max(MIN_AMPLITUDE, asked)
+        goal_amplitude = GOAL_SHARE * float(self._goal.amplitudes.max())
+        threshold = max(MIN_AMPLITUDE, goal_amplitude)
         self._commands.update(self._command_bends(command), threshold)
         found = _vibration("commands", self._commands, MIN_DURATION)
         signals = {
@@ -198,13 +198,17 @@ class OscillationMonitor:
         return {"angular_velocities": self._turned}
 
     def _camera_angles(self, reading: Reading) -> dict[str, np.ndarray]:
-        """Last seen positions of the ends over the arm's length; 1 is a radian."""
+        """Last measured positions of the ends [arm lengths], which count as rad."""
         shape = (self._arm.module_count, 3)
         positions = _array(reading, "camera_positions", shape)
         if positions is not None:
-            is_seen = np.isfinite(positions)
-            self._seen = np.where(is_seen, positions / self._arm.length, self._seen)
-        return {} if np.isnan(self._seen).all() else {"camera_positions": self._seen}
+            is_measured = np.isfinite(positions)
+            self._last_positions = np.where(
+                is_measured, positions / self._arm.length, self._last_positions
+            )
+        if np.isnan(self._last_positions).all():
+            return {}
+        return {"camera_positions": self._last_positions}
 
     def _command_bends(self, command: Actions) -> Channels:
         """Bends that a command requests [rad], one module after another."""
@@ -228,7 +232,7 @@ class OscillationMonitor:
         return signals
 
     def _goal_angles(self, goal: Goal) -> Channels:
-        """The goal's positions over the arm's length, and its axes; 1 is a radian."""
+        """Positions [arm lengths] and axes of the goal, which count as rad."""
         positions = goal.desired_positions() / self._arm.length
         return np.concatenate([positions.reshape(-1), goal.desired_axes().reshape(-1)])
 
@@ -236,7 +240,14 @@ class OscillationMonitor:
 def _vibration(
     name: str, waves: HalfWaves, min_duration: float, channels: int = 2
 ) -> Vibration | None:
-    """The largest vibration of a group of signals, if any; `channels` a module."""
+    """Return the largest vibration of a group of signals, if any.
+
+    Args:
+        name: of the signals.
+        waves: their half-waves.
+        min_duration: of significant half-waves in a row [s].
+        channels: number of signals of each module.
+    """
     oscillates = waves.oscillates(min_duration)
     if not oscillates.any():
         return None

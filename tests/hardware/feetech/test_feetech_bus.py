@@ -220,6 +220,27 @@ def test_a_servo_that_is_switched_on_stays_where_it_is(bus, port):
     assert port[1].memory[42:44] == b"\x34\x02"
 
 
+def test_a_servo_is_switched_on_only_after_it_confirmed_its_goal(bus, port):
+    bus.set_torque([1], False)
+    port[1].set(42, 0x00, 0x08)  # an old goal
+    bus.send_goals({1: 100})
+    execute = port._execute
+    lost = []
+
+    def lose_first_goal(id, instruction, parameters):
+        is_goal = instruction in (0x03, 0x83) and parameters[0] == 42
+        if is_goal and not lost:
+            lost.append(parameters)
+        else:
+            execute(id, instruction, parameters)
+
+    port._execute = lose_first_goal
+    bus.set_torque([1], True)
+    assert len(lost) == 1
+    assert port[1].memory[40] == 1
+    assert port[1].memory[42:44] == b"\x64\x00"
+
+
 def test_a_servo_that_restarted_has_no_state_and_gets_no_goal(bus, port):
     prepared(bus, 1, 2)
     bus.set_torque([1, 2], True)

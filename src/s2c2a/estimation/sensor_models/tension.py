@@ -65,7 +65,7 @@ class TensionSensor(SensorModel):
             (measured - predicted).reshape(-1),
             jacobian.reshape(predicted.size, -1),
             jnp.broadcast_to(std, predicted.shape).reshape(-1),
-            # no `max_change`: a payload that is hung on changes tensions as much as a
+            # no `max_change`: a payload that is attached changes tensions as much as a
             # fault does, and the slack cables hide it from the filter at first
             max_residual=jnp.where(
                 jnp.min(measured) < LOWEST * self.noise, 0.0, jnp.inf

@@ -43,7 +43,7 @@ ATTEMPTS = 3
 CYCLE_MARGIN = 0.02
 """Wait beyond wire time and latency of the adapter, in a cycle [s]; many adapters keep
 bytes for up to 16 ms and do not say so."""
-EXCHANGE_MARGIN = 0.2  # s; the same, where nothing hurries
+EXCHANGE_MARGIN = 0.2  # s; the same, outside of a cycle
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
 SCAN_TIME = 0.003  # s for the answer of each possible id
@@ -118,6 +118,7 @@ class DynamixelBus(ServoBus):
         self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
         self._misses: dict[int, int] = {}
+        self._goals: dict[int, int] = {}
         self.restarted: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
@@ -159,6 +160,7 @@ class DynamixelBus(ServoBus):
         """Set mode and limits with the torque off; see `ServoBus`."""
         for id in ids:
             self.restarted.discard(id)
+            self._goals.pop(id, None)
             self.arm_watchdog([id], 0.0)
             self.write(id, "torque", 0)
             self._write_stored(id, self._stored_settings(mode))
@@ -171,6 +173,8 @@ class DynamixelBus(ServoBus):
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque, of all servos at once; see `ServoBus`."""
         ids = tuple(ids)
+        if on:
+            self._repeat_goals(ids)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
         self._write_each(ids, "torque", int(on))  # with a confirmation
 
@@ -180,7 +184,7 @@ class DynamixelBus(ServoBus):
         self._write_each(ids, "goal_current", max(units, 1))
 
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
-        """Let servos stop when commands stay out; see `ServoBus`."""
+        """Let servos stop without commands; see `ServoBus`."""
         units = 0
         if seconds > 0:
             units = min(max(round(seconds / WATCHDOG_UNIT), 1), MAX_WATCHDOG)
@@ -192,14 +196,15 @@ class DynamixelBus(ServoBus):
             id: min(max(ticks, -MAX_POSITION), MAX_POSITION)
             for id, ticks in goals.items()
         }
+        self._goals |= limited
         self._sync_write("goal_position", limited)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos; see `ServoBus`.
 
         Every servo waits for the answer of the one before, so an absent servo silences
-        those behind it. It is asked last from then on, and no joint answer is asked
-        for, which would lack all of them.
+        those behind it. From then on it is asked last, and without a joint answer,
+        which would lack all of them.
         """
         order = sorted(ids, key=lambda id: self._misses.get(id, 0))
         found: dict[int, ServoState] = {}
@@ -287,10 +292,10 @@ class DynamixelBus(ServoBus):
                 self.write(id, name, value)
 
     def _write_each(self, ids: Iterable[int], name: str, value: int) -> None:
-        """Write a register of servos; one that fails does not keep the others from it.
+        """Write a register of all servos, also after one of them failed.
 
         Raises:
-            BusError: that of the first servo that failed.
+            BusError: the error of the first servo that failed.
         """
         failures: list[BusError] = []
         for id in ids:
@@ -302,6 +307,18 @@ class DynamixelBus(ServoBus):
                 failures.append(error)
         if failures:
             raise failures[0]
+
+    def _repeat_goals(self, ids: Iterable[int]) -> None:
+        """Write the last goals again, with a confirmation.
+
+        With a lost goal, a servo that is switched on would turn to its old one.
+
+        Raises:
+            BusError: a servo does not confirm its goal.
+        """
+        for id in ids:
+            if id in self._goals:
+                self.write(id, "goal_position", self._goals[id])
 
     def _join_state(self, id: int) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""
@@ -319,7 +336,7 @@ class DynamixelBus(ServoBus):
         self._exchange(id, Instruction.WRITE, data, "writing indirect addresses")
 
     def _sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of many servos in one packet, which nobody confirms."""
+        """Write a register of many servos in one packet, without confirmation."""
         register = REGISTERS[name]
         parameters = _span(register.address, register.size)
         for id, value in values.items():
@@ -327,7 +344,7 @@ class DynamixelBus(ServoBus):
         self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
 
     def _count_misses(self, asked: list[int], found: Collection[int]) -> None:
-        """Blame the first servo that did not answer, not those behind it."""
+        """Count a miss of the first silent servo, not of those behind it."""
         for id in found:
             self._misses[id] = 0
         missing = [id for id in asked if id not in found]
@@ -408,7 +425,7 @@ class DynamixelBus(ServoBus):
             id: of the servo.
             instruction: to carry out.
             parameters: of the instruction.
-            purpose: what is done, for the error message.
+            purpose: description of the access, for the error message.
             size: number of bytes that a read returns.
 
         Raises:
@@ -450,7 +467,7 @@ class DynamixelBus(ServoBus):
                 yield packet
             if awaited and not remaining:
                 return
-            # a line that never gets quiet must not hold the caller
+            # a line that is never quiet must not block the caller
             if time.monotonic() > deadline:
                 break
         yield from reader.flush()

@@ -101,7 +101,7 @@ def unstuffed(data: bytes) -> bytes:
 
 
 class StatusReader:
-    """Finds status packets in a stream of bytes; what is damaged is dropped.
+    """Finds status packets in a stream of bytes; damaged ones are dropped.
 
     Attributes:
         damaged: number of headers without a sound packet behind them.
@@ -125,9 +125,9 @@ class StatusReader:
             yield packet
 
     def flush(self) -> Iterator[StatusPacket]:
-        """Yield what is left when no more bytes come.
+        """Yield the remaining packets at the end of the stream.
 
-        A packet that is not complete is dropped, and searched for others.
+        An incomplete packet is dropped; complete ones inside it are found.
         """
         while self._buffer:
             self._drop_header()

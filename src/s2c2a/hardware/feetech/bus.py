@@ -26,10 +26,10 @@ from s2c2a.hardware.serial_line import SerialLine
 ATTEMPTS = 3
 """Attempts to read or write a register of one servo; noise spoils single packets."""
 REPLY_TIMEOUT = 0.02
-"""Longest wait for answers beyond the time on the line [s]; many USB adapters hold bytes
-back for up to 16 ms and do not say so."""
+"""Longest wait for answers beyond the time on the line [s]; many USB adapters keep
+bytes for up to 16 ms, and no file states it."""
 PATIENT_TIMEOUT = 0.1
-"""The same for an answer that nothing else waits for [s]."""
+"""The same outside of a control cycle [s]."""
 SETTINGS = {
     tables.RETURN_DELAY: 0,
     tables.STATUS_LEVEL: 1,
@@ -162,7 +162,8 @@ class FeetechBus(ServoBus):
         stays where it is.
 
         Raises:
-            BusError: servos do not answer; all others are switched.
+            BusError: servos do not answer. All others are switched off; when switching
+                on, none or only some of them are on.
         """
         ids = tuple(ids)
         if on:
@@ -191,7 +192,7 @@ class FeetechBus(ServoBus):
             BusError: always.
         """
         raise BusError(
-            "STS servos have no watchdog: they keep their goal when commands stay out; "
+            "STS servos have no watchdog: without commands they keep their goal; "
             "limit their current, and switch the supply off in an emergency"
         )
 
@@ -284,7 +285,7 @@ class FeetechBus(ServoBus):
             buffer += data
             for answer in take_answers(buffer, set(ids), size):
                 answers[answer.id] = answer
-            # a line that never gets quiet must not hold the caller
+            # a line that is never quiet must not block the caller
             if time.monotonic() > deadline:
                 break
         return answers
@@ -302,7 +303,7 @@ class FeetechBus(ServoBus):
 
     def _check_assignment(self, id: int, new_id: int) -> None:
         if not 0 <= new_id <= tables.MAX_ID:
-            raise BusError(f"the id {new_id}; choose 0 to {tables.MAX_ID}")
+            raise BusError(f"the new id is {new_id}; choose 0 to {tables.MAX_ID}")
         if self._read(id, tables.TORQUE_ENABLE).data != b"\0":
             raise BusError(f"the torque of servo {id} is on; switch it off first")
         if new_id != id and self._identify(new_id) is not None:
@@ -336,7 +337,11 @@ class FeetechBus(ServoBus):
         self._write(id, tables.LOCK, 1)
 
     def _release_goals(self, ids: tuple[int, ...]) -> None:
-        """Send the goals that were kept back; servos without one stay in place."""
+        """Write the goals that were kept back; servos without one stay in place.
+
+        Raises:
+            BusError: a servo does not answer; it and those after it stay off.
+        """
         kept = {id: self._kept_goals[id] for id in ids if id in self._kept_goals}
         unknown = [id for id, goal in kept.items() if goal is None]
         states = self.read_states(unknown)
@@ -345,10 +350,10 @@ class FeetechBus(ServoBus):
             raise _absent(missing)
         goals = {id: state.position for id, state in states.items()}
         goals |= {id: goal for id, goal in kept.items() if goal is not None}
-        for id in kept:
+        for id, goal in goals.items():
+            # confirmed: with a lost goal, the servo would turn to its old one
+            self._write(id, tables.GOAL_POSITION, goal)
             del self._kept_goals[id]
-        if goals:
-            self.send_goals(goals)
 
     def _has_restarted(self, answer: Answer) -> bool:
         """Whether a servo lost the speed that it was prepared with."""
@@ -396,7 +401,7 @@ class FeetechBus(ServoBus):
         self._answer(id, packets.write_packet(id, register, value), 0)
 
     def _write_each(self, ids: Iterable[int], register: Register, value: int) -> None:
-        """Write a register of servos; absent ones do not keep the others from it."""
+        """Write a register of all servos, also after one of them failed."""
         missing = []
         for id in ids:
             packet = packets.write_packet(id, register, value)

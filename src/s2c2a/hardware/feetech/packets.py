@@ -47,7 +47,7 @@ def encode_packet(id: int, instruction: int, parameters: bytes) -> bytes:
     length = len(parameters) + 2
     if length > MAX_LENGTH:
         raise BusError(
-            f"an instruction of {length} bytes; the protocol allows {MAX_LENGTH}: "
+            f"the instruction has {length} bytes; the protocol allows {MAX_LENGTH}: "
             "use fewer servos on this port"
         )
     body = bytes((id, length, instruction)) + parameters
