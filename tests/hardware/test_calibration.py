@@ -71,6 +71,14 @@ def test_an_unfinished_calibration_is_refused(calibration):
         unfinished.home(ARM)
 
 
+def test_a_calibration_whose_homings_differ_drives_no_arm(calibration):
+    servos = list(calibration.servos)
+    servos[4] = servos[4].model_copy(update={"spread": 0.0012})
+    differing = calibration.model_copy(update={"servos": tuple(servos)})
+    with pytest.raises(CalibrationError, match=r"differ by 1\.2 mm"):
+        differing.home(ARM)
+
+
 def test_a_calibration_without_a_servo_is_refused(calibration):
     lacking = calibration.model_copy(update={"servos": calibration.servos[:-1]})
     with pytest.raises(CalibrationError, match=r"lacks servos \[9\]"):

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from s2c2a.hardware.bring_up import BringUp
     from s2c2a.hardware.bus import ServoBus, ServoInfo
 
-MAX_SPREAD = 0.001  # m; largest standard deviation of reliable homings
-
 app = SubcommandApp()
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
 Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
@@ -183,23 +181,9 @@ def home(
             save=lambda unfinished: files.save_calibration(unfinished, path),
         )
     print(f"calibration: {path}")
-    _report_spread(max(servo.spread or 0.0 for servo in calibration.servos))
-
-
-def _report_spread(spread: float) -> None:
-    """Print the standard deviation of homings [m].
-
-    Raises:
-        S2C2AError: it is too large for a calibration.
-    """
-    if spread:
-        print(f"repeatability: {1000 * spread:.3f} mm (standard deviation)")
-    if spread > MAX_SPREAD:
-        raise S2C2AError(
-            f"the homings differ by {1000 * spread:.1f} mm, too much for a "
-            "calibration; let the arm stand straight without payload, check the "
-            "cables, then home it again (--overwrite)"
-        )
+    if calibration.spread:
+        print(f"repeatability: {1000 * calibration.spread:.3f} mm (standard deviation)")
+    calibration.check_repeatability()
 
 
 @app.command

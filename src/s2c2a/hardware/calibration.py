@@ -16,6 +16,7 @@ from s2c2a.validation import explained
 
 FORMAT = 1
 MAX_SERVOS = 160
+MAX_SPREAD = 0.001  # m; largest standard deviation of reliable homings
 
 
 class CalibrationError(S2C2AError):
@@ -71,11 +72,30 @@ class Calibration(BaseModel):
             raise ValueError("a servo occurs twice; home the arm again")
         return servos
 
+    @property
+    def spread(self) -> float:
+        """Largest standard deviation of repeated homings [m]; zero if unknown."""
+        return max((servo.spread or 0.0 for servo in self.servos), default=0.0)
+
+    def check_repeatability(self) -> None:
+        """Check that repeated homings agree.
+
+        Raises:
+            CalibrationError: they differ by more than `MAX_SPREAD`.
+        """
+        if self.spread > MAX_SPREAD:
+            raise CalibrationError(
+                f"the homings differ by {1000 * self.spread:.1f} mm, too much for a "
+                "calibration; let the arm stand straight without payload, check the "
+                "cables, then home it again (`s2c2a motors home --overwrite`)"
+            )
+
     def home(self, arm: ArmSpec) -> Ticks:
         """Return the homes of an arm's servos [ticks], shape (modules, cables).
 
         Raises:
-            CalibrationError: servos of the arm are missing in the calibration.
+            CalibrationError: servos of the arm are missing in the calibration, or its
+                homings differ too much.
         """
         homes = {servo.id: servo.home for servo in self.servos}
         ids = np.array(servos_of(arm).ids)
@@ -85,6 +105,7 @@ class Calibration(BaseModel):
                 f"the calibration of '{self.arm}' lacks servos {missing}; "
                 "finish it with `s2c2a motors home --resume`"
             )
+        self.check_repeatability()
         return np.vectorize(homes.__getitem__, otypes=[int])(ids)
 
 
