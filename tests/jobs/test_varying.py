@@ -84,7 +84,7 @@ def test_search_spaces_are_parsed(text, expected):
         (["integral_gain=0.1:1:2:3"], "is no range"),
         (
             ["planner.solver.iterations=0:60"],
-            "planner.solver.iterations=0 cannot be tried: 0 iterations",
+            "planner.solver.iterations=0 cannot be tried: iterations = 0 was given",
         ),
         (["c2s.hidden=32,5000"], "c2s.hidden=5000 cannot be tried"),
         (["speeds.0=0.01:0.1"], "speeds.0=0.1 cannot be tried: speeds"),

@@ -158,7 +158,7 @@ def test_an_error_of_the_robot_class_is_reported(own, twin):
     [
         (
             "twin",
-            "no robot 'twin'; choose one of sim, "
+            "no robot 'twin'; choose one of sim, dynamixel, feetech, "
             "or give your own as module:Name or file.py:Name",
         ),
         ("nowhere_at_all:Arm", "cannot be loaded: ModuleNotFoundError"),

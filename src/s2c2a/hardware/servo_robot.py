@@ -397,9 +397,11 @@ class ServoRobot(Robot):
             return
         # where it fails, the next reading shows it again
         with suppress(BusError):
-            self.bus.arm_watchdog(stopped, 0.0)
+            for id in stopped:
+                # one after the other, so that no servo is without a watchdog for long
+                self.bus.arm_watchdog([id], 0.0)
+                self.bus.arm_watchdog([id], self._servos.watchdog)
             self._send_positions(self._winches.positions(self._goal))
-            self.bus.arm_watchdog(stopped, self._servos.watchdog)
 
     def _declare_cables(self) -> Sensor:
         """Displacements beyond the limits by a part of the range are plausible."""
