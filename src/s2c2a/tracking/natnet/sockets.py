@@ -16,8 +16,8 @@ def resolve(host: str) -> str:
     """
     try:
         return socket.gethostbyname(host)
-    # ValueError: a name that cannot be a host
-    except (OSError, ValueError) as error:
+    # TypeError, ValueError: a name that cannot be a host
+    except (OSError, TypeError, ValueError) as error:
         raise TrackingError(
             f"no host {host!a}: {error}; give the address of the computer with Motive"
         ) from error
