@@ -2,7 +2,7 @@
 
 import signal
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from tyro.extras import SubcommandApp
@@ -31,6 +31,7 @@ def servos(
     poses_to: str = "",
     pose_rate: float = 100.0,
     record: Path | None = None,
+    mocap_port: int = 0,
     duration: float = float("inf"),
 ) -> None:
     """Emulate the servos of an arm on a pseudo-terminal, with its physics behind.
@@ -56,6 +57,8 @@ def servos(
         poses_to: HOST:PORT to which true poses are sent, as JSON over UDP.
         pose_rate: poses a second, and rows a second of the record [Hz].
         record: CSV file with the true positions of the module ends.
+        mocap_port: data port of an emulated Motive that tracks the same arm, as
+            `emulate mocap` does; its command port is one less. 0: none.
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
@@ -73,6 +76,7 @@ def servos(
         poses_to=poses_to,
         pose_rate=pose_rate,
         record=record,
+        mocap_port=mocap_port,
         duration=duration,
     )
     emulator = Emulator(load_arm(arm), options)
@@ -80,3 +84,70 @@ def servos(
         signal.signal(number, lambda *_: emulator.stop())
     count = len(emulator.servos)
     emulator.run(lambda port: print(f"{count} servos: {port}", flush=True))
+
+
+@app.command
+def mocap(
+    arm: Arm = "twin_arm",
+    version: Literal["3.1", "4.0", "4.1", "4.2"] = "4.1",
+    up: Literal["y", "z"] = "y",
+    rate: float = 120.0,
+    faults: Faults = (),
+    noise: float = 0.0,
+    latency: float = 0.0,
+    motion: Literal["none", "babble"] = "none",
+    fidelity: FidelityName = "fast",
+    seed: int = 0,
+    payload: float = 0.0,
+    host: str = "127.0.0.1",
+    command_port: int = 1510,
+    data_port: int = 1511,
+    multicast: str = "",
+    duration: float = float("inf"),
+) -> None:
+    """Emulate OptiTrack Motive that tracks the base and the module ends of an arm.
+
+    Args:
+        arm: a preset or an arm file.
+        version: of NatNet; 4.2 is one that the tracker refuses.
+        up: vertical axis of the stream.
+        rate: frames a second [Hz].
+        faults: a fault, such as "3 hidden end-2 1.5"; can be repeated. The time [s]
+            counts from the start. Kinds: lost SHARE, late SECONDS SHARE, reordered
+            SHARE, duplicated SHARE, garbage SHARE, hidden BODY [SECONDS], swapped BODY
+            BODY, restart SECONDS, drift PPM.
+        noise: standard deviation of positions [m].
+        latency: from exposure to transmission [s].
+        motion: none, or babble for a slow random motion of the arm.
+        fidelity: of the simulation.
+        seed: random seed of motion, noise and faults.
+        payload: mass at the tip [kg].
+        host: address on which it listens.
+        command_port: UDP port for requests.
+        data_port: UDP port of the frames, for multicast.
+        multicast: group of the frames, such as 239.255.42.99; empty: unicast.
+        duration: time after which the emulator ends [s].
+    """
+    from s2c2a.emulation.mocap import MocapEmulator
+    from s2c2a.emulation.motive import MotiveOptions
+
+    options = MotiveOptions(
+        version=version,
+        up=up,
+        rate=rate,
+        noise=noise,
+        latency=latency,
+        faults=faults,
+        host=host,
+        command_port=command_port,
+        data_port=data_port,
+        multicast=multicast,
+        seed=seed,
+    )
+    emulator = MocapEmulator(
+        load_arm(arm), options, motion, fidelity, payload, duration
+    )
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: emulator.stop())
+    place = f"{host}, UDP {command_port} and {data_port}"
+    emulator.run(lambda: print(f"Motive, NatNet {version}: {place}", flush=True))

@@ -1,16 +1,20 @@
 """True states of a real arm from a pose tracker, as a sensor of the robot."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import Sensor
-from s2c2a.tracking import ModuleEnds, UdpTracker
+from s2c2a.tracking import ModuleEnds, NatNetTracker, UdpTracker
 from s2c2a.tracking.tracker import Tracker
 from s2c2a.tracking.udp import LOCALHOST
 
+SOURCES = (
+    "udp, udp:PORT, udp:HOST:PORT, natnet, natnet:HOST, natnet:HOST:LOCAL or "
+    "natnet:HOST:LOCAL:UP"
+)
 MAX_AGE = 1.5  # control periods; an older frame is no measurement of this step
 
 
@@ -26,7 +30,8 @@ class EndTracking:
 
         Args:
             arm: its modules are the bodies "end-1" to "end-M", beside "base".
-            source: "udp", "udp:PORT" or "udp:HOST:PORT".
+            source: one of `SOURCES`; HOST is the computer with Motive, LOCAL the
+                address of this computer in its network, UP "y" or "z".
 
         Raises:
             S2C2AError: there is no such source.
@@ -65,14 +70,25 @@ class EndTracking:
 
 def _tracker_of(source: str) -> Tracker:
     protocol, *address = source.split(":")
-    if protocol != "udp" or len(address) > 2:
-        raise S2C2AError(
-            f"no tracking source '{source}'; give udp, udp:PORT or udp:HOST:PORT"
-        )
+    make = _TRACKERS.get(protocol)
+    if make is None or len(address) > _MAX_PARTS[protocol] or "" in address:
+        raise S2C2AError(f"no tracking source '{source}'; give {SOURCES}")
+    return make(*address)
+
+
+def _udp(*address: str) -> Tracker:
     if not address:
         return UdpTracker()
-    port = address.pop()
-    if not port.isdigit():
-        raise S2C2AError(f"'{port}' in '{source}' is no UDP port; give a number")
-    host = address.pop() if address else LOCALHOST
+    *hosts, port = address
+    host = hosts[0] if hosts else LOCALHOST
+    if not port.isdecimal():
+        raise S2C2AError(f"'{port}' is no UDP port; give a number, or {SOURCES}")
     return UdpTracker(host, int(port))
+
+
+def _natnet(host: str = LOCALHOST, local: str = LOCALHOST, up: str = "y") -> Tracker:
+    return NatNetTracker(host, local, up=up)
+
+
+_TRACKERS: Mapping[str, Callable[..., Tracker]] = {"udp": _udp, "natnet": _natnet}
+_MAX_PARTS = {"udp": 2, "natnet": 3}

@@ -1,6 +1,7 @@
 """Pose tracking: poses of module ends from motion capture or cameras. NumPy only."""
 
 from s2c2a.tracking.datagrams import DropReason
+from s2c2a.tracking.natnet import NatNetTracker
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
 from s2c2a.tracking.states import ModuleEnds, TrackedStates
 from s2c2a.tracking.tracker import PoseFrame, Tracker

@@ -27,11 +27,12 @@ class DropReason(Enum):
     """Reasons for which a datagram is dropped."""
 
     OVERSIZED = "larger than 16,384 bytes"
-    MALFORMED = "not JSON of the documented form"
+    MALFORMED = "not of the documented form"
     IMPLAUSIBLE = "not finite, more than 100 m away, or not a unit quaternion"
     DUPLICATE = "the frame that came before"
     LATE = "older than a frame that came before"
     OTHER_SENDER = "from a second sender"
+    EARLY = "before the version and the names of the bodies are known"
     FAILED = "failed in the receiver; please report it"
 
 
