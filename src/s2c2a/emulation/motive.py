@@ -229,11 +229,9 @@ class Motive:
         while True:
             try:
                 data, client = commands.recvfrom(_LONGEST_REQUEST)
-            except BlockingIOError:
-                return
-            # Windows reports a client that has left, and requests that are too long
+            # nothing is left; or, on Windows, a client has left or sent too much
             except OSError:
-                continue
+                return
             answer = self._answer(data, client, now)
             if answer:
                 self._send(commands, answer, client)
