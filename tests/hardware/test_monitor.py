@@ -66,7 +66,8 @@ def faults_over(seconds, goal, displacements, tensions, monitor=None):
     """Faults of repeated readings of the same values."""
     monitor = monitor or CableMonitor(SERVOS, RATE)
     return [
-        monitor.find_fault(goal, displacements, tensions)
+        monitor.find_fault(goal, displacements)
+        or monitor.find_slack(displacements, tensions)
         for _ in range(round(seconds * RATE))
     ]
 
@@ -85,7 +86,7 @@ def slack(module=1):
     return tensions
 
 
-def test_a_module_without_tension_is_a_fault_after_two_seconds():
+def test_a_module_without_tension_is_reported_after_two_seconds():
     faults = faults_over(2.5, bent(), bent(), slack())
     assert not any(faults[:19])
     assert all(
@@ -103,9 +104,9 @@ def test_the_friction_of_a_moving_gear_is_no_tension(step, friction):
     for number in range(25):
         displacements = bent(wound=-0.02)
         displacements[1] += number * step
-        faults.append(monitor.find_fault(displacements, displacements, tensions))
+        faults.append(monitor.find_slack(displacements, tensions))
     assert not any(faults[:19])
-    assert all("has snapped" in fault for fault in faults[20:])
+    assert all("may have snapped" in fault for fault in faults[20:])
 
 
 def test_a_servo_that_does_not_arrive_is_a_fault_after_a_second():

@@ -64,11 +64,13 @@ def _servo_fault(state: ServoState | None, servos: Servos) -> str:
 
 
 class CableMonitor:
-    """Finds cables that snapped or left their pulley, and servos that stall.
+    """Finds servos that stall, and cables that may have snapped.
 
     A module is bent by the cables that are wound in. If they carry nothing because the
     module leans on their side, under its weight or a payload, then the others hold it.
-    If no cable carries a load, then the one that is wound in does not reach the module.
+    If no cable carries a load, then the one that is wound in may have snapped. It may
+    also be a module whose stiffness balances its load without any cable, so that this
+    is a warning and no fault.
     """
 
     def __init__(self, servos: Servos, control_rate: float, friction: float = 0.0):
@@ -91,22 +93,30 @@ class CableMonitor:
         self._slack = np.zeros(len(self._servos.ids), int)
         self._stalled = np.zeros(np.shape(self._servos.ids), int)
 
-    def find_fault(
-        self, goal: Actions, displacements: Actions, tensions: np.ndarray
-    ) -> str:
-        """Describe a fault of a cable; empty if there is none.
+    def find_fault(self, goal: Actions, displacements: Actions) -> str:
+        """Describe a servo that does not reach its goal; empty if there is none.
 
         Args:
             goal: displacements sent last [m], shape (modules, cables).
             displacements: measured [m], same shape; NaN where missing.
-            tensions: measured [N], same shape; NaN where missing.
         """
-        return self._snapped(displacements, tensions) or self._stall(
-            goal, displacements
+        away = np.abs(goal - displacements) > FOLLOWING_ERROR
+        self._stalled = np.where(away, self._stalled + 1, 0)
+        module, cable = np.unravel_index(np.argmax(self._stalled), away.shape)
+        if self._stalled[module, cable] < self._stall_readings:
+            return ""
+        return (
+            f"{self._name(int(module), int(cable))} does not follow: it is stalled, or "
+            "its current limit is reached"
         )
 
-    def _snapped(self, displacements: Actions, tensions: np.ndarray) -> str:
-        """Describe a module that has a cable wound in, and no tension in any."""
+    def find_slack(self, displacements: Actions, tensions: np.ndarray) -> str:
+        """Describe a bent module without tension in any cable; empty if there is none.
+
+        Args:
+            displacements: measured [m], shape (modules, cables); NaN where missing.
+            tensions: measured [N], same shape; NaN where missing.
+        """
         carried = tensions + self._friction * self._direction(displacements)
         # comparisons with NaN are false: a missing measurement is no fault
         is_wound = displacements.min(axis=-1) < -WOUND_IN
@@ -117,8 +127,9 @@ class CableMonitor:
             return ""
         cable = int(np.argmin(displacements[module]))
         return (
-            f"the cable of {self._name(module, cable)} is wound in and has no tension: "
-            "it has snapped, or left its pulley"
+            f"the cable of {self._name(module, cable)} is wound in, and no cable of its "
+            "module has tension: it may have snapped or left its pulley. Stop the arm "
+            "and run `s2c2a motors check`"
         )
 
     def _direction(self, displacements: Actions) -> np.ndarray:
@@ -127,18 +138,6 @@ class CableMonitor:
         moved = displacements - last
         self._last = displacements
         return np.sign(moved) * (np.abs(moved) > MOVING)
-
-    def _stall(self, goal: Actions, displacements: Actions) -> str:
-        """Describe a servo that does not reach its goal; empty if there is none."""
-        away = np.abs(goal - displacements) > FOLLOWING_ERROR
-        self._stalled = np.where(away, self._stalled + 1, 0)
-        module, cable = np.unravel_index(np.argmax(self._stalled), away.shape)
-        if self._stalled[module, cable] < self._stall_readings:
-            return ""
-        return (
-            f"{self._name(int(module), int(cable))} does not follow: it is stalled, or "
-            "its current limit is reached"
-        )
 
     def _name(self, module: int, cable: int) -> str:
         id = self._servos.ids[module][cable]

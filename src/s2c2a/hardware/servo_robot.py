@@ -47,7 +47,7 @@ class ServoRobot(Robot):
     Use a subclass that names a protocol. The table `[servos.limits]` of the arm file
     defines the limits: `send` limits displacement and speed, the servos limit their
     current, and a reading has a fault if a temperature or voltage is out of limits or a
-    cable has snapped, so that the control loop holds the arm and moves it to rest.
+    servo stalls, so that the control loop holds the arm and moves it to rest.
 
     Args:
         arm: description of the arm.
@@ -85,6 +85,7 @@ class ServoRobot(Robot):
         self._is_halted = False
         self._low, self._high = displacement_limits(arm)
         self._goal = self._geometry.action_neutral
+        self._has_warned = False
         self._monitor = CableMonitor(
             self._servos, arm.control_rate, arm.motor.current_friction
         )
@@ -125,6 +126,7 @@ class ServoRobot(Robot):
             self.halt()
             raise
         self._monitor.reset()
+        self._has_warned = False
         if self.bus.has_watchdog:
             self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
         self._opened_at = time.perf_counter()
@@ -148,7 +150,8 @@ class ServoRobot(Robot):
         if self._tracking:
             values |= self._tracking.read()
         fault = self._describe_faults(states)
-        fault = fault or self._monitor.find_fault(self._goal, displacements, tensions)
+        fault = fault or self._monitor.find_fault(self._goal, displacements)
+        self._warn_of_slack(displacements, tensions)
         self._restart_after_watchdog(states)
         return Reading(moment, values, fault)
 
@@ -389,6 +392,13 @@ class ServoRobot(Robot):
         self._budget = np.minimum(self._budget + speed * elapsed, most)
         reach = np.maximum(self._budget, 0.0)
         return self._goal + np.clip(wanted - self._goal, -reach, reach)
+
+    def _warn_of_slack(self, displacements: Actions, tensions: np.ndarray) -> None:
+        """Warn of a cable that may have snapped, once after every opening."""
+        text = self._monitor.find_slack(displacements, tensions)
+        if text and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(text, stacklevel=1)
 
     def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
         """Let servos that stopped by their watchdog go to the last goal and obey."""
