@@ -39,3 +39,13 @@ def test_an_invalid_source_lists_all(source):
 def test_an_invalid_up_axis_is_refused():
     with pytest.raises(S2C2AError, match="give y or z"):
         EndTracking(ARM, "natnet:a:b:x")
+
+
+def test_an_arm_is_not_opened_without_poses(monkeypatch):
+    monkeypatch.setattr("s2c2a.hardware.end_tracking.FIRST_POSES", 0.1)
+    tracking = EndTracking(ARM, "udp:0")
+    try:
+        with pytest.raises(S2C2AError, match="no poses of all module ends arrived"):
+            tracking.start()
+    finally:
+        tracking.close()

@@ -105,4 +105,6 @@ def _print_summary(recording, out: Path) -> None:
         arm = recording.arm
         states = recording.sensor("states").reshape(-1, arm.module_count, 6)
         text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
+    else:
+        text += "; without true states (tracking), no networks can be trained from it"
     print(text)

@@ -70,8 +70,8 @@ def run(
         recipe: how networks are trained and plans made; `best` by default. A weight file
             has its own; a recipe beside it must train alike, and decides how to plan.
         weights: a file of `s2c2a train`, or "shipped" for the networks of the package
-            (presets only); without it, networks are trained or taken from
-            the cache (S2C2A_CACHE sets its directory).
+            (presets, and copies with the same mechanics); without it, networks are
+            trained or taken from the cache (S2C2A_CACHE sets its directory).
         model: class of your own forward model that the weight file uses; files alone run
             no code.
         controller: the same of your own learned controller.

@@ -140,7 +140,7 @@ def _do_steps(
             steps.extend(loop.to_rest())
             raise S2C2AError(
                 f"step {number} of '{task.name}': {steps[-1].fault}; "
-                "the arm was moved to rest; check the sensor, then run again"
+                "the arm was moved to rest; correct that, then run again"
             )
         progress(number, len(task.goals))
     steps.extend(loop.to_rest())

@@ -1,5 +1,6 @@
 """True states of a real arm from a pose tracker, as a sensor of the robot."""
 
+import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -15,6 +16,8 @@ SOURCES = (
     "udp, udp:PORT, udp:HOST:PORT, natnet, natnet:HOST, natnet:HOST:LOCAL or "
     "natnet:HOST:LOCAL:UP"
 )
+FIRST_POSES = 5.0  # s in which the first poses must come
+POLL_PERIOD = 0.02  # s
 MAX_AGE = 1.5  # control periods; an older frame is no measurement of this step
 
 
@@ -36,6 +39,7 @@ class EndTracking:
         Raises:
             S2C2AError: there is no such source.
         """
+        self._source = source
         self._tracker = _tracker_of(source)
         self._ends = ModuleEnds.of(arm.module_count)
         self._max_age = MAX_AGE * arm.control_period
@@ -46,8 +50,21 @@ class EndTracking:
         self._missing = np.full(shape, np.nan)
 
     def start(self) -> None:
-        """Begin to receive; see `Tracker`."""
+        """Begin to receive, and wait for the first poses of all module ends.
+
+        Raises:
+            S2C2AError: they do not come; an arm need not move without them.
+        """
         self._tracker.start()
+        end = time.monotonic() + FIRST_POSES
+        while not np.isfinite(self.read()["states"]).all():
+            if time.monotonic() > end:
+                raise S2C2AError(
+                    f"no poses of all module ends arrived from tracking={self._source} "
+                    f"in {FIRST_POSES:g} s; start the source, and check its port and "
+                    "the names of its bodies (docs/tracking.md)"
+                )
+            time.sleep(POLL_PERIOD)
 
     def read(self) -> dict[str, np.ndarray]:
         """Return the states of the newest frame, in the base frame of the arm.

@@ -128,7 +128,8 @@ class CableMonitor:
         cable = int(np.argmin(displacements[module]))
         return (
             f"the cable of {self._name(module, cable)} is wound in, and no cable of its "
-            "module has tension: it may have snapped or left its pulley. Stop the arm "
+            "module has tension: its load balances the module (in slow motion), or the "
+            "cable may have snapped or left its pulley. If the error grows, stop the arm "
             "and run `s2c2a motors check`"
         )
 

@@ -115,11 +115,11 @@ class ServoRobot(Robot):
             EmergencyStopError: the emergency stop was triggered; the arm is halted.
         """
         EMERGENCY_STOP.check()
+        if self._tracking:
+            self._tracking.start()
         if not self._is_ready():
             self._disconnect()
             self._connect()
-        if self._tracking:
-            self._tracking.start()
         try:
             self._go_to_rest()
         except EmergencyStopError:
