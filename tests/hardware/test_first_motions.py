@@ -90,3 +90,18 @@ def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration
         BringUp(bus, arm, lambda _: True, print).check(calibration)
     assert bus.positions[5] == 2000
     assert not any(bus.torque.values())
+
+
+def test_an_arm_file_with_other_ticks_than_its_servos_moves_nothing(
+    monkeypatch, calibration_file
+):
+    motor = ARM.motor.model_copy(update={"ticks_per_turn": 1024})
+    arm = ARM.model_copy(update={"motor": motor})
+    bus = IdealBus()
+    monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
+    message = "is 1024; its servos have 4096"
+    with pytest.raises(BusError, match=message):
+        DynamixelRobot(arm, calibration=str(calibration_file)).open()
+    with pytest.raises(BusError, match=message):
+        BringUp(bus, arm, lambda _: True, print)
+    assert not bus.prepared

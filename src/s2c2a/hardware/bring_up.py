@@ -18,7 +18,7 @@ from s2c2a.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
 from s2c2a.hardware.cable_range import check_plausible
 from s2c2a.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.hardware.monitor import describe_faults
-from s2c2a.hardware.winch import Winches
+from s2c2a.hardware.winch import Winches, check_ticks
 from s2c2a.spaces import Actions
 
 HOME_SPEED = 0.02  # m/s
@@ -74,6 +74,7 @@ class BringUp:
             confirm: announces a motion to the operator and returns whether the operator agrees.
             report: receives a line for the user.
         """
+        check_ticks(arm, bus)
         self._bus = bus
         self._arm = arm
         self._servos = servos_of(arm)

@@ -24,7 +24,7 @@ from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_lim
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.end_tracking import EndTracking
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
-from s2c2a.hardware.winch import Winches
+from s2c2a.hardware.winch import Winches, check_ticks
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
 
@@ -242,6 +242,7 @@ class ServoRobot(Robot):
     def _connect(self) -> None:
         bus = open_bus(self._servos, self._port, self._fast_read)
         try:
+            check_ticks(self.arm, bus)
             self._check_identity(bus)
             limits = self._servos.limits
             speed = limits.speed / self.arm.motor.pulley_radius

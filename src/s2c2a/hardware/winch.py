@@ -6,9 +6,23 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.hardware.bus import BusError, ServoBus
 from s2c2a.spaces import Actions
 
 Ticks = Int[np.ndarray, "modules cables"]
+
+
+def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
+    """Check that the arm file counts the ticks of a turn as the servos do.
+
+    Raises:
+        BusError: it does not; every motion would be wrong by their ratio.
+    """
+    if arm.motor.ticks_per_turn != bus.ticks_per_turn:
+        raise BusError(
+            f"motor.ticks_per_turn of '{arm.name}' is {arm.motor.ticks_per_turn}; its "
+            f"servos have {bus.ticks_per_turn}. Correct the arm file"
+        )
 
 
 @dataclass(frozen=True)
