@@ -6,6 +6,7 @@ from functools import partial
 
 from s2c2a.emulation.answers import Answer
 from s2c2a.emulation.servo import Reason, RefusalError, Servo
+from s2c2a.emulation.stream import StreamDecoder
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
@@ -31,7 +32,6 @@ CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 
 _MAX_LENGTH = 1024  # of a packet
 _PREFIX = 7  # bytes: header, id, length
-_STALE = 0.1  # s; the rest of a packet does not come later than this
 _CODES = {
     Reason.FAILED: 0x01,
     Reason.RANGE: 0x04,
@@ -105,31 +105,12 @@ class Packet:
     intact: bool = True
 
 
-class Decoder:
-    """Finds packets in a stream of bytes."""
+class Decoder(StreamDecoder[Packet]):
+    """Finds packets in a stream of bytes.
 
-    def __init__(self):
-        self._buffer = bytearray()
-        self._fed = 0.0
-
-    def feed(self, data: bytes, now: float) -> list[Packet]:
-        """Return the packets that bytes complete.
-
-        A packet that contains another header is given up: its sender did not stuff it,
-        or broke off.
-
-        Args:
-            data: bytes as they come.
-            now: time [s].
-        """
-        if now - self._fed > _STALE:
-            self._buffer.clear()
-        self._fed = now
-        self._buffer += data
-        packets = []
-        while (packet := self._take()) is not None:
-            packets.append(packet)
-        return packets
+    A packet that contains another header is given up: its sender did not stuff it, or
+    broke off.
+    """
 
     def _take(self) -> Packet | None:
         """Remove the first complete packet from the buffer."""
@@ -190,8 +171,8 @@ def answer(packet: Packet, servos: Sequence[Servo], now: float) -> list[Answer]:
     if packet.instruction == STATUS:
         return []
     if not packet.intact:
-        heard = [servo for servo in servos if servo.id == packet.id]
-        return [status(servo, CRC_ERROR) for servo in heard if servo.answers_writes]
+        addressed = [servo for servo in servos if servo.id == packet.id]
+        return [status(servo, CRC_ERROR) for servo in addressed if servo.answers_writes]
     for servo in servos:
         servo.hear(now)
     if packet.instruction in _SHARED:
@@ -329,7 +310,7 @@ def _read_in_turn(
         try:
             yield servo, _alert(servo), servo.read(address, size)
         except RefusalError as refusal:
-            # An answer has the size that was asked for.
+            # An answer has the requested size.
             yield servo, _CODES[refusal.reason] | _alert(servo), bytes(size)
 
 

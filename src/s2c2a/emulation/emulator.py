@@ -53,7 +53,7 @@ class EmulatorOptions:
         link: symbolic link to the port; None: in a new temporary folder.
         port_file: file for the name of the port.
         status_file: JSON file with the state of the servos.
-        poses_to: HOST:PORT that gets the true poses; empty: nobody.
+        poses_to: HOST:PORT that gets the true poses; none if empty.
         pose_rate: poses and recorded positions a second [Hz].
         record: CSV file with the true positions of the module ends.
         mocap_port: data port of an emulated Motive, whose command port is one less;

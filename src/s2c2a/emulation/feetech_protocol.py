@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from s2c2a.emulation.answers import Answer
 from s2c2a.emulation.servo import Reason, RefusalError, Servo
+from s2c2a.emulation.stream import StreamDecoder
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
@@ -19,7 +20,6 @@ SYNC_WRITE = 0x83
 INSTRUCTION_ERROR = 0x10
 
 _PREFIX = 4  # bytes: header, id, length
-_STALE = 0.1  # s; the rest of a packet does not come later than this
 
 
 def checksum(data: bytes) -> int:
@@ -48,28 +48,8 @@ class Packet:
     parameters: bytes
 
 
-class Decoder:
+class Decoder(StreamDecoder[Packet]):
     """Finds packets in a stream of bytes; damaged ones are dropped."""
-
-    def __init__(self):
-        self._buffer = bytearray()
-        self._fed = 0.0
-
-    def feed(self, data: bytes, now: float) -> list[Packet]:
-        """Return the packets that bytes complete.
-
-        Args:
-            data: bytes as they come.
-            now: time [s].
-        """
-        if now - self._fed > _STALE:
-            self._buffer.clear()
-        self._fed = now
-        self._buffer += data
-        packets = []
-        while (packet := self._take()) is not None:
-            packets.append(packet)
-        return packets
 
     def _take(self) -> Packet | None:
         """Remove the first complete packet from the buffer."""

@@ -108,7 +108,7 @@ class Line:
         except BlockingIOError:
             return b""
         except OSError as error:
-            # Linux reports a port that nobody has open.
+            # Linux reports a port that no process has open.
             if error.errno == errno.EIO:
                 return b""
             raise

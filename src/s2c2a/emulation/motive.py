@@ -325,8 +325,8 @@ class Motive:
             address = (self.options.multicast, self.options.data_port)
             self._send(data, content, address)
             return
-        for client, heard in list(self._clients.items()):
-            if now - heard > _CLIENT_TIMEOUT:
+        for client, last_request in list(self._clients.items()):
+            if now - last_request > _CLIENT_TIMEOUT:
                 del self._clients[client]
             else:
                 self._send(data, content, client)

@@ -181,7 +181,7 @@ class NatNetTracker(Tracker):
         if kind is None:
             return
         address = (self._server, self._command_port)
-        # the network may come back; until then `problem` tells that nobody answers
+        # the network may come back; until then `problem` states that there is no answer
         with suppress(OSError):
             self._sockets[0].sendto(encode_request(kind), address)
 
