@@ -6,6 +6,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import position_errors, rollout
+from s2c2a.live.control import strategies_of
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
     load_strategy,
@@ -14,6 +15,7 @@ from s2c2a.strategies import (
     shipped_networks,
 )
 from s2c2a.strategies.s2c2a import WEIGHTS
+from s2c2a.strategies.shipped import SHIPPED
 from s2c2a.tasks import circle
 
 # cm; README says 0.28 and 0.05 over five seeds
@@ -41,3 +43,8 @@ def test_they_were_trained_by_the_recipe_as_it_is(name):
 def test_another_arm_is_told_to_train(make_arm):
     with pytest.raises(StrategyError, match="s2c2a train"):
         shipped_networks(make_arm(2))
+
+
+def test_the_live_page_takes_them_by_name():
+    strategies = strategies_of(load_arm("twin_arm"), (SHIPPED,), "tip")
+    assert next(iter(strategies)).endswith(SHIPPED)

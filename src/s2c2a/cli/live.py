@@ -46,8 +46,9 @@ def live(
 
     Args:
         arm: a preset or an arm file.
-        weights: files from `s2c2a train`; the first one starts. By default the networks
-            of the package for a preset, and `pcc` for an arm of your own.
+        weights: files from `s2c2a train`, or "shipped" for the networks of the package;
+            the first one starts. By default shipped networks for a preset, and `pcc`
+            for an arm of your own.
         strategy: more strategies without training, by name or your own file.py:Class.
         robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
             or your own class, such as my_arm.py:MyArm.

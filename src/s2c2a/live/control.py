@@ -43,6 +43,7 @@ from s2c2a.strategies import (
     shipped_networks,
 )
 from s2c2a.strategies.pcc import PlainPCC
+from s2c2a.strategies.shipped import SHIPPED
 from s2c2a.tasks import TASKS, Task, load_task
 
 Strategies = Mapping[str, Callable[[], Driver]]
@@ -309,14 +310,17 @@ def strategies_of(
 
     Args:
         arm: that is driven.
-        files: of weights.
+        files: of weights; "shipped" stands for those of the package.
         guard: which points are kept out of obstacles.
         names: of strategies without training (`STRATEGIES`, or file.py:Class).
 
     Raises:
         StrategyError: a file cannot be read, or a strategy needs training.
     """
-    networks = [load_strategy(file, arm) for file in files]
+    networks = [
+        shipped_networks(arm) if file == SHIPPED else load_strategy(file, arm)
+        for file in files
+    ]
     labels = [Path(file).stem for file in files]
     if not networks:
         with suppress(StrategyError):
