@@ -14,6 +14,7 @@ from s2c2a.hardware.calibration import CalibratedServo, Calibration
 class NoBus:
     torque_constant = 0.35
     has_watchdog = True
+    ticks_per_turn = 4096
 
     def scan(self, ids):
         return []
