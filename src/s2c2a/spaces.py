@@ -102,6 +102,7 @@ class Reading:
     | `cables`             | displacements, or tensions | (modules, cables)  | m or N |
     |                      | of a tension arm           |                    |        |
     | `states`             | true states, base frame    | (modules, 6)       | m, 1   |
+    | `states_age`         | age of tracked states      | ()                 | s      |
     | `configurations`     | true configurations        | (modules, 3)       | 1      |
     | `tensions`           | from motor currents        | (modules, cables)  | N      |
     | `center_line`        | true center line, base to  | (samples, points,  | m      |
@@ -113,7 +114,8 @@ class Reading:
     | `camera_age`         | age of that image          | ()                 | s      |
     | `flex`               | bends of flex sensors      | (modules, strips)  | rad    |
 
-    True states come from motion capture or simulation. The center line has
+    True states come from motion capture or simulation. Those of a tracker are as old as
+    `states_age`; episodes have them at the times of the readings. The center line has
     `CENTER_LINE_POINTS` points a module; it and the inertial sensors have all samples
     since the last reading. At rest, accelerations point up. Camera positions are NaN
     where an end is not visible, and absent without a new image.

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import RobotFactory, options_from
+from s2c2a.options import options_from
+from s2c2a.robots import RobotFactory
 from s2c2a.robots.factory import robot_class
 from s2c2a.robots.simulation import SimulatedRobot
 
@@ -219,9 +220,9 @@ def test_options_are_parsed_from_key_value_texts():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (["port"], "'port' is not a robot option"),
+        (["port"], "'port' is not an option"),
         (["a=1", "a=2"], "appears twice"),
-        (["=3"], "'=3' is not a robot option"),
+        (["=3"], "'=3' is not an option"),
     ],
 )
 def test_invalid_option_texts_are_rejected(texts, message):

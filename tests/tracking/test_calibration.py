@@ -40,9 +40,9 @@ def test_each_part_leaves_the_other_one_alone(calibration):
 
 
 def test_unknown_offsets_are_identities(calibration):
-    ends = TrackingCalibration.empty(ARM).ends(3)
+    ends = TrackingCalibration.empty(ARM).ends(ARM)
     assert np.array_equal(ends.base_offset.position, np.zeros(3))
-    known = calibration.ends(3).end_offsets["end-1"]
+    known = calibration.ends(ARM).end_offsets["end-1"]
     assert np.allclose(known.position, TURNED.position)
 
 

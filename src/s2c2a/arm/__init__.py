@@ -7,3 +7,4 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.arm.servos import ServoLimits, Servos, servos_of
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
+from s2c2a.arm.tracking import Tracking

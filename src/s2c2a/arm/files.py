@@ -11,6 +11,7 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.servos import ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
+from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.validation import explained
@@ -31,6 +32,7 @@ TABLES = (
     Raw,
     Servos,
     ServoLimits,
+    Tracking,
 )
 KEYS = tuple(name for table in TABLES for name in table.model_fields)
 

@@ -15,6 +15,7 @@ _TABLES = (
     {"": "", "motor": "[motor]", "sensors": "[sensors]"}
     | _SENSORS
     | _SERVOS
+    | {"tracking": "[tracking]"}
     | _ROWS
     | _INNER
 )

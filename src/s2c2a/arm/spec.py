@@ -10,6 +10,7 @@ from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_g
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.servos import Servos
+from s2c2a.arm.tracking import Tracking
 
 MAX_MODULES = 20
 GRAVITY = 9.81  # m/s2
@@ -207,7 +208,9 @@ class ArmSpec(Frozen):
     in degrees.
     """
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("sensors", "servos"))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(
+        ("sensors", "servos", "tracking")
+    )
 
     name: str = Field(
         pattern=NAME, description="name in tables, figures and file names"
@@ -263,6 +266,9 @@ class ArmSpec(Frozen):
     motor: Motor = Motor()
     sensors: Sensors = Sensors()
     servos: Servos | None = Field(None, description="servos of a real arm")
+    tracking: Tracking | None = Field(
+        None, description="pose tracking of a real arm's module ends"
+    )
     modules: tuple[Module, ...] = Field(
         min_length=1,
         max_length=MAX_MODULES,
@@ -279,6 +285,7 @@ class ArmSpec(Frozen):
         self._check_gravity()
         self._check_coupling()
         self._check_servos()
+        self._check_tracking()
         if self.actuation == "tension":
             self._check_tension_arm()
         elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
@@ -321,6 +328,16 @@ class ArmSpec(Frozen):
                 'write actuation = "displacement", or leave out [servos]'
             )
 
+    def _check_tracking(self):
+        if self.tracking is None or self.tracking.ends is None:
+            return
+        count = len(self.tracking.ends)
+        if count != len(self.modules):
+            raise ValueError(
+                f"tracking.ends has {count} names; give one for each of the "
+                f"{len(self.modules)} modules, empty where none is tracked"
+            )
+
     def _check_tension_arm(self):
         for number, module in enumerate(self.modules):
             if module.tension_range is None:
@@ -350,13 +367,15 @@ class ArmSpec(Frozen):
     def differences(self, other: "ArmSpec") -> list[str]:
         """Return the keys in which another arm differs.
 
-        Name, description, `sensors`, `servos` and motor currents are not compared.
+        Name, description, `sensors`, `servos`, `tracking` and motor currents are not
+        compared.
         """
         excluded: Any = {
             "name": True,
             "description": True,
             "sensors": True,
             "servos": True,
+            "tracking": True,
             "motor": {"current_noise", "current_friction"},
         }
         values = self.model_dump(exclude=excluded)

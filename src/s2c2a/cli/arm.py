@@ -16,7 +16,12 @@ from s2c2a.arm import (
 )
 from s2c2a.cli.console import Arm, File, print_table
 from s2c2a.cli.emergency import emergency_controls
-from s2c2a.cli.execution import RobotName, RobotOptions, robot_factory_for
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    robot_factory_for,
+)
 
 app = SubcommandApp()
 robot_app = SubcommandApp()
@@ -179,6 +184,7 @@ def check_contract(
     robot: RobotName = "sim",
     arm: Arm = "twin_arm",
     robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
     response: bool = False,
     weights: Path | None = None,
     out: Path | None = None,
@@ -193,6 +199,8 @@ def check_contract(
             or your own class, such as my_arm.py:MyArm.
         arm: a preset or an arm file that describes the robot.
         robot_option: arguments of the class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
         response: measure the frequency response instead: the first mode, the gain and
             the delay. The arm vibrates for about a minute, slowly at first and then
             faster; every module bends by a tenth of its limit (docs/sensors.md).
@@ -203,7 +211,7 @@ def check_contract(
     from s2c2a.robots import check_robot
 
     check_response_options(response, weights=weights, out=out)
-    factory = robot_factory_for(robot, robot_option)
+    factory = robot_factory_for(robot, robot_option, tracking=tracking)
     opened = factory.seeded(load_arm(arm), 0)
     with emergency_controls(factory):
         if response:

@@ -13,6 +13,7 @@ from s2c2a.cli.execution import (
     Address,
     RobotName,
     RobotOptions,
+    TrackingSource,
     make_executor,
     robot_factory_for,
 )
@@ -29,6 +30,7 @@ def collect(
     recipe: RecipeName = "best",
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
     fidelity: FidelityName = "fast",
     threads: int | None = None,
     cluster: Address = None,
@@ -50,6 +52,8 @@ def collect(
         robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
         fidelity: of the simulation.
         threads: parallel episodes, all cores by default; the recording is the same.
         cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
@@ -61,7 +65,7 @@ def collect(
     from s2c2a import data, strategies
 
     spec = load_arm(arm)
-    factory = robot_factory_for(robot, robot_option, fidelity)
+    factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     options = strategies.recipe_from(recipe).collect_options(seed)
     options = replace(
         options,

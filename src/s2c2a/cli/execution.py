@@ -14,12 +14,16 @@ from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import Processes, Serial, limit_jax_to_one_thread
-from s2c2a.robots.factory import RobotFactory, options_from, robot_class
+from s2c2a.options import options_from
+from s2c2a.robots.factory import NO_TRACKING, RobotFactory, robot_class
 
 if TYPE_CHECKING:
     from s2c2a import jobs
 
 RobotName = Annotated[str, tyro.conf.arg(metavar="sim|dynamixel|feetech|MODULE:CLASS")]
+TrackingSource = Annotated[
+    str, tyro.conf.arg(metavar="udp:PORT|natnet:HOST|FILE.py:Class|none")
+]
 RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
 Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
@@ -146,6 +150,7 @@ def robot_factory_for(
     fidelity: str = "fast",
     payload: float = 0.0,
     events: tuple[str, ...] = (),
+    tracking: str = "",
 ) -> RobotFactory:
     """Return the description of a robot, from the options of a command.
 
@@ -157,6 +162,11 @@ def robot_factory_for(
     """
     pairs = options_from(options)
     if RobotFactory(robot).simulated:
+        if tracking not in ("", NO_TRACKING):
+            raise S2C2AError(
+                f"--tracking {tracking} measures a real arm, and the simulated arm has "
+                "true states; leave it out"
+            )
         simulation = RobotFactory.simulation(
             fidelity, payload=payload, events="; ".join(events)
         )
@@ -167,4 +177,4 @@ def robot_factory_for(
             f"is {robot}; leave them out"
         )
     robot_class(robot)  # raises an error early if the class does not exist
-    return RobotFactory(robot, pairs)
+    return RobotFactory(robot, pairs, tracking)

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName, StrategyNames
-from s2c2a.cli.execution import RobotName, RobotOptions, require, robot_factory_for
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    require,
+    robot_factory_for,
+)
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
@@ -31,6 +37,7 @@ def live(
     strategy: StrategyNames = (),
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
     fidelity: FidelityName = "fast",
     guard: GuardName = "tip",
     seed: int = 0,
@@ -53,6 +60,8 @@ def live(
         robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
         fidelity: of the simulation.
         guard: what avoids obstacles: the tip, or the whole arm.
         seed: random seed of the simulated noise.
@@ -63,7 +72,7 @@ def live(
         model: class of a custom forward model that a strategy file names.
     """
     require("live", "viser", "websockets", "msgspec")
-    factory = robot_factory_for(robot, robot_option, fidelity)
+    factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     on_message = partial(print, flush=True)
     options = {
         "weights": weights,

@@ -21,6 +21,7 @@ from s2c2a.cli.execution import (
     ALL_CORES,
     RobotName,
     RobotOptions,
+    TrackingSource,
     Work,
     robot_factory_for,
     run_directory,
@@ -45,6 +46,7 @@ def run(
     seeds: int = 1,
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
     fidelity: FidelityName = "fast",
     payload: float = 0.0,
     event: Events = (),
@@ -81,6 +83,8 @@ def run(
         robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: parameters of that class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip of the simulated arm [kg].
         event: a disturbance during the run of the simulated arm, such as "6 payload
@@ -102,7 +106,7 @@ def run(
     from s2c2a.estimation import EstimationSettings
 
     spec = load_arm(arm)
-    factory = robot_factory_for(robot, robot_option, fidelity, payload, event)
+    factory = robot_factory_for(robot, robot_option, fidelity, payload, event, tracking)
     settings = EstimationSettings(
         known_payload, disturbance_estimation, max_compensated_force
     )

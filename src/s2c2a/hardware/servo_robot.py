@@ -22,7 +22,6 @@ from s2c2a.hardware.bus import (
 from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.hardware.calibration import default_path, load_calibration
-from s2c2a.hardware.end_tracking import EndTracking
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.hardware.winch import Winches, check_ticks
 from s2c2a.robots.robot import Robot, checked_action
@@ -55,8 +54,6 @@ class ServoRobot(Robot):
         calibration: file of `s2c2a motors home`; empty: the default name, in the
             current folder.
         fast_read: whether all servos answer in one packet.
-        tracking: source of true states for recordings and scores, such as "udp:8900"
-            (docs/tracking.md); none if empty.
     """
 
     own_time = False
@@ -68,10 +65,8 @@ class ServoRobot(Robot):
         port: str = "",
         calibration: str = "",
         fast_read: bool = False,
-        tracking: str = "",
     ):
         self.arm = arm
-        self._tracking = EndTracking(arm, tracking) if tracking else None
         self._geometry = ArmGeometry.of(arm)
         self._servos = servos_of(arm)
         self._check_protocol()
@@ -99,8 +94,6 @@ class ServoRobot(Robot):
         sensors = {"cables": self._declare_cables()}
         if self.arm.motor.current_noise is not None:
             sensors["tensions"] = Sensor(self._ids.shape, "N")
-        if self._tracking:
-            sensors |= self._tracking.sensors
         return sensors
 
     def open(self) -> Reading:
@@ -115,8 +108,6 @@ class ServoRobot(Robot):
             EmergencyStopError: the emergency stop was triggered; the arm is halted.
         """
         EMERGENCY_STOP.check()
-        if self._tracking:
-            self._tracking.start()
         if not self._is_ready():
             self._disconnect()
             self._connect()
@@ -147,8 +138,6 @@ class ServoRobot(Robot):
         values = {"cables": displacements}
         if self.arm.motor.current_noise is not None:
             values["tensions"] = tensions
-        if self._tracking:
-            values |= self._tracking.read()
         fault = self._describe_faults(states)
         fault = fault or self._monitor.find_fault(self._goal, displacements)
         self._warn_of_slack(displacements, tensions)
@@ -185,8 +174,6 @@ class ServoRobot(Robot):
 
         After a halt, `on_emergency` decides instead of `on_exit`.
         """
-        if self._tracking:
-            self._tracking.close()
         servos = self._servos
         choice = servos.on_emergency if self._is_halted else servos.on_exit
         self._disconnect(choice == "release")

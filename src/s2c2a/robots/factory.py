@@ -1,19 +1,18 @@
 """Robot classes by name: simulated, from other packages, or from a user's file."""
 
-import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import PydanticUserError, TypeAdapter, ValidationError
-
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.options import convert_option, named_parameters
 from s2c2a.plugins import resolve
 from s2c2a.robots.robot import Robot
-from s2c2a.validation import describe_fault
 
 SIMULATED = "sim"
+NO_TRACKING = "none"
+TRACKED = "s2c2a.tracking.tracked_robot:TrackedRobot"
 KNOWN = {
     SIMULATED: "s2c2a.robots.simulation:SimulatedRobot",
     "dynamixel": "s2c2a.hardware.servo_robot:DynamixelRobot",
@@ -49,15 +48,19 @@ class RobotFactory:
     Attributes:
         name: "sim", an entry point, or module:Class.
         options: options of the class, such as fidelity or port, as pairs.
+        tracking: source of the poses of a real arm's module ends (docs/tracking.md);
+            empty: that of the arm file, "none": no source.
     """
 
     name: str = SIMULATED
     options: tuple[tuple[str, Any], ...] = ()
+    tracking: str = ""
 
     def __str__(self) -> str:
         """Return a text such as "sim fidelity=fast"."""
         options = [f"{name}={value}" for name, value in self.options]
-        return " ".join([self.name, *options])
+        tracking = [f"tracking={self.tracking}"] if self.tracking else []
+        return " ".join([self.name, *options, *tracking])
 
     @classmethod
     def simulation(cls, fidelity: str = "fast", **options: Any) -> "RobotFactory":
@@ -88,13 +91,26 @@ class RobotFactory:
             S2C2AError: there is no such class, the class does not accept an option,
                 needs another one, or fails.
         """
+        robot = self._make_robot(arm, defaults)
+        source = self._tracking_source(arm)
+        return _tracked(robot, source) if source else robot
+
+    def _tracking_source(self, arm: ArmSpec) -> str:
+        """Source of the poses of the module ends; empty for none."""
+        if self.simulated or self.tracking == NO_TRACKING:
+            return ""
+        if self.tracking:
+            return self.tracking
+        return arm.tracking.source if arm.tracking is not None else ""
+
+    def _make_robot(self, arm: ArmSpec, defaults: Mapping[str, Any]) -> Robot:
         cls = robot_class(self.name)
-        parameters = _option_parameters(cls)
+        parameters = dict(list(named_parameters(cls).items())[1:])  # after the arm
         options = {
             name: value for name, value in defaults.items() if name in parameters
         }
         for name, value in self.options:
-            options[name] = _convert_option(cls, parameters, name, value)
+            options[name] = convert_option(cls, parameters, name, value)
         for name, parameter in parameters.items():
             if parameter.default is parameter.empty and name not in options:
                 raise S2C2AError(
@@ -115,51 +131,7 @@ class RobotFactory:
         return self.make(arm, seed=seed)
 
 
-def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Parse options of the form `key=value`.
-
-    Raises:
-        S2C2AError: a text has no `=`, or a key appears twice.
-    """
-    options = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not (key and equals):
-            raise S2C2AError(f"'{text}' is not a robot option; write key=value")
-        if key in options:
-            raise S2C2AError(
-                f"the robot option '{key}' appears twice in {', '.join(texts)}; "
-                "give each option once"
-            )
-        options[key] = value
-    return tuple(options.items())
-
-
-def _option_parameters(cls: type[Robot]) -> Mapping[str, inspect.Parameter]:
-    """Return the named parameters of a class after the arm."""
-    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = list(inspect.signature(cls).parameters.values())[1:]
-    return {
-        parameter.name: parameter for parameter in parameters if parameter.kind in kinds
-    }
-
-
-def _convert_option(
-    cls: type[Robot], parameters: Mapping[str, inspect.Parameter], name: str, value: Any
-) -> Any:
-    """Convert an option to the type that the class declares for it."""
-    if name not in parameters:
-        raise S2C2AError(
-            f"{cls.__name__} has no option '{name}'; "
-            f"it has {', '.join(parameters) or 'none'}"
-        )
-    try:
-        annotation = inspect.get_annotations(cls.__init__, eval_str=True)[name]
-        return TypeAdapter(annotation).validate_python(value)
-    except (KeyError, NameError, PydanticUserError):
-        return value  # no type is declared, or none that is known here
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        raise S2C2AError(
-            f"option {name}={value} of {cls.__name__}: {describe_fault(fault)}"
-        ) from error
+def _tracked(robot: Robot, source: str) -> Robot:
+    """The robot with the poses of its module ends."""
+    wrapper = resolve("robot", TRACKED, {})
+    return wrapper(robot, source)

@@ -12,6 +12,7 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
+from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
 
 
@@ -68,6 +69,7 @@ def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> 
         "tick_time": np.array([step.tick_time for step in steps]),
     }
     columns |= _table([step.reading.sensors for step in steps], SENSOR)
+    _align_states(columns)
     columns |= _table([step.diagnostics for step in steps])
     columns |= _goal_columns([_active_goal(step, arm) for step in steps])
     faults = sorted({step.fault for step in steps if step.fault})
@@ -77,6 +79,14 @@ def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> 
     if vibrations:
         options["vibrations"] = vibrations
     return Episode(arm, columns, options)
+
+
+def _align_states(columns: dict[str, np.ndarray]) -> None:
+    """Move states of a tracker, if there are any, to the times of the readings."""
+    states = columns.get(SENSOR + "states")
+    ages = columns.get(SENSOR + "states_age")
+    if states is not None and ages is not None:
+        columns[SENSOR + "states"] = align_states(columns["time"], states, ages)
 
 
 def _vibrations(steps: Sequence[StepRecord]) -> list[str]:

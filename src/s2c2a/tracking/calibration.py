@@ -141,11 +141,11 @@ class TrackingCalibration(_Stored):
         fields = {name: getattr(self, name) for name in type(self).model_fields}
         return type(self).model_validate(fields | {"date": datetime.now(UTC)} | values)
 
-    def ends(self, modules: int) -> ModuleEnds:
+    def ends(self, arm: ArmSpec) -> ModuleEnds:
         """Return the assignment of bodies with these offsets; identities if unknown.
 
         Args:
-            modules: number of modules of the arm.
+            arm: names the bodies.
 
         Raises:
             TrackingError: an offset is of a body that is no module end.
@@ -156,7 +156,7 @@ class TrackingCalibration(_Stored):
         if self.end_offsets is not None:
             stored = self.end_offsets.items()
             offsets["end_offsets"] = {name: pose.pose for name, pose in stored}
-        return ModuleEnds.of(modules, **offsets)
+        return ModuleEnds.of_arm(arm, **offsets)
 
 
 def default_path(arm: ArmSpec) -> Path:
@@ -207,7 +207,7 @@ def load_tracking_calibration(
             f"{path} is the tracking calibration of '{calibration.arm}', not of "
             f"'{arm.name}'; name another file, or calibrate the tracker of this arm"
         )
-    calibration.ends(arm.module_count)
+    calibration.ends(arm)
     return calibration
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.arm import ArmSpec, Tracking
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tracking.poses import Pose, TrackingError
 from s2c2a.tracking.tracker import PoseFrame
@@ -37,7 +38,8 @@ class ModuleEnds:
     `inverse(T_world_base @ T_base_arm) @ T_world_end @ T_end_module`.
 
     Attributes:
-        ends: body at the end of each module, from the base.
+        ends: body at the end of each module, from the base; empty where none is
+            tracked.
         base: body at the base of the arm; None if the source's world frame stands for
             it.
         base_offset: `T_base_arm`, pose of the arm's base frame in the frame of the
@@ -55,14 +57,14 @@ class ModuleEnds:
     end_offsets: Mapping[str, Pose] = field(default_factory=dict)
 
     def __post_init__(self):
-        names = [*self.ends, self.base]
-        repeated = sorted({str(name) for name in names if names.count(name) > 1})
-        if not self.ends or repeated:
+        names = self.bodies
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if not any(self.ends) or repeated:
             raise TrackingError(
                 f"bodies of the ends are {list(self.ends)}, of the base {self.base}; "
                 "name at least one end, and every body once"
             )
-        unknown = sorted(self.end_offsets.keys() - set(self.ends))
+        unknown = sorted(self.end_offsets.keys() - set(filter(None, self.ends)))
         if unknown:
             raise TrackingError(
                 f"offsets of {unknown}, which are no module ends; the ends are "
@@ -80,8 +82,27 @@ class ModuleEnds:
         Raises:
             TrackingError: there is no module.
         """
-        names = (f"end-{module}" for module in range(1, modules + 1))
-        return cls(tuple(names), **offsets)
+        return cls(Tracking().end_names(modules), **offsets)
+
+    @classmethod
+    def of_arm(cls, arm: ArmSpec, **offsets) -> "ModuleEnds":
+        """Assign the bodies that the table `[tracking]` of an arm file names.
+
+        Args:
+            arm: without the table, bodies are named as in `of`.
+            **offsets: other attributes, such as `base_offset`.
+
+        Raises:
+            TrackingError: see `ModuleEnds`.
+        """
+        tracking = arm.tracking or Tracking()
+        names = tracking.end_names(arm.module_count)
+        return cls(names, tracking.base or None, **offsets)
+
+    @property
+    def bodies(self) -> list[str]:
+        """All tracked bodies, the base first."""
+        return [name for name in (self.base, *self.ends) if name]
 
     def states(self, frame: PoseFrame, now: float | None = None) -> TrackedStates:
         """Compute the states of all modules.

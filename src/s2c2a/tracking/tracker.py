@@ -48,6 +48,11 @@ class Tracker(ABC):
     def latest(self) -> PoseFrame | None:
         """Return the newest frame without waiting; None before the first."""
 
+    @property
+    def problem(self) -> str:
+        """Why no frames arrive, for users; empty if nothing is known."""
+        return ""
+
     @abstractmethod
     def close(self) -> None:
         """Stop receiving; allowed more than once, and before `start`."""

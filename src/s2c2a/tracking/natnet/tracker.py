@@ -107,7 +107,7 @@ class NatNetTracker(Tracker):
 
     @property
     def problem(self) -> str:
-        """Why no frames arrive; empty while they do."""
+        """See `Tracker`."""
         return self._connection.problem
 
     @property

@@ -1,0 +1,61 @@
+"""Pose tracking of a real arm: where the poses of its module ends come from."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from s2c2a.arm.fields import Frozen
+
+MAX_NAME = 64
+Body = Annotated[str, Field(max_length=MAX_NAME)]
+
+
+class Tracking(Frozen):
+    """Source and bodies of a pose tracker."""
+
+    source: str = Field(
+        default="udp",
+        min_length=1,
+        max_length=400,
+        description="source, such as udp:9763 or natnet:192.168.1.10",
+    )
+    base: Body = Field(
+        default="base",
+        description="body at the base; empty: the tracker's world frame replaces it",
+    )
+    ends: tuple[Body, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=20,
+        description=(
+            "body at the end of every module, empty where none is tracked; default: "
+            "end-1, end-2, ..."
+        ),
+        json_schema_extra={"allowed": "names"},
+    )
+    calibration: str = Field(
+        default="",
+        max_length=400,
+        description=(
+            "file of `s2c2a tracking latency` and `frames`; default: "
+            "NAME.tracking.json in the current folder, if it exists"
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _validate(self):
+        if self.ends is None:
+            return self
+        tracked = [name for name in (self.base, *self.ends) if name]
+        if not any(self.ends) or len(set(tracked)) < len(tracked):
+            raise ValueError(
+                f"tracking.base is {self.base!r}, tracking.ends are {list(self.ends)}; "
+                "name at least one end, and every body once"
+            )
+        return self
+
+    def end_names(self, modules: int) -> tuple[str, ...]:
+        """Return the body at the end of every module; empty where none is tracked."""
+        if self.ends is not None:
+            return self.ends
+        return tuple(f"end-{module}" for module in range(1, modules + 1))

@@ -1,0 +1,75 @@
+"""Options of classes, as users type them: `key=value`, converted to declared types."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter
+from typing import Any
+
+from pydantic import PydanticUserError, TypeAdapter, ValidationError
+
+from s2c2a.errors import S2C2AError
+from s2c2a.validation import describe_fault
+
+_NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+
+
+def options_from(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Parse options of the form `key=value`.
+
+    Raises:
+        S2C2AError: a text has no `=`, or a key appears twice.
+    """
+    options = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not (key and equals):
+            raise S2C2AError(f"'{text}' is not an option; write key=value")
+        if key in options:
+            raise S2C2AError(
+                f"the option '{key}' appears twice in {', '.join(texts)}; "
+                "give each option once"
+            )
+        options[key] = value
+    return tuple(options.items())
+
+
+def named_parameters(cls: Callable) -> dict[str, Parameter]:
+    """Return the parameters of a class that can be given by name."""
+    parameters = inspect.signature(cls).parameters
+    return {
+        name: parameter
+        for name, parameter in parameters.items()
+        if parameter.kind in _NAMED
+    }
+
+
+def convert_option(
+    cls: type, parameters: Mapping[str, Parameter], name: str, value: Any
+) -> Any:
+    """Convert an option to the type that the class declares for it.
+
+    Args:
+        cls: the class.
+        parameters: those of its parameters that a user can set.
+        name: of the option.
+        value: as the user typed it.
+
+    Raises:
+        S2C2AError: there is no such option, or the value is not of its type.
+    """
+    if name not in parameters:
+        raise S2C2AError(
+            f"{cls.__name__} has no option '{name}'; "
+            f"it has {', '.join(parameters) or 'none'}"
+        )
+    try:
+        function = cls.__init__  # type: ignore[misc]
+        annotation = inspect.get_annotations(function, eval_str=True)[name]
+        return TypeAdapter(annotation).validate_python(value)
+    except (KeyError, NameError, PydanticUserError):
+        return value  # no type is declared, or none that is known here
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        raise S2C2AError(
+            f"option {name}={value} of {cls.__name__}: {describe_fault(fault)}"
+        ) from error

@@ -1,0 +1,60 @@
+"""Trackers by name: sources of poses, as users write them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from s2c2a.options import convert_option, named_parameters, options_from
+from s2c2a.plugins import resolve
+from s2c2a.tracking.poses import TrackingError
+from s2c2a.tracking.tracker import Tracker
+
+KNOWN = {
+    "udp": "s2c2a.tracking.udp:UdpTracker",
+    "natnet": "s2c2a.tracking.natnet:NatNetTracker",
+}
+"""Import paths of the package's own trackers: some need an extra."""
+_ADDRESSES = {"udp": ("host", "port"), "natnet": ("host",)}
+"""Options that can be written behind the name, with a colon; the last ones if fewer."""
+FORMS = "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, or your own FILE.py:Class"
+
+
+def tracker_of(source: str) -> Tracker:
+    """Return the tracker of a source; it does not receive yet.
+
+    Args:
+        source: one of `FORMS`, and options of the tracker's class behind commas, such
+            as "natnet:192.168.1.10,local=192.168.1.20,up=z".
+
+    Raises:
+        S2C2AError: there is no such source, or it has no such option.
+    """
+    text, *given = source.split(",")
+    name, *address = text.split(":")
+    if name not in KNOWN:
+        return _make(_own_class(text), dict(options_from(given)))
+    names = _ADDRESSES[name]
+    if len(address) > len(names) or "" in address:
+        raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
+    last = names[len(names) - len(address) :]
+    options = dict(zip(last, address, strict=True)) | dict(options_from(given))
+    return _make(resolve("tracker", KNOWN[name], {}), options)
+
+
+def _own_class(text: str) -> Any:
+    """A class from another package or from a user's file."""
+    cls = resolve("tracker", text, KNOWN)
+    if not (isinstance(cls, type) and issubclass(cls, Tracker)):
+        raise TrackingError(
+            f"{text} is {cls!r}, not a tracker; give a subclass of "
+            "s2c2a.tracking.Tracker"
+        )
+    return cls
+
+
+def _make(cls: type[Tracker], options: Mapping[str, str]) -> Tracker:
+    parameters = named_parameters(cls)
+    converted = {
+        name: convert_option(cls, parameters, name, value)
+        for name, value in options.items()
+    }
+    return cls(**converted)

@@ -1,0 +1,228 @@
+"""A real robot together with a pose tracker."""
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.sensors import Camera
+from s2c2a.robots import Robot
+from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
+from s2c2a.tracking.calibration import (
+    TrackingCalibration,
+    default_path,
+    load_or_empty,
+    load_tracking_calibration,
+)
+from s2c2a.tracking.clock import ExposureClock
+from s2c2a.tracking.poses import TrackingError
+from s2c2a.tracking.sources import tracker_of
+from s2c2a.tracking.tracker import PoseFrame, Tracker
+
+FIRST_POSES = 5.0  # s in which the first poses must come
+POLL_PERIOD = 0.02  # s
+MAX_SILENCE = 1.5  # control periods since a frame arrived; then states are missing
+CAMERA_TOLERANCE = 0.1  # of a camera's period
+RESTART = 1.0  # s; a source clock that steps back by more begins again
+
+
+class StateSensor:
+    """States of the module ends from a tracker, as sensors of a robot.
+
+    Attributes:
+        sensors: their declarations.
+    """
+
+    def __init__(self, arm: ArmSpec, source: str, tracker: Tracker | None = None):
+        """Prepare the tracker; nothing is received yet.
+
+        Args:
+            arm: its table `[tracking]` names the bodies and the calibration.
+            source: of `tracker_of`.
+            tracker: instead of that of the source.
+
+        Raises:
+            S2C2AError: there is no such source, or the calibration is damaged.
+        """
+        calibration = calibration_of(arm)
+        self._source = source
+        self._tracker = tracker or tracker_of(source)
+        self._ends = calibration.ends(arm)
+        self._clock = ExposureClock(calibration.latency or 0.0)
+        self._last_time = -np.inf
+        self._max_silence = MAX_SILENCE * arm.control_period
+        self._camera = arm.sensors.camera
+        self._camera_views = _CameraViews(self._camera) if self._camera else None
+        shape = (arm.module_count, 6)
+        self._missing = np.full(shape, np.nan)
+        self.sensors: dict[str, Sensor] = {
+            "states": Sensor(shape, "m, 1", always=False),
+            "states_age": Sensor((), "s", always=False),
+        }
+        if self._camera:
+            self.sensors |= {
+                "camera_positions": Sensor((arm.module_count, 3), "m", always=False),
+                "camera_age": Sensor((), "s", always=False),
+            }
+
+    def start(self) -> None:
+        """Begin to receive, and wait for the first poses of all tracked module ends.
+
+        Raises:
+            TrackingError: they do not come; an arm need not move without them.
+        """
+        self._tracker.start()
+        end = time.monotonic() + FIRST_POSES
+        while missing := self._missing_bodies():
+            if time.monotonic() > end:
+                problem = self._tracker.problem or "check its port and body names"
+                raise TrackingError(
+                    f"no poses of {', '.join(missing)} arrived from tracking "
+                    f"{self._source} in {FIRST_POSES:g} s: {problem}; start the "
+                    "source, or add --tracking none (docs/tracking.md)"
+                )
+            time.sleep(POLL_PERIOD)
+
+    def read(self, now: float) -> dict[str, np.ndarray]:
+        """Return the sensors at a time of the clock `time.perf_counter` [s].
+
+        States are NaN if no frame has come, or the newest one is too old.
+        """
+        frame = self._tracker.latest()
+        if frame is None or now - frame.arrival_time > self._max_silence:
+            return {"states": self._missing}
+        age = np.asarray(now - self._exposure(frame))
+        states = self._ends.states(frame, now).states
+        values = {"states": states, "states_age": age}
+        if self._camera_views is not None:
+            values |= self._camera_views.read(frame, states, now, age)
+        return values
+
+    def close(self) -> None:
+        """Stop receiving; allowed more than once."""
+        self._tracker.close()
+
+    def _missing_bodies(self) -> list[str]:
+        """Bodies without a pose in the newest frame."""
+        frame = self._tracker.latest()
+        seen = frame.poses if frame is not None else {}
+        return [name for name in self._ends.bodies if name not in seen]
+
+    def _exposure(self, frame: PoseFrame) -> float:
+        if self._last_time - frame.source_time > RESTART:
+            self._clock.reset()
+        self._last_time = frame.source_time
+        return self._clock.exposure(frame.arrival_time, frame.source_time)
+
+
+class _CameraViews:
+    """Some of the frames, as the camera of the arm's table `[sensors.camera]`."""
+
+    def __init__(self, camera: Camera):
+        self._camera = camera
+        self._last_arrival = -np.inf
+        self._last_time = -np.inf
+
+    def read(
+        self, frame: PoseFrame, states: States, now: float, age: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Return positions and age if the frame is new and a picture is due."""
+        due = self._last_time + (1.0 - CAMERA_TOLERANCE) / self._camera.rate
+        if frame.arrival_time == self._last_arrival or now < due:
+            return {}
+        self._last_arrival = frame.arrival_time
+        self._last_time = now
+        positions = states[:, POSITION].copy()
+        if self._camera.sees == "tip":
+            positions[:-1] = np.nan
+        return {"camera_positions": positions, "camera_age": age}
+
+
+class TrackedRobot(Robot):
+    """A real robot whose readings also have the tracked states of its module ends.
+
+    The sensors `states` and `states_age` are for recordings and scores; with a table
+    `[sensors.camera]` in the arm file, `camera_positions` and `camera_age` are slow
+    feedback for the state estimator.
+
+    Args:
+        robot: without these sensors.
+        source: of the poses (`tracking.sources.FORMS`).
+        tracker: instead of that of the source.
+
+    Raises:
+        S2C2AError: there is no such source, the robot measures states itself, or it
+            is simulated.
+    """
+
+    own_time = False
+
+    def __init__(self, robot: Robot, source: str, tracker: Tracker | None = None):
+        self.arm = robot.arm
+        self._robot = robot
+        if robot.own_time:
+            raise TrackingError(
+                f"{type(robot).__name__} has its own time, and a tracker measures in "
+                "real time; leave out --tracking"
+            )
+        self._tracked = StateSensor(robot.arm, source, tracker)
+        common = self._tracked.sensors.keys() & robot.sensors.keys()
+        if common:
+            raise TrackingError(
+                f"{type(robot).__name__} measures {', '.join(sorted(common))} itself; "
+                "add --tracking none"
+            )
+
+    @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """Sensors of the robot and of the tracker."""
+        return {**self._robot.sensors, **self._tracked.sensors}
+
+    def open(self) -> Reading:
+        """See `Robot`.
+
+        Raises:
+            TrackingError: no poses arrive; the arm does not move.
+        """
+        self._tracked.start()
+        reading = self._robot.open()
+        return _with(reading, self._tracked.read(time.perf_counter()))
+
+    def read(self) -> Reading:
+        """See `Robot`."""
+        values = self._tracked.read(time.perf_counter())
+        return _with(self._robot.read(), values)
+
+    def send(self, action: Actions) -> Actions:
+        """See `Robot`."""
+        return self._robot.send(action)
+
+    def halt(self) -> None:
+        """See `Robot`."""
+        self._robot.halt()
+
+    def close(self) -> None:
+        """See `Robot`."""
+        try:
+            self._tracked.close()
+        finally:
+            self._robot.close()
+
+
+def _with(reading: Reading, values: Mapping[str, np.ndarray]) -> Reading:
+    """The reading with more sensors."""
+    return Reading(reading.time, {**reading.sensors, **values}, reading.fault)
+
+
+def calibration_of(arm: ArmSpec) -> TrackingCalibration:
+    """Return the tracking calibration of an arm; an empty one if there is no file.
+
+    Raises:
+        TrackingCalibrationError: the file that the arm file names does not exist, or
+            the file is damaged or of another arm.
+    """
+    named = arm.tracking.calibration if arm.tracking is not None else ""
+    if named:
+        return load_tracking_calibration(named, arm)
+    return load_or_empty(default_path(arm), arm)
