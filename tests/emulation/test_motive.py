@@ -230,7 +230,10 @@ def test_the_tracker_sees_the_states_of_a_straight_arm():
 def test_the_arm_of_emulated_servos_is_tracked_too(tmp_path):
     port = free_port()
     options = EmulatorOptions(
-        homed=True, link=tmp_path / "port", mocap_port=port, duration=PATIENCE
+        homed=True,
+        link=tmp_path / "port",
+        mocap=MotiveOptions(command_port=port - 1, data_port=port),
+        duration=PATIENCE,
     )
     emulator = Emulator(ARM, options)
     run = in_thread(emulator)
@@ -241,8 +244,3 @@ def test_the_arm_of_emulated_servos_is_tracked_too(tmp_path):
         emulator.stop()
         run.join()
     np.testing.assert_allclose(states, emulator.plant.states(), atol=2e-3)
-
-
-def test_an_impossible_port_of_motion_capture_is_refused():
-    with pytest.raises(S2C2AError, match="2 to 65535"):
-        EmulatorOptions(mocap_port=1)

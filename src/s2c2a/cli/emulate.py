@@ -2,7 +2,7 @@
 
 import signal
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import tyro
 from tyro.extras import SubcommandApp
@@ -14,6 +14,19 @@ app = SubcommandApp()
 
 _FAULT = tyro.conf.arg(name="fault", metavar="'TIME KIND ARGUMENTS'")
 Faults = Annotated[tuple[str, ...], _FAULT, tyro.conf.UseAppendAction]
+_MOCAP_FAULT = tyro.conf.arg(name="mocap-fault", metavar="'TIME KIND ARGUMENTS'")
+MocapFaults = Annotated[tuple[str, ...], _MOCAP_FAULT, tyro.conf.UseAppendAction]
+
+
+class _Stoppable(Protocol):
+    def stop(self) -> None:
+        """End soon."""
+
+
+def _stop_at_signals(emulator: _Stoppable) -> None:
+    """Let Control-C and `kill` end an emulator."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: emulator.stop())
 
 
 @app.command
@@ -62,7 +75,11 @@ def servos(
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
+    from s2c2a.emulation.motive import MotiveOptions
 
+    mocap = None
+    if mocap_port:
+        mocap = MotiveOptions(command_port=mocap_port - 1, data_port=mocap_port)
     options = EmulatorOptions(
         fidelity=fidelity,
         seed=seed,
@@ -76,14 +93,76 @@ def servos(
         poses_to=poses_to,
         pose_rate=pose_rate,
         record=record,
-        mocap_port=mocap_port,
+        mocap=mocap,
         duration=duration,
     )
     emulator = Emulator(load_arm(arm), options)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: emulator.stop())
+    _stop_at_signals(emulator)
     count = len(emulator.servos)
     emulator.run(lambda port: print(f"{count} servos: {port}", flush=True))
+
+
+@app.command
+def lab(
+    arm: Arm = "twin_arm",
+    folder: Path = Path("lab"),
+    payload: float = 0.0,
+    homed: bool = False,
+    faults: Faults = (),
+    mocap_faults: MocapFaults = (),
+    mocap_latency: float = 0.008,
+    mocap_noise: float = 0.0002,
+    mocap_rate: float = 120.0,
+    mocap_port: int = 1511,
+    fidelity: FidelityName = "fast",
+    seed: int = 0,
+    duration: float = float("inf"),
+) -> None:
+    """Emulate a whole laboratory: an arm, its servos, and motion capture.
+
+    The arm file in the folder names the emulated port and the motion capture, so that
+    all other commands work as with a real arm: `s2c2a motors home --arm lab/arm.toml`.
+
+    Args:
+        arm: a preset or an arm file; without [servos], ids count from 1.
+        folder: for the arm file, the port and a status file.
+        payload: mass at the tip [kg].
+        homed: start without slack in the cables.
+        faults: of servos and line, as in `emulate servos`; can be repeated.
+        mocap_faults: of the motion capture, as in `emulate mocap`; can be repeated.
+        mocap_latency: from exposure to transmission [s].
+        mocap_noise: standard deviation of positions [m].
+        mocap_rate: frames a second [Hz].
+        mocap_port: UDP port of the frames; requests go to the port below it.
+        fidelity: of the simulation.
+        seed: random seed of slack, positions, noise and faults.
+        duration: time after which the emulator ends [s].
+    """
+    from s2c2a.emulation.lab import open_lab
+    from s2c2a.emulation.motive import MotiveOptions
+
+    mocap = MotiveOptions(
+        rate=mocap_rate,
+        noise=mocap_noise,
+        latency=mocap_latency,
+        faults=mocap_faults,
+        command_port=mocap_port - 1,
+        data_port=mocap_port,
+        seed=seed,
+    )
+    laboratory = open_lab(
+        load_arm(arm),
+        folder,
+        mocap,
+        payload=payload,
+        homed=homed,
+        faults=faults,
+        fidelity=fidelity,
+        seed=seed,
+        duration=duration,
+    )
+    _stop_at_signals(laboratory.emulator)
+    laboratory.emulator.run(lambda _: print(laboratory.welcome, flush=True))
 
 
 @app.command
@@ -147,7 +226,6 @@ def mocap(
     emulator = MocapEmulator(
         load_arm(arm), options, motion, fidelity, payload, duration
     )
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: emulator.stop())
+    _stop_at_signals(emulator)
     place = f"{host}, UDP {command_port} and {data_port}"
     emulator.run(lambda: print(f"Motive, NatNet {version}: {place}", flush=True))

@@ -13,7 +13,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import Servos
 from s2c2a.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
 from s2c2a.emulation.line import Line
-from s2c2a.emulation.motive import MotiveOutput
+from s2c2a.emulation.motive import MotiveOptions, MotiveOutput
 from s2c2a.emulation.outputs import (
     PoseSender,
     PositionRecord,
@@ -56,8 +56,7 @@ class EmulatorOptions:
         poses_to: HOST:PORT that gets the true poses; none if empty.
         pose_rate: poses and recorded positions a second [Hz].
         record: CSV file with the true positions of the module ends.
-        mocap_port: data port of an emulated Motive, whose command port is one less;
-            0: none.
+        mocap: an emulated Motive that tracks the same arm; None for none.
         duration: time after which the emulator ends [s].
     """
 
@@ -73,7 +72,7 @@ class EmulatorOptions:
     poses_to: str = ""
     pose_rate: float = 100.0
     record: Path | None = None
-    mocap_port: int = 0
+    mocap: MotiveOptions | None = None
     duration: float = float("inf")
 
     def __post_init__(self):
@@ -87,10 +86,6 @@ class EmulatorOptions:
             )
         if self.poses_to:
             parse_address(self.poses_to)
-        if self.mocap_port and not 1 < self.mocap_port < 65_536:
-            raise S2C2AError(
-                f"mocap_port {self.mocap_port} is not allowed; give 2 to 65535"
-            )
         if not self.duration > 0:
             raise S2C2AError(
                 f"duration {self.duration} s is not allowed; give more than 0 s"
@@ -277,9 +272,8 @@ class Emulator:
         if options.record is not None:
             modules = self.plant.arm.module_count
             outputs.append(PositionRecord(options.record, modules, options.pose_rate))
-        if options.mocap_port:
-            bodies = list(self.plant.poses())
-            outputs.append(MotiveOutput(bodies, options.mocap_port, options.pose_rate))
+        if options.mocap is not None:
+            outputs.append(MotiveOutput(list(self.plant.poses()), options.mocap))
         return outputs
 
     def _parse_faults(self) -> tuple[Fault, ...]:
