@@ -220,6 +220,11 @@ def test_step_lengths_begin_with_zero():
     np.testing.assert_allclose(step_lengths(tips), [0.0, 5.0, 0.0, 12.0], atol=1e-12)
 
 
+def test_a_tip_that_was_lost_for_a_step_lengthens_no_path():
+    tips = np.array([[0.0, 0, 0], [0.03, 0, 0], [np.nan] * 3, [0.05, 0, 0]])
+    assert np.nansum(step_lengths(tips)) == pytest.approx(5.0)
+
+
 def drifts_of(heights, distances):
     """Drifts of a tip on the z axis beside one obstacle with a threshold of 0.1 m."""
     tips = np.stack([np.zeros(len(heights)), np.zeros(len(heights)), heights], axis=-1)

@@ -9,6 +9,7 @@ from s2c2a.evaluation import (
     describe_faults,
     describe_overload,
     describe_plans,
+    describe_tracking,
     describe_vibrations,
 )
 
@@ -118,3 +119,13 @@ def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_hel
         "the arm was held in 2 steps because of faults (servo 1 does not answer); "
         "5 steps began late"
     )
+
+
+def test_untracked_module_ends_are_reported():
+    states = np.zeros((4, 3, 6))
+    assert describe_tracking(make_episode(**{"sensor.states": states})) == ""
+    states[:2, 1] = np.nan
+    assert describe_tracking(make_episode(**{"sensor.states": states})) == (
+        "ends not tracked: module 2 in 50 % of the steps"
+    )
+    assert "add --tracking" in describe_tracking(make_episode())

@@ -240,6 +240,7 @@ def _report(
         evaluation.describe_overload,
         evaluation.describe_faults,
         evaluation.describe_vibrations,
+        evaluation.describe_tracking,
     )
     for run in runs:
         for describe in describe_all:

@@ -15,6 +15,7 @@ from s2c2a.evaluation.report import (
     describe_faults,
     describe_overload,
     describe_plans,
+    describe_tracking,
     describe_vibrations,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout

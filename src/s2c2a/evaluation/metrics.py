@@ -100,9 +100,17 @@ def clearances(
 
 
 def step_lengths(tips: Vectors) -> PerStep:
-    """Displacements of the tip in every control step [cm]; zero in the first."""
-    lengths = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
-    return 100.0 * np.concatenate([[0.0], lengths])
+    """Displacements of the tip since the last step that has one [cm].
+
+    Zero in the first such step; NaN where the tip is not known.
+    """
+    is_known = np.isfinite(tips).all(axis=-1)
+    known = tips[is_known]
+    lengths = np.full(len(tips), np.nan)
+    lengths[is_known] = np.linalg.norm(
+        np.diff(known, axis=0, prepend=known[:1]), axis=-1
+    )
+    return 100.0 * lengths
 
 
 def tip_drifts(
@@ -160,7 +168,7 @@ def _mean(values: PerStep) -> float:
 
 
 def _last_mean(values: PerStep) -> float:
-    return np.mean(values[-LAST_STEPS:])
+    return _mean(values[-LAST_STEPS:])
 
 
 def _last(values: PerStep) -> float:
@@ -342,7 +350,7 @@ METRICS = {
     "clearance of the arm": Metric(
         "cm", _clearance_of(_arm_points), np.nanmin, rises=True
     ),
-    "path length": Metric("cm", _path_length, np.sum),
+    "path length": Metric("cm", _path_length, np.nansum),
     "stillness": Metric("cm", _stillness, np.nanmax),
     "recovery": Metric("s", _recovery, _last),
 }

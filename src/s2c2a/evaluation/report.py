@@ -34,6 +34,7 @@ PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
 OVERLOAD = 0.05  # of the arm's length, between a goal and the plan
 OVERLOAD_TIME = 1.0  # s
+MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
 MAX_FAULTS = 5  # that a report names
 _LATEX_ESCAPES = str.maketrans(
     {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
@@ -170,6 +171,24 @@ def describe_faults(episode: Episode) -> str:
         f"the arm was held in {held} steps because of faults ({shown}{more}); {late} "
         "steps began late"
     )
+
+
+def describe_tracking(episode: Episode) -> str:
+    """Describe which states are not known in the run; empty if all are."""
+    if "states" not in episode.sensors:
+        return (
+            "no scores, since nothing measured the module ends; add --tracking SOURCE "
+            "(docs/tracking.md)"
+        )
+    states = episode.sensor("states")[episode.running]
+    is_lost = np.isnan(states).any(axis=-1)
+    shares = 100.0 * is_lost.mean(axis=0)
+    texts = [
+        f"module {module} in {share:.3g} %"
+        for module, share in enumerate(shares, 1)
+        if share > MAX_UNTRACKED
+    ]
+    return f"ends not tracked: {', '.join(texts)} of the steps" if texts else ""
 
 
 def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
