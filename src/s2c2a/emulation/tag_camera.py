@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ from s2c2a.tracking.tags.pictures import (
 
 _CAMERA = "camera"
 # z forward and y down (camera frame) to z backward and y up (MuJoCo)
-_FROM_MUJOCO = Pose((0, 0, 0), (1.0, 0, 0, 0))
+_FROM_MUJOCO = Pose.measured((0, 0, 0), (1.0, 0, 0, 0))
 _THICKNESS = 0.0005  # m; of the board behind a tag
 _ARM_POINTS = 9  # of a module
 _ARM_COLOR = np.array([0.25, 0.3, 0.35, 1.0], dtype=np.float32)
@@ -117,7 +118,7 @@ class TagScene:
         return self.lens.picture(ideal, effects)
 
     def _place(self, poses: Mapping[str, Pose], camera: Pose) -> None:
-        away = Pose((0, 0, 10 * _FAR), (0, 0, 0, 1.0))
+        away = Pose.measured((0, 0, 2 * _FAR), (0, 0, 0, 1.0))
         for name in self._layout.bodies:
             self._place_one(f"body {name}", poses.get(name, away))
         self._place_one(_CAMERA, camera @ _FROM_MUJOCO)
@@ -144,7 +145,7 @@ class TagScene:
         )
         if self._arm_radius:
             points = _center_line(list(poses.values()))
-            for start, end in zip(points[:-1], points[1:], strict=True):
+            for start, end in pairwise(points):
                 self._draw_segment(start, end)
 
     def _draw_segment(self, start: np.ndarray, end: np.ndarray) -> None:
@@ -304,7 +305,7 @@ def _add_tag(spec: mujoco.MjSpec, body, tag: Tag) -> None:
         contype=0,
         conaffinity=0,
     )
-    behind = tag.pose @ Pose((0, 0, -2 * _THICKNESS), (0, 0, 0, 1.0))
+    behind = tag.pose @ Pose.measured((0, 0, -2 * _THICKNESS), (0, 0, 0, 1.0))
     gray = WHITE / 255
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -335,7 +336,7 @@ def _center_line(poses: list[Pose]) -> np.ndarray:
         return np.empty((0, 3))
     shares = np.linspace(0, 1, _ARM_POINTS)[:, None]
     curves = []
-    for start, end in zip(poses[:-1], poses[1:], strict=True):
+    for start, end in pairwise(poses):
         length = np.linalg.norm(end.position - start.position)
         difference = end.position - start.position
         cubic = shares**2 * (3 - 2 * shares) * difference

@@ -7,7 +7,6 @@ from s2c2a.tracking.tags.calibration import (
     is_new_view,
 )
 from s2c2a.tracking.tags.camera import Board, CameraModel, load_camera, save_camera
-
 from s2c2a.tracking.tags.capture import PictureSource, open_device
 from s2c2a.tracking.tags.detection import TagDropReason
 from s2c2a.tracking.tags.estimation import TagPoses, estimate_poses

@@ -106,9 +106,7 @@ def coverage(views: Sequence[BoardView], width: int, height: int) -> float:
     return len(occupied) / _GRID**2
 
 
-def calibrate(
-    images: Sequence[np.ndarray], board: Board | None = None
-) -> CameraModel:
+def calibrate(images: Sequence[np.ndarray], board: Board | None = None) -> CameraModel:
     """Compute a camera model from pictures of a board.
 
     Args:

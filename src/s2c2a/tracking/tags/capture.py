@@ -136,7 +136,7 @@ def opener(device: str, width: int, height: int) -> Callable[[], PictureSource]:
         width: of the pictures [pixels].
         height: of the pictures [pixels].
     """
-    played = []
+    played: list[str] = []
 
     def open_again() -> PictureSource:
         if played:

@@ -70,7 +70,7 @@ class Tag(BaseModel):
     @property
     def pose(self) -> Pose:
         """`T_body_tag`."""
-        return Pose(self.position, self.rotation)
+        return Pose.measured(self.position, self.rotation)
 
     @property
     def corners(self) -> Float[np.ndarray, "4 3"]:
@@ -199,8 +199,8 @@ def _face(
     angle = face * math.pi / 2
     x, y = half_width * math.cos(angle), half_width * math.sin(angle)
     # the turn about z after the turn that carries x, y, z of the tag to y, z, x
-    turn = Pose((0, 0, 0), (0, 0, math.sin(angle / 2), math.cos(angle / 2)))
-    first = Pose((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
+    turn = Pose.measured((0, 0, 0), (0, 0, math.sin(angle / 2), math.cos(angle / 2)))
+    first = Pose.measured((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
     quaternion = [float(value) for value in (turn @ first).rotation]
     return (x, y, height), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
 

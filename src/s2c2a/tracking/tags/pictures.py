@@ -200,7 +200,9 @@ def _paint_sheet(
     )
 
 
-def paint_board(lens: Lens, board: Board, texture: np.ndarray, pose: Pose) -> np.ndarray:
+def paint_board(
+    lens: Lens, board: Board, texture: np.ndarray, pose: Pose
+) -> np.ndarray:
     """Return an ideal picture of a calibration board.
 
     Args:

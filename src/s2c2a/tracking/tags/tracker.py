@@ -9,7 +9,7 @@ from threading import Event, Thread
 
 import numpy as np
 
-from s2c2a.tracking.poses import Pose, TrackingError
+from s2c2a.tracking.poses import Pose
 from s2c2a.tracking.tags.base_average import BaseAverage
 from s2c2a.tracking.tags.camera import CameraModel, load_camera
 from s2c2a.tracking.tags.capture import PictureSource, opener
