@@ -37,18 +37,36 @@ class BoardView:
 
 
 def board_picture(board: Board, square_pixels: int) -> np.ndarray:
-    """Return the picture of a board with a white margin of one square, 8 bit."""
-    size = (square_pixels * board.columns, square_pixels * board.rows)
-    picture = _charuco(board).generateImage(size, marginSize=0, borderBits=1)
-    return np.pad(picture, square_pixels, constant_values=255)
+    """Return the picture of a board with a white margin of one square, 8 bit.
+
+    OpenCV's own picture fails for some sizes of markers and squares.
+    """
+    count = square_pixels
+    picture = np.full((count * (board.rows + 2), count * (board.columns + 2)), 255)
+    side = round(count * board.marker / board.square)
+    margin = (count - side) // 2
+    id = 0
+    for row, column in np.ndindex(board.rows, board.columns):
+        top, left = count * (row + 1), count * (column + 1)
+        if (row + column) % 2 == 0:
+            picture[top : top + count, left : left + count] = 0
+            continue
+        marker = cv2.aruco.generateImageMarker(_markers(), id, side)
+        top, left = top + margin, left + margin
+        picture[top : top + side, left : left + side] = marker
+        id += 1
+    return picture.astype(np.uint8)
+
+
+@cache
+def _markers():
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
 
 
 @cache
 def _charuco(board: Board):
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
-    return cv2.aruco.CharucoBoard(
-        (board.columns, board.rows), board.square, board.marker, family
-    )
+    size = (board.columns, board.rows)
+    return cv2.aruco.CharucoBoard(size, board.square, board.marker, _markers())
 
 
 @cache

@@ -34,7 +34,7 @@ class Board(BaseModel):
     columns: int = Field(default=7, strict=True, ge=3, le=14)
     rows: int = Field(default=5, strict=True, ge=3, le=14)
     square: float = Field(default=0.035, gt=0.001, le=0.5)
-    marker: float = Field(default=0.026, gt=0.0005, le=0.5)
+    marker: float = Field(default=0.02625, gt=0.0005, le=0.5)
 
     @model_validator(mode="after")
     def _check_marker(self) -> "Board":
