@@ -1,12 +1,16 @@
 """Rendered pictures; skipped on computers without graphics."""
 
+import time
+
 import numpy as np
 import pytest
 
+from s2c2a.emulation import tag_camera
 from s2c2a.emulation.tag_camera import RenderedCamera, TagScene, look_at
 from s2c2a.errors import S2C2AError
+from s2c2a.tracking import ModuleEnds
 from s2c2a.tracking.poses import Pose
-from s2c2a.tracking.tags import CameraModel, TagLayout, estimate_poses
+from s2c2a.tracking.tags import CameraModel, TagLayout, TagTracker, estimate_poses
 from s2c2a.tracking.tags.pictures import Effects, paint
 
 CAMERA = CameraModel(
@@ -63,9 +67,33 @@ def test_noise_repeats_with_its_seed(scene):
     assert np.array_equal(first, second)
 
 
-def test_a_rendered_camera_is_a_source_of_pictures(scene):
-    camera = RenderedCamera(scene, lambda: POSES, VIEW, rate=1000)
-    image, first = camera.read()
-    _, second = camera.read()
-    assert image.shape == (360, 640, 3)
-    assert second > first
+def test_a_tracker_follows_a_rendered_camera(scene):
+    def open_camera():
+        return RenderedCamera(lambda: TagScene(CAMERA, LAYOUT), lambda: POSES, VIEW)
+
+    with TagTracker(open_camera, CAMERA, LAYOUT) as tracker:
+        end = time.monotonic() + 30
+        while tracker.counts.accepted < 2 and time.monotonic() < end:
+            time.sleep(0.01)
+        frame = tracker.latest()
+    states = ModuleEnds.of(1).states(frame).states
+    assert np.allclose(states[0, :3], POSES["end-1"].position, atol=1e-3)
+    assert np.allclose(states[0, 3:], POSES["end-1"].z_axis, atol=0.01)
+
+
+def test_a_closed_scene_says_so():
+    try:
+        closed = TagScene(CAMERA, LAYOUT)
+    except S2C2AError as error:
+        pytest.skip(str(error))
+    closed.close()
+    closed.close()
+    with pytest.raises(S2C2AError, match="closed"):
+        closed.render(POSES, VIEW)
+
+
+def test_without_graphics_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(tag_camera, "_CONTEXTS", {})
+    monkeypatch.setattr(tag_camera, "_OTHER_CONTEXTS", ("no_such_graphics",))
+    with pytest.raises(S2C2AError, match="EGL"):
+        TagScene(CAMERA, LAYOUT)

@@ -203,17 +203,17 @@ def accuracy(
         )
     header = (
         "distance [m]",
-        "position, median [mm]",
+        "position [mm]",
         "95 %",
-        "rotation, median [deg]",
+        "rotation [deg]",
         "95 %",
-        "tip in base frame, median [mm]",
+        "in base frame [mm]",
         "95 %",
         "missing",
         "wrong",
         "time [ms]",
     )
-    title = f"Tip of {spec.name}, {pictures} pictures for each distance"
+    title = f"Tip of {spec.name}: median and 95th percentile of {pictures} pictures"
     print_table(title, header, map(_accuracy_cells, results))
     dropped = sum((result.dropped for result in results), start=Counter())
     for reason, count in dropped.items():

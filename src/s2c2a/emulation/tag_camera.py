@@ -35,6 +35,7 @@ _ARM_COLOR = np.array([0.25, 0.3, 0.35, 1.0], dtype=np.float32)
 _MAX_GEOMS = 2000
 _NEAR, _FAR = 0.02, 20.0  # m
 _CONTEXTS = {"linux": ("egl", "osmesa", "glfw")}
+_OTHER_CONTEXTS = ("glfw",)
 
 
 class TagScene:
@@ -161,12 +162,13 @@ class TagScene:
 class RenderedCamera:
     """A source of pictures for `TagTracker`: a camera in front of a simulated arm.
 
-    It waits so that it has the rate of a camera; a slow computer is slower.
+    It waits so that it has the rate of a camera; a slow computer is slower. The scene
+    is opened by the thread that reads the first picture, to which its graphics belong.
     """
 
     def __init__(
         self,
-        scene: TagScene,
+        open_scene: Callable[[], TagScene],
         poses: Callable[[], Mapping[str, Pose]],
         camera: Pose,
         rate: float = 30.0,
@@ -175,13 +177,14 @@ class RenderedCamera:
         """A camera.
 
         Args:
-            scene: renders the pictures.
+            open_scene: opens what renders the pictures.
             poses: returns the present `T_world_body` by name.
             camera: `T_world_camera`.
             rate: of the pictures [Hz].
             effects: blur, noise, and what is hidden.
         """
-        self._scene = scene
+        self._open_scene = open_scene
+        self._opened: TagScene | None = None
         self._poses = poses
         self._pose = camera
         self._period = 1 / rate
@@ -190,13 +193,18 @@ class RenderedCamera:
 
     def read(self) -> tuple[np.ndarray, float]:
         """Return a picture and the time of its exposure (`time.perf_counter`) [s]."""
+        if self._opened is None:
+            self._opened = self._open_scene()
         time.sleep(max(0.0, self._next - time.perf_counter()))
         now = time.perf_counter()
         self._next = max(self._next + self._period, now)
-        return self._scene.render(self._poses(), self._pose, self._effects), now
+        return self._opened.render(self._poses(), self._pose, self._effects), now
 
     def close(self) -> None:
-        """Without effect; the scene may be used again."""
+        """Close the scene; the next picture opens another."""
+        if self._opened is not None:
+            self._opened.close()
+        self._opened = None
 
 
 def look_at(position, target, up=(0.0, 0.0, 1.0)) -> Pose:
@@ -223,7 +231,7 @@ def _open_context(width: int, height: int):
     MuJoCo's own choice depends on an environment variable at its first import.
     """
     faults = []
-    for name in _CONTEXTS.get(sys.platform, ("glfw",)):
+    for name in _CONTEXTS.get(sys.platform, _OTHER_CONTEXTS):
         try:
             context = import_module(f"mujoco.{name}").GLContext(width, height)
             context.make_current()

@@ -25,7 +25,7 @@ def read(path) -> np.ndarray:
 def test_printed_tags_have_their_size_and_are_upright(tmp_path):
     layout = TagLayout.collars(1, bodies=["end-1"])
     (path,) = print_tags(layout, tmp_path / "tags.png", side=0.064)
-    views, _ = detect_tags(read(path), layout.by_id)
+    views = detect_tags(read(path), layout.by_id).views
     assert {view.id for view in views} == {10, 11, 12, 13, 14}
     for view in views:
         top, right = (

@@ -61,6 +61,21 @@ class TagView:
     corners: Float[np.ndarray, "4 2"]
 
 
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Tags in a picture.
+
+    Attributes:
+        views: with refined corners.
+        rough: blurred or partly covered tags, whose corners are within some pixels.
+        dropped: numbers of tags that are not among the views, by reason.
+    """
+
+    views: list[TagView]
+    rough: list[TagView]
+    dropped: Counter[TagDropReason]
+
+
 class TagError(Exception):
     """A tag is dropped.
 
@@ -73,35 +88,37 @@ class TagError(Exception):
         self.reason = reason
 
 
-def detect_tags(
-    gray: np.ndarray, known: Iterable[int]
-) -> tuple[list[TagView], Counter[TagDropReason]]:
+def detect_tags(gray: np.ndarray, known: Iterable[int]) -> Detections:
     """Detect tags and refine their corners.
 
     Args:
         gray: picture, 8 bit, shape (height, width).
         known: ids that may occur.
-
-    Returns:
-        The tags that can be used, and the numbers of dropped tags by reason.
     """
     corners, ids, _ = _detector().detectMarkers(gray)
     found = [] if ids is None else np.ravel(ids).tolist()
     counts = Counter(found)
     known = set(known)
-    views = []
-    dropped: Counter[TagDropReason] = Counter()
+    result = Detections([], [], Counter())
     for id, quadrilateral in zip(found, corners, strict=True):
-        try:
-            if id not in known:
-                raise TagError(TagDropReason.UNKNOWN_TAG)
-            if counts[id] > 1:
-                raise TagError(TagDropReason.DUPLICATE)
-            points = np.asarray(quadrilateral, dtype=np.float64).reshape(4, 2)
-            views.append(TagView(id, refine_corners(gray, points)))
-        except TagError as error:
-            dropped[error.reason] += 1
-    return views, dropped
+        points = np.asarray(quadrilateral, dtype=np.float64).reshape(4, 2)
+        if id not in known:
+            result.dropped[TagDropReason.UNKNOWN_TAG] += 1
+        elif counts[id] > 1:
+            result.dropped[TagDropReason.DUPLICATE] += 1
+        else:
+            _add_view(result, gray, TagView(id, points))
+    return result
+
+
+def _add_view(result: Detections, gray: np.ndarray, rough: TagView) -> None:
+    try:
+        corners = refine_corners(gray, rough.corners)
+    except TagError as error:
+        result.dropped[error.reason] += 1
+        result.rough.append(rough)
+    else:
+        result.views.append(TagView(rough.id, corners))
 
 
 @cache

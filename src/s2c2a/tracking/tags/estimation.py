@@ -26,7 +26,9 @@ MAX_ROTATION_STD = 0.05  # rad
 _SAME_POSITION = 0.002  # m; between two solutions that are one
 _SAME_ROTATION = 0.05  # rad
 _AMBIGUITY_RATIO = 2.5  # of the errors of two poses, below which either may be right
-_AMBIGUITY_FLOOR = 0.25  # pixels; a pose with less error may be right in any case
+_AMBIGUITY_FLOOR = 0.2  # pixels; a pose with less error may be right in any case
+_ROUGH_ERROR = 2.5  # pixels; largest error of a rough tag where the pose is right
+_ROUGH_RATIO = 3.0  # of its errors for the other pose and the right one
 _CONTINUITY = 0.5  # distance of a pose from the previous one over that of its rival
 _MAX_TURN = 0.6  # rad; since the previous pose
 
@@ -70,8 +72,8 @@ def estimate_poses(
     """Estimate the poses of all bodies that carry tags.
 
     The pose of a body minimizes the distances of all corners of its visible tags. One
-    tag alone often leaves two poses; then the previous pose decides, or the body is
-    absent.
+    tag alone often leaves two poses; then a blurred or partly covered tag of the body
+    decides, or else the previous pose, or the body is absent.
 
     Args:
         image: 8 bit, shape (height, width) or (height, width, 3) in the order blue,
@@ -85,18 +87,19 @@ def estimate_poses(
     """
     gray = _gray(image, camera)
     tags = layout.by_id
-    views, dropped = detect_tags(gray, tags)
-    by_body: dict[str, list[TagView]] = {}
-    for view in views:
-        by_body.setdefault(tags[view.id].body, []).append(view)
+    found = detect_tags(gray, tags)
     poses = {}
-    for body, body_views in by_body.items():
+    for body in layout.bodies:
+        views = [view for view in found.views if tags[view.id].body == body]
+        rough = [view for view in found.rough if tags[view.id].body == body]
+        if not views:
+            continue
         before = (previous or {}).get(body)
         try:
-            poses[body] = _body_pose(body_views, tags, camera, before, dropped)
+            poses[body] = _body_pose(views, rough, tags, camera, before, found.dropped)
         except TagError as error:
-            dropped[error.reason] += 1
-    return TagPoses(poses, views, dropped)
+            found.dropped[error.reason] += 1
+    return TagPoses(poses, found.views, found.dropped)
 
 
 def _gray(image: np.ndarray, camera: CameraModel) -> np.ndarray:
@@ -110,6 +113,7 @@ def _gray(image: np.ndarray, camera: CameraModel) -> np.ndarray:
 
 def _body_pose(
     views: list[TagView],
+    rough: list[TagView],
     tags: Mapping[int, Tag],
     camera: CameraModel,
     before: Pose | None,
@@ -126,7 +130,10 @@ def _body_pose(
         worst = int(errors.argmax())
         views = views[:worst] + views[worst + 1 :]
         dropped[TagDropReason.MISFIT] += 1
-    pose = _choose(best, rivals, before)
+    limit = max(_AMBIGUITY_RATIO * best.error, _AMBIGUITY_FLOOR)
+    possible = [best, *(rival for rival in rivals if rival.error < limit)]
+    chosen = _choose_by_rough(possible, rough, tags, camera)
+    pose = chosen or _choose_by_previous(possible, before)
     _check_precision(pose, _corners(views, tags), camera)
     return pose
 
@@ -227,16 +234,37 @@ def _are_one(first: Pose, second: Pose) -> bool:
     return is_near and angle_between(first, second) < _SAME_ROTATION
 
 
-def _choose(best: Candidate, rivals: list[Candidate], before: Pose | None) -> Pose:
-    """Choose a pose by its error, or else by the previous pose.
+def _choose_by_rough(
+    possible: list[Candidate],
+    rough: list[TagView],
+    tags: Mapping[int, Tag],
+    camera: CameraModel,
+) -> Pose | None:
+    """Choose the pose that has the rough tags where they are; None if unclear."""
+    if len(possible) == 1:
+        return possible[0].pose
+    if not rough:
+        return None
+    model = _corners(rough, tags)
+    pixels = np.concatenate([view.corners for view in rough])
+    errors = []
+    for candidate in possible:
+        projected, _ = _project(candidate.pose, model, camera)
+        distances = np.linalg.norm(projected - pixels, axis=1)
+        errors.append(float(np.sqrt(np.mean(distances**2))))
+    first, second = np.argsort(errors)[:2]
+    is_right = errors[first] < _ROUGH_ERROR
+    if is_right and errors[second] > _ROUGH_RATIO * errors[first]:
+        return possible[first].pose
+    return None
+
+
+def _choose_by_previous(possible: list[Candidate], before: Pose | None) -> Pose:
+    """Choose the pose that is near the previous one.
 
     Raises:
-        TagError: neither decides.
+        TagError: there is none, or it does not decide.
     """
-    limit = max(_AMBIGUITY_RATIO * best.error, _AMBIGUITY_FLOOR)
-    possible = [best, *(rival for rival in rivals if rival.error < limit)]
-    if len(possible) == 1:
-        return best.pose
     if before is None:
         raise TagError(TagDropReason.AMBIGUOUS)
     turns = [angle_between(one.pose, before) for one in possible]
