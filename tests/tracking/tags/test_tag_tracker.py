@@ -1,3 +1,6 @@
+import importlib
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -7,6 +10,8 @@ from painted_tags import CAMERA, LAYOUT, collar_pose, errors, picture
 from s2c2a.tracking import ModuleEnds, TrackingError
 from s2c2a.tracking.tags import TagDropReason, TagTracker, save_camera, tag_tracker
 from s2c2a.tracking.tags import tracker as module
+from s2c2a.tracking.tags.capture import open_device
+from s2c2a.tracking.tags.opencv import cv2
 
 BASE = collar_pose((0, 0.06, 0.5), turn_deg=135, tilt_deg=0)
 TIP = collar_pose((0, -0.06, 0.5), turn_deg=135, tilt_deg=0)
@@ -160,3 +165,38 @@ def test_a_device_that_does_not_exist_is_named(tmp_path, device):
     save_camera(CAMERA, tmp_path / "camera.json")
     with pytest.raises(TrackingError, match="camera"):
         tag_tracker(device, tmp_path / "camera.json").start()
+
+
+def test_a_video_file_is_tracked_to_its_end(tmp_path):
+    path = str(tmp_path / "arm.avi")
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(path, code, 100.0, (640, 360))
+    for _ in range(3):
+        writer.write(np.repeat(IMAGE[..., None], 3, axis=-1))
+    writer.release()
+    save_camera(CAMERA, tmp_path / "camera.json")
+    with tag_tracker(path, tmp_path / "camera.json") as tracker:
+        wait_until(lambda: "has ended" in tracker.problem)
+        frame = tracker.latest()
+    assert tracker.counts.accepted == 3
+    assert errors(frame.poses["end-1"], TIP)[0] < 3
+
+
+def test_a_file_that_is_no_video_is_refused(tmp_path):
+    (tmp_path / "arm.avi").write_text("no video")
+    with pytest.raises(TrackingError, match="no video"):
+        open_device(str(tmp_path / "arm.avi"))
+
+
+def test_without_opencv_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    monkeypatch.delitem(sys.modules, "s2c2a.tracking.tags.opencv")
+    with pytest.raises(TrackingError, match=r"\[camera\]"):
+        importlib.import_module("s2c2a.tracking.tags.opencv")
+
+
+def test_pose_trackers_need_no_opencv():
+    command = (
+        "import sys, s2c2a.tracking, s2c2a.cli.main; sys.exit('cv2' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", command], check=False).returncode == 0
