@@ -14,7 +14,7 @@ from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from s2c2a.emulation.tag_accuracy import TagAccuracy
-    from s2c2a.tracking.tags import Board, CameraModel, TagLayout
+    from s2c2a.tracking.tags import Board, CameraModel, TagDropReason, TagLayout
 
 app = SubcommandApp()
 PaperName = Literal["a4", "a3", "letter"]
@@ -201,6 +201,11 @@ def accuracy(
             seed,
             progress,
         )
+    title = f"Tip of {spec.name}: median and 95th percentile of {pictures} pictures"
+    _print_accuracy(title, results)
+
+
+def _print_accuracy(title: str, results: "list[TagAccuracy]") -> None:
     header = (
         "distance [m]",
         "position [mm]",
@@ -213,9 +218,10 @@ def accuracy(
         "wrong",
         "time [ms]",
     )
-    title = f"Tip of {spec.name}: median and 95th percentile of {pictures} pictures"
     print_table(title, header, map(_accuracy_cells, results))
-    dropped = sum((result.dropped for result in results), start=Counter())
+    dropped: Counter[TagDropReason] = Counter()
+    for result in results:
+        dropped += result.dropped
     for reason, count in dropped.items():
         print(f"dropped {count} times: {reason.value}")
 

@@ -288,7 +288,30 @@ def _add_tag(spec: mujoco.MjSpec, body, tag: Tag) -> None:
     """Add a textured square, and a board behind it that hides what is there."""
     half = SHEET * tag.size / 2
     name = f"tag {tag.id}"
-    texture = tag_texture(tag.id)
+    _add_material(spec, name, tag_texture(tag.id))
+    _add_square(spec, name, half)
+    # quaternions of MuJoCo are scalar first
+    rotation = np.roll(tag.pose.rotation, 1)
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=name,
+        material=name,
+        pos=tag.position,
+        quat=rotation,
+    )
+    behind = tag.pose @ Pose.measured((0, 0, -2 * _THICKNESS), (0, 0, 0, 1.0))
+    gray = WHITE / 255
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(half, half, _THICKNESS),
+        pos=behind.position,
+        quat=rotation,
+        rgba=(gray, gray, gray, 1),
+    )
+
+
+def _add_material(spec: mujoco.MjSpec, name: str, texture: np.ndarray) -> None:
     printed = spec.add_texture(
         name=name,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -300,30 +323,6 @@ def _add_tag(spec: mujoco.MjSpec, body, tag: Tag) -> None:
     textures = [""] * mujoco.mjtTextureRole.mjNTEXROLE
     textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     spec.add_material(name=name, textures=textures, specular=0.0, shininess=0.0)
-    _add_square(spec, name, half)
-    # quaternions of MuJoCo are scalar first
-    rotation = np.roll(tag.pose.rotation, 1)
-    body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=name,
-        material=name,
-        pos=tag.position,
-        quat=rotation,
-        contype=0,
-        conaffinity=0,
-    )
-    behind = tag.pose @ Pose.measured((0, 0, -2 * _THICKNESS), (0, 0, 0, 1.0))
-    gray = WHITE / 255
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=(half, half, _THICKNESS),
-        pos=behind.position,
-        quat=rotation,
-        rgba=(gray, gray, gray, 1),
-        contype=0,
-        conaffinity=0,
-    )
 
 
 def _add_square(spec: mujoco.MjSpec, name: str, half: float) -> None:

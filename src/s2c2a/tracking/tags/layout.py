@@ -140,18 +140,10 @@ class TagLayout(BaseModel):
             raise LayoutError(
                 f"{modules} modules; collars have ids for 1 to {MAX_MODULES}"
             )
-        if not SHEET * size <= 2 * half_width * (1 + 1e-9):
-            raise LayoutError(
-                f"tags of {1000 * size:g} mm and their white margins need a collar of "
-                f"{1000 * SHEET * size:g} mm, got {2000 * half_width:g} mm; choose "
-                "smaller tags or a wider collar"
-            )
+        _check_width(size, half_width)
         names = [BASE, *(f"end-{module}" for module in range(1, modules + 1))]
-        chosen = list(bodies) or names
-        capped = list(caps) or names[-1:]
-        unknown = sorted({*chosen, *capped} - set(names))
-        if unknown:
-            raise LayoutError(f"no bodies {unknown}; choose of {names}")
+        chosen = _choose(bodies, names) or names
+        capped = _choose(caps, names) or names[-1:]
         tags = []
         for number, name in enumerate(names):
             if name in chosen:
@@ -174,6 +166,23 @@ def square(size: float) -> Float[np.ndarray, "4 3"]:
     """Return the corners of a square [m], tag frame, in the order of `Tag.corners`."""
     signs = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
     return size / 2 * signs
+
+
+def _check_width(size: float, half_width: float) -> None:
+    if not SHEET * size <= 2 * half_width * (1 + 1e-9):
+        raise LayoutError(
+            f"tags of {1000 * size:g} mm and their white margins need a collar of "
+            f"{1000 * SHEET * size:g} mm, got {2000 * half_width:g} mm; choose "
+            "smaller tags or a wider collar"
+        )
+
+
+def _choose(bodies: Iterable[str], names: list[str]) -> list[str]:
+    chosen = list(bodies)
+    unknown = sorted(set(chosen) - set(names))
+    if unknown:
+        raise LayoutError(f"no bodies {unknown}; choose of {names}")
+    return chosen
 
 
 def _collar(
