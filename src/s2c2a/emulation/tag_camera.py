@@ -66,8 +66,8 @@ class TagScene:
         self.lens = Lens(camera, oversampling)
         self._layout = layout
         self._arm_radius = arm_radius
-        self._context = _open_context(self.lens.width, self.lens.height)
         self._model = _build_scene(layout, self.lens)
+        self._context = _open_context(self.lens.width, self.lens.height)
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, _MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
@@ -299,6 +299,9 @@ def _add_tag(spec: mujoco.MjSpec, body, tag: Tag) -> None:
         material=name,
         pos=tag.position,
         quat=rotation,
+        # a flat mesh cannot collide
+        contype=0,
+        conaffinity=0,
     )
     behind = tag.pose @ Pose.measured((0, 0, -2 * _THICKNESS), (0, 0, 0, 1.0))
     gray = WHITE / 255
