@@ -44,12 +44,12 @@ def named_parameters(cls: Callable) -> dict[str, Parameter]:
 
 
 def convert_option(
-    cls: type, parameters: Mapping[str, Parameter], name: str, value: Any
+    cls: Callable, parameters: Mapping[str, Parameter], name: str, value: Any
 ) -> Any:
     """Convert an option to the type that the class declares for it.
 
     Args:
-        cls: the class.
+        cls: the class, or a function that makes an object.
         parameters: those of its parameters that a user can set.
         name: of the option.
         value: as the user typed it.
@@ -59,11 +59,11 @@ def convert_option(
     """
     if name not in parameters:
         raise S2C2AError(
-            f"{cls.__name__} has no option '{name}'; "
+            f"{_name(cls)} has no option '{name}'; "
             f"it has {', '.join(parameters) or 'none'}"
         )
     try:
-        function = cls.__init__  # type: ignore[misc]
+        function = cls.__init__ if isinstance(cls, type) else cls  # type: ignore[misc]
         annotation = inspect.get_annotations(function, eval_str=True)[name]
         return TypeAdapter(annotation).validate_python(value)
     except (KeyError, NameError, PydanticUserError):
@@ -71,5 +71,9 @@ def convert_option(
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         raise S2C2AError(
-            f"option {name}={value} of {cls.__name__}: {describe_fault(fault)}"
+            f"option {name}={value} of {_name(cls)}: {describe_fault(fault)}"
         ) from error
+
+
+def _name(cls: Callable) -> str:
+    return getattr(cls, "__name__", repr(cls))

@@ -48,6 +48,8 @@ def test_options_reach_the_tracker():
         ("udp:a", "option port=a of UdpTracker: write a whole number"),
         ("udp:a:b:1", "no tracking source"),
         ("natnet::a", "no tracking source"),
+        ("camera:0", "camera:DEVICE:CAMERA_FILE"),
+        ("camera:0:no.json", "no.json"),
         ("natnet:a,up", "write key=value"),
         ("natnet:a,gain=3", "has no option 'gain'"),
         ("natnet:a,up=x", "give y or z"),

@@ -1,6 +1,6 @@
 """Trackers by name: sources of poses, as users write them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from s2c2a.options import convert_option, named_parameters, options_from
@@ -11,11 +11,19 @@ from s2c2a.tracking.tracker import Tracker
 KNOWN = {
     "udp": "s2c2a.tracking.udp:UdpTracker",
     "natnet": "s2c2a.tracking.natnet:NatNetTracker",
+    "camera": "s2c2a.tracking.tags:tag_tracker",
 }
 """Import paths of the package's own trackers: some need an extra."""
-_ADDRESSES = {"udp": ("host", "port"), "natnet": ("host",)}
-"""Options that can be written behind the name, with a colon; the last ones if fewer."""
-FORMS = "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, or your own FILE.py:Class"
+_ADDRESSES: Mapping[str, Sequence[tuple[str, ...]]] = {
+    "udp": [(), ("port",), ("host", "port")],
+    "natnet": [(), ("host",)],
+    "camera": [("device", "camera_file"), ("device", "camera_file", "layout_file")],
+}
+"""Options that can be written behind the name, with colons."""
+FORMS = (
+    "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, camera:DEVICE:CAMERA_FILE, "
+    "camera:DEVICE:CAMERA_FILE:LAYOUT_FILE, or your own FILE.py:Class"
+)
 
 
 def tracker_of(source: str) -> Tracker:
@@ -32,11 +40,10 @@ def tracker_of(source: str) -> Tracker:
     name, *address = text.split(":")
     if name not in KNOWN:
         return _make(_own_class(text), dict(options_from(given)))
-    names = _ADDRESSES[name]
-    if len(address) > len(names) or "" in address:
+    names = next((n for n in _ADDRESSES[name] if len(n) == len(address)), None)
+    if names is None or "" in address:
         raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
-    last = names[len(names) - len(address) :]
-    options = dict(zip(last, address, strict=True)) | dict(options_from(given))
+    options = dict(zip(names, address, strict=True)) | dict(options_from(given))
     return _make(resolve("tracker", KNOWN[name], {}), options)
 
 
@@ -51,7 +58,7 @@ def _own_class(text: str) -> Any:
     return cls
 
 
-def _make(cls: type[Tracker], options: Mapping[str, str]) -> Tracker:
+def _make(cls: Callable[..., Tracker], options: Mapping[str, str]) -> Tracker:
     parameters = named_parameters(cls)
     converted = {
         name: convert_option(cls, parameters, name, value)
