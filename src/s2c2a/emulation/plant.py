@@ -174,15 +174,7 @@ class Plant:
 
     def poses(self) -> dict[str, Pose]:
         """Return the frames of the base and of the module ends, by name."""
-        identity = Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
-        poses = {"base": identity}
-        data = self._robot.data
-        for module in range(self.arm.module_count):
-            site = data.site(f"end_{module}")
-            quaternion = np.empty(4)
-            mujoco.mju_mat2Quat(quaternion, site.xmat)
-            poses[f"end-{module + 1}"] = Pose(site.xpos.copy(), np.roll(quaternion, -1))
-        return poses
+        return end_poses(self._robot.data, self.arm.module_count)
 
     def pulls(self) -> Cables:
         """Return the force of the cables as springs [N]: negative in slack cables."""
@@ -244,6 +236,17 @@ class Plant:
         errors = np.abs(self.targets.goal - self.positions)
         jammed = self.stalled & self.targets.torque & (errors > _JAM)
         self.tensions = np.where(jammed, self.targets.tension, self.tensions)
+
+
+def end_poses(data: mujoco.MjData, modules: int) -> dict[str, Pose]:
+    """Return the true frames of base and module ends in a simulation, by name."""
+    poses = {"base": Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
+    for module in range(modules):
+        site = data.site(f"end_{module}")
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, site.xmat)
+        poses[f"end-{module + 1}"] = Pose(site.xpos.copy(), np.roll(quaternion, -1))
+    return poses
 
 
 def _with_ideal_motors(arm: ArmSpec) -> ArmSpec:
