@@ -160,8 +160,10 @@ def mocap(
     options: StreamOptions
     match protocol:
         case "natnet":
-            ports = {"command_port": command_port, "data_port": data_port}
-            options = MotiveOptions(**common, **ports, multicast=multicast)
+            common["multicast"] = multicast
+            options = MotiveOptions(
+                **common, command_port=command_port, data_port=data_port
+            )
         case "qualisys":
             options = QtmOptions(**common, port=port)
         case "udp":

@@ -8,13 +8,13 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import Sensor
-from s2c2a.tracking import ModuleEnds, NatNetTracker, UdpTracker
+from s2c2a.tracking import ModuleEnds, NatNetTracker, QualisysTracker, UdpTracker
 from s2c2a.tracking.tracker import Tracker
 from s2c2a.tracking.udp import LOCALHOST
 
 SOURCES = (
-    "udp, udp:PORT, udp:HOST:PORT, natnet, natnet:HOST, natnet:HOST:LOCAL or "
-    "natnet:HOST:LOCAL:UP"
+    "udp, udp:PORT, udp:HOST:PORT, natnet, natnet:HOST, natnet:HOST:LOCAL, "
+    "natnet:HOST:LOCAL:UP, qualisys or qualisys:HOST"
 )
 FIRST_POSES = 5.0  # s in which the first poses must come
 POLL_PERIOD = 0.02  # s
@@ -33,7 +33,7 @@ class EndTracking:
 
         Args:
             arm: its modules are the bodies "end-1" to "end-M", beside "base".
-            source: one of `SOURCES`; HOST is the computer with Motive, LOCAL the
+            source: one of `SOURCES`; HOST is the computer with Motive or QTM, LOCAL the
                 address of this computer in its network, UP "y" or "z".
 
         Raises:
@@ -107,5 +107,9 @@ def _natnet(host: str = LOCALHOST, local: str = LOCALHOST, up: str = "y") -> Tra
     return NatNetTracker(host, local, up=up)
 
 
-_TRACKERS: Mapping[str, Callable[..., Tracker]] = {"udp": _udp, "natnet": _natnet}
-_MAX_PARTS = {"udp": 2, "natnet": 3}
+_TRACKERS: Mapping[str, Callable[..., Tracker]] = {
+    "udp": _udp,
+    "natnet": _natnet,
+    "qualisys": QualisysTracker,
+}
+_MAX_PARTS = {"udp": 2, "natnet": 3, "qualisys": 1}

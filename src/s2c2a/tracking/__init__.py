@@ -3,6 +3,7 @@
 from s2c2a.tracking.datagrams import DropReason
 from s2c2a.tracking.natnet import NatNetTracker
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
+from s2c2a.tracking.qualisys import QualisysTracker
 from s2c2a.tracking.states import ModuleEnds, TrackedStates
 from s2c2a.tracking.tracker import PoseFrame, Tracker
 from s2c2a.tracking.udp import DatagramCounts, UdpTracker
