@@ -5,7 +5,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.end_tracking import EndTracking
-from s2c2a.tracking import NatNetTracker, UdpTracker
+from s2c2a.tracking import NatNetTracker, QualisysTracker, UdpTracker
 
 ARM = load_arm("twin_arm")
 
@@ -20,6 +20,8 @@ ARM = load_arm("twin_arm")
         ("natnet:10.0.0.2", NatNetTracker),
         ("natnet:10.0.0.2:10.0.0.3", NatNetTracker),
         ("natnet:10.0.0.2:10.0.0.3:z", NatNetTracker),
+        ("qualisys", QualisysTracker),
+        ("qualisys:10.0.0.2", QualisysTracker),
     ],
 )
 def test_a_source_gives_its_tracker(source, kind):

@@ -165,7 +165,9 @@ def is_sent(name, pose):
         return False
     sent = POSES[name]
     is_there = np.allclose(pose.position, sent.position, atol=1e-6)
-    return is_there and np.allclose(pose.rotation, sent.rotation, atol=1e-6)
+    # bytes that replace the end of the last packet of a stream change a number by less
+    # than a rotation matrix may be wrong
+    return is_there and np.allclose(pose.rotation, sent.rotation, atol=1e-3)
 
 
 def is_plausible(pose):

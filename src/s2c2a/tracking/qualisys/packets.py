@@ -28,7 +28,7 @@ _BODY = Struct("<12f")  # position [mm], rotation matrix column by column
 _SIX_DOF = 5
 _MICROSECOND = 1e-6
 _MILLIMETER = 1e-3
-_MAX_MATRIX_ERROR = 0.02  # of the products of its columns
+_MAX_MATRIX_ERROR = 1e-3  # of the products of its columns; floats have 1e-7
 _UP_AXES = {"+y": "y", "+z": "z"}
 
 
