@@ -11,9 +11,10 @@ from s2c2a.arm import load_arm
 from s2c2a.emulation import Emulator, EmulatorOptions
 from s2c2a.emulation import natnet_protocol as protocol
 from s2c2a.emulation.mocap import Babbling, MocapEmulator
-from s2c2a.emulation.motive import Motive, MotiveOptions, to_stream
-from s2c2a.emulation.motive_faults import MotiveFault, parse_motive_faults
+from s2c2a.emulation.mocap_faults import MocapFault, parse_mocap_faults
+from s2c2a.emulation.motive import Motive, MotiveOptions
 from s2c2a.emulation.plant import Pose
+from s2c2a.emulation.tracked_bodies import to_stream
 from s2c2a.errors import S2C2AError
 from s2c2a.tracking import ModuleEnds, NatNetTracker
 
@@ -134,9 +135,9 @@ def test_with_y_up_the_height_is_the_second_coordinate():
 
 
 def test_a_body_and_seconds_are_parsed():
-    late, hidden = parse_motive_faults(("3 hidden end-1 1.5", "2 late 0.1 0.5"), NAMES)
-    assert late == MotiveFault(2.0, "late", (), (0.1, 0.5))
-    assert hidden == MotiveFault(3.0, "hidden", ("end-1",), (1.5,))
+    late, hidden = parse_mocap_faults(("3 hidden end-1 1.5", "2 late 0.1 0.5"), NAMES)
+    assert late == MocapFault(2.0, "late", (), (0.1, 0.5))
+    assert hidden == MocapFault(3.0, "hidden", ("end-1",), (1.5,))
 
 
 @pytest.mark.parametrize(
@@ -158,13 +159,13 @@ def test_a_body_and_seconds_are_parsed():
 )
 def test_an_invalid_fault_lists_the_kinds(text):
     with pytest.raises(S2C2AError, match=r"hidden BODY \[SECONDS\]"):
-        parse_motive_faults((text,), NAMES)
+        parse_mocap_faults((text,), NAMES)
 
 
 @pytest.mark.parametrize("text", ["1 hidden tip", "1 swapped base base"])
 def test_a_fault_of_an_unknown_body_lists_the_bodies(text):
     with pytest.raises(S2C2AError, match="base, end-1"):
-        parse_motive_faults((text,), NAMES)
+        parse_mocap_faults((text,), NAMES)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A robot with tracked module ends."""
 
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from s2c2a.tracking.calibration import default_path, save_tracking_calibration
 
 ARM = load_arm("twin_arm")
 CABLES = np.zeros((3, 3))
+SPACING = 0.2  # m; of the module ends
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -60,7 +62,7 @@ class StillTracker(Tracker):
     def show(self, age=0.0):
         now = time.perf_counter() - age
         poses = {
-            name: Pose(np.array([0.0, 0.0, 0.1 * place]), NO_TURN)
+            name: Pose(np.array([0.0, 0.0, SPACING * place]), NO_TURN)
             for place, name in enumerate(self.names)
         }
         self.frame = PoseFrame(now, now, self.number, poses)
@@ -92,7 +94,7 @@ def test_readings_have_the_states_of_the_tracker():
         tracker.show()
         reading = robot.read()
     assert set(reading.sensors) == {"cables", "states", "states_age"}
-    np.testing.assert_allclose(reading["states"][:, 2], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(reading["states"][:, 2], [0.2, 0.4, 0.6])
     assert 0.0 <= reading["states_age"] < ARM.control_period
     assert tracker.closed
     assert robot._robot.calls == ["open", "close"]
@@ -117,24 +119,47 @@ def test_states_of_a_silent_tracker_are_missing():
 def test_an_arm_does_not_move_without_poses(monkeypatch):
     monkeypatch.setattr("s2c2a.tracking.tracked_robot.FIRST_POSES", 0.05)
     robot, _ = tracked(tracker=StillTracker(("base", "end-1", "end-3")))
-    with pytest.raises(S2C2AError, match="no poses of end-2 arrived from tracking"):
+    with pytest.raises(S2C2AError, match="tracking test: no poses of end-2 arrive"):
         robot.open()
     assert robot._robot.calls == []
+
+
+def test_an_arm_does_not_move_with_exchanged_bodies(monkeypatch):
+    monkeypatch.setattr("s2c2a.tracking.tracked_robot.FIRST_POSES", 0.05)
+    robot, _ = tracked(tracker=StillTracker(("base", "end-2", "end-1", "end-3")))
+    with pytest.raises(S2C2AError, match="end of module 2 does not fit"):
+        robot.open()
+    assert robot._robot.calls == []
+
+
+def test_an_impossible_state_is_missing_and_reported_once():
+    robot, tracker = tracked()
+    with robot:
+        tracker.names = ("base", "end-2", "end-1", "end-3")
+        tracker.show()
+        with pytest.warns(UserWarning, match="end of module 2"):
+            reading = robot.read()
+        tracker.show()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            again = robot.read()
+    assert np.isnan(reading["states"][1]).all()
+    assert np.isnan(again["states"][1]).all()
 
 
 def test_the_arm_file_names_the_bodies():
     tracking = Tracking(base="", ends=("", "", "tip"))
     arm = ARM.model_copy(update={"tracking": tracking})
-    robot, tracker = tracked(arm, StillTracker(("other", "tip")))
+    robot, tracker = tracked(arm, StillTracker(("other", "a", "b", "tip")))
     with robot:
         tracker.show()
         states = robot.read()["states"]
     assert np.isnan(states[:2]).all()
-    np.testing.assert_allclose(states[2, :3], [0, 0, 0.1])
+    np.testing.assert_allclose(states[2, :3], [0, 0, 0.6])
 
 
 def test_the_calibration_of_the_arm_is_used():
-    offset = {"end-3": Pose(np.array([0.0, 0.0, 0.05]), NO_TURN)}
+    offset = {"end-3": Pose(np.array([0.0, 0.0, 0.01]), NO_TURN)}
     calibration = TrackingCalibration.empty(ARM).with_latency(0.03, 0.001)
     calibration = calibration.with_frames(Pose.identity(), offset, {})
     save_tracking_calibration(calibration, default_path(ARM))
@@ -142,7 +167,7 @@ def test_the_calibration_of_the_arm_is_used():
     with robot:
         tracker.show()
         reading = robot.read()
-    assert reading["states"][2, 2] == pytest.approx(0.35)
+    assert reading["states"][2, 2] == pytest.approx(0.61)
     assert 0.03 <= reading["states_age"] < 0.03 + ARM.control_period
 
 
@@ -155,7 +180,7 @@ def test_a_camera_is_slow_feedback_from_the_tracker():
     second = robot.read()
     robot.close()
     assert np.isnan(first["camera_positions"][:2]).all()
-    np.testing.assert_allclose(first["camera_positions"][2], [0, 0, 0.3])
+    np.testing.assert_allclose(first["camera_positions"][2], [0, 0, 0.6])
     assert first["camera_age"] == first["states_age"]
     assert "camera_positions" not in second.sensors  # the next picture is not due
 

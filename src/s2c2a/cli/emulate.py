@@ -2,7 +2,7 @@
 
 import signal
 from pathlib import Path
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import tyro
 from tyro.extras import SubcommandApp
@@ -168,8 +168,9 @@ def lab(
 @app.command
 def mocap(
     arm: Arm = "twin_arm",
-    version: Literal["3.1", "4.0", "4.1", "4.2"] = "4.1",
-    up: Literal["y", "z"] = "y",
+    protocol: Literal["natnet", "qualisys", "udp"] = "natnet",
+    version: str = "",
+    up: Literal["", "y", "z"] = "",
     rate: float = 120.0,
     faults: Faults = (),
     noise: float = 0.0,
@@ -182,19 +183,26 @@ def mocap(
     command_port: int = 1510,
     data_port: int = 1511,
     multicast: str = "",
+    port: int = 22_223,
+    poses_to: str = "127.0.0.1:9763",
     duration: float = float("inf"),
 ) -> None:
-    """Emulate OptiTrack Motive that tracks the base and the module ends of an arm.
+    """Emulate motion capture that tracks the base and the module ends of an arm.
 
     Args:
         arm: a preset or an arm file.
-        version: of NatNet; 4.2 is one that the tracker refuses.
-        up: vertical axis of the stream.
+        protocol: natnet for OptiTrack Motive, qualisys for Qualisys Track Manager, udp
+            for JSON datagrams.
+        version: of the protocol: NatNet 3.1, 4.0, 4.1 (default) or 4.2, which the
+            tracker refuses; newest of QTM: 1.25 (default), 1.20 or 1.8, which the
+            tracker refuses.
+        up: vertical axis of the stream; default: y for natnet, z otherwise.
         rate: frames a second [Hz].
         faults: a fault, such as "3 hidden end-2 1.5"; can be repeated. The time [s]
             counts from the start. Kinds: lost SHARE, late SECONDS SHARE, reordered
-            SHARE, duplicated SHARE, garbage SHARE, hidden BODY [SECONDS], swapped BODY
-            BODY, restart SECONDS, drift PPM.
+            SHARE, duplicated SHARE, garbage SHARE, incomplete SHARE, absurd SHARE,
+            hidden BODY [SECONDS], swapped BODY BODY, flipped BODY, millimeters,
+            restart SECONDS, drift PPM.
         noise: standard deviation of positions [m].
         latency: from exposure to transmission [s].
         motion: none, or babble for a slow random motion of the arm.
@@ -202,30 +210,46 @@ def mocap(
         seed: random seed of motion, noise and faults.
         payload: mass at the tip [kg].
         host: address on which it listens.
-        command_port: UDP port for requests.
-        data_port: UDP port of the frames, for multicast.
-        multicast: group of the frames, such as 239.255.42.99; empty: unicast.
+        command_port: UDP port for requests, of natnet.
+        data_port: UDP port of the frames, for multicast, of natnet.
+        multicast: group of the frames, such as 239.255.42.99; empty: unicast; of
+            natnet.
+        port: TCP port, of qualisys.
+        poses_to: HOST:PORT of the receiver, of udp.
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation.mocap import MocapEmulator
+    from s2c2a.emulation.mocap_server import StreamOptions
     from s2c2a.emulation.motive import MotiveOptions
+    from s2c2a.emulation.outputs import parse_address
+    from s2c2a.emulation.pose_datagrams import DatagramOptions
+    from s2c2a.emulation.qtm import QtmOptions
 
-    options = MotiveOptions(
-        version=version,
-        up=up,
-        rate=rate,
-        noise=noise,
-        latency=latency,
-        faults=faults,
-        host=host,
-        command_port=command_port,
-        data_port=data_port,
-        multicast=multicast,
-        seed=seed,
-    )
+    common: dict[str, Any] = {
+        "rate": rate,
+        "noise": noise,
+        "latency": latency,
+        "faults": faults,
+        "host": host,
+        "seed": seed,
+    }
+    # without them, the defaults of the protocol
+    given = {"up": up, "version": version}
+    common |= {name: value for name, value in given.items() if value}
+    options: StreamOptions
+    match protocol:
+        case "natnet":
+            common["multicast"] = multicast
+            options = MotiveOptions(
+                **common, command_port=command_port, data_port=data_port
+            )
+        case "qualisys":
+            options = QtmOptions(**common, port=port)
+        case "udp":
+            common.pop("version", None)
+            options = DatagramOptions(**common, receiver=parse_address(poses_to))
     emulator = MocapEmulator(
         load_arm(arm), options, motion, fidelity, payload, duration
     )
     _stop_at_signals(emulator)
-    place = f"{host}, UDP {command_port} and {data_port}"
-    emulator.run(lambda: print(f"Motive, NatNet {version}: {place}", flush=True))
+    emulator.run(lambda: print(emulator.server.label, flush=True))

@@ -1,15 +1,18 @@
-"""Event loop of an emulated Motive that tracks a simulated arm, in real time."""
+"""Event loop of emulated motion capture of a simulated arm, in real time."""
 
 import select
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.emulation.mocap_server import MocapServer, StreamOptions
 from s2c2a.emulation.motive import Motive, MotiveOptions
 from s2c2a.emulation.plant import Plant, Pose
+from s2c2a.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
+from s2c2a.emulation.qtm import Qtm, QtmOptions
 from s2c2a.errors import S2C2AError
 
 MOTIONS = ("none", "babble")
@@ -50,19 +53,39 @@ class Babbling:
         return np.clip(actions, geometry.action_low, geometry.action_high).ravel()
 
 
+def make_server(names: Sequence[str], options: StreamOptions) -> MocapServer:
+    """Return the server of the protocol that the options are of.
+
+    Args:
+        names: of the rigid bodies.
+        options: of Motive, of QTM or of JSON datagrams.
+
+    Raises:
+        S2C2AError: a fault is invalid.
+    """
+    match options:
+        case MotiveOptions():
+            return Motive(names, options)
+        case QtmOptions():
+            return Qtm(names, options)
+        case DatagramOptions():
+            return PoseDatagrams(names, options)
+    raise S2C2AError(f"no protocol has {type(options).__name__}")
+
+
 class MocapEmulator:
-    """An arm, its motion, and Motive that tracks base and module ends.
+    """An arm, its motion, and motion capture that tracks base and module ends.
 
     Attributes:
         plant: the arm and its motors.
-        motive: the server.
+        server: of the poses.
         late: time that the physics lost on a busy machine [s].
     """
 
     def __init__(
         self,
         arm: ArmSpec,
-        options: MotiveOptions,
+        options: StreamOptions,
         motion: str = "none",
         fidelity: str = "fast",
         payload: float = 0.0,
@@ -72,7 +95,7 @@ class MocapEmulator:
 
         Args:
             arm: that is tracked.
-            options: of Motive.
+            options: of Motive, of QTM or of JSON datagrams.
             motion: "none", or "babble" for a slow random motion.
             fidelity: of the simulation.
             payload: mass at the tip [kg].
@@ -86,7 +109,7 @@ class MocapEmulator:
         if not duration > 0:
             raise S2C2AError(f"duration {duration} s is not allowed; give more than 0")
         self.plant = Plant(arm, fidelity, options.seed, payload, homed=True)
-        self.motive = Motive(list(self.plant.poses()), options)
+        self.server = make_server(list(self.plant.poses()), options)
         self._babbling = Babbling(arm, options.seed) if motion == "babble" else None
         self._duration = duration
         self._stopped = False
@@ -110,7 +133,7 @@ class MocapEmulator:
             S2C2AError: the port is taken.
             SimulationError: the simulation diverged.
         """
-        self.motive.open()
+        self.server.open()
         try:
             on_ready()
             start = time.monotonic()
@@ -119,9 +142,9 @@ class MocapEmulator:
                 self._wait(start)
                 now = time.monotonic() - start
                 self._advance(now)
-                self.motive.serve(now, self.poses)
+                self.server.serve(now, self.poses)
         finally:
-            self.motive.close()
+            self.server.close()
 
     def poses(self) -> Mapping[str, Pose]:
         """Return `T_world_body` of base and module ends; the world is the base."""
@@ -130,10 +153,10 @@ class MocapEmulator:
     def _wait(self, start: float) -> None:
         """Sleep until a request arrives or something is due."""
         physics = self.late + self.plant.time + self.plant.chunk
-        due = min(physics, self.motive.next_time)
+        due = min(physics, self.server.next_time)
         timeout = due - (time.monotonic() - start)
         timeout = min(max(0.0, timeout), _LONGEST_SLEEP)
-        select.select(self.motive.files, [], [], timeout)
+        select.select(self.server.files, [], [], timeout)
 
     def _advance(self, now: float) -> None:
         """Advance the physics by at most one chunk, towards the wall clock."""

@@ -5,11 +5,11 @@ It shares no code with `s2c2a.tracking.natnet`, so that one tests the other.
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from s2c2a.emulation.plant import Pose
+from s2c2a.emulation.tracked_bodies import StreamedBody
 
 CONNECT = 0
 SERVER_INFO = 1
@@ -33,19 +33,6 @@ _MARKERS = np.array([[0.03, 0.0, 0.0], [-0.02, 0.02, 0.0], [-0.01, -0.03, 0.0]])
 _MARKER_SIZE = 0.0095  # m
 _MARKER_ERROR = 0.0002  # m
 _TRACKED = 1
-
-
-@dataclass(frozen=True)
-class StreamedBody:
-    """A rigid body in a frame.
-
-    Attributes:
-        pose: in the axes of the stream.
-        is_tracked: whether Motive sees it; otherwise the pose is the last known one.
-    """
-
-    pose: Pose
-    is_tracked: bool = True
 
 
 def numbers(version: str) -> tuple[int, int]:

@@ -5,6 +5,8 @@ import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from s2c2a.emulation.pose_datagrams import encode_poses
+from s2c2a.emulation.tracked_bodies import StreamedBody
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 
@@ -126,17 +128,12 @@ class PoseSender:
         """Send the poses if they are due; a receiver that is absent is no error."""
         if not self._due.is_due(now):
             return
-        bodies = {
-            name: {
-                "position": pose.position.tolist(),
-                "rotation": pose.rotation.tolist(),
-            }
-            for name, pose in emulator.plant.poses().items()
-        }
-        content = {"time": now, "frame": self._frame, "bodies": bodies}
+        poses = emulator.plant.poses()
+        bodies = {name: StreamedBody(pose) for name, pose in poses.items()}
+        content = encode_poses(self._frame, now, bodies)
         self._frame += 1
         try:
-            self._socket.sendto(json.dumps(content).encode(), self._address)
+            self._socket.sendto(content, self._address)
         except socket.gaierror as error:
             raise S2C2AError(
                 f"no host '{self._address[0]}': {error}; correct --poses-to"

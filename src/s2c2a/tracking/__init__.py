@@ -4,6 +4,7 @@ from s2c2a.tracking.calibration import TrackingCalibration
 from s2c2a.tracking.datagrams import DropReason
 from s2c2a.tracking.natnet import NatNetTracker
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
+from s2c2a.tracking.qualisys import QualisysTracker
 from s2c2a.tracking.sources import tracker_of
 from s2c2a.tracking.states import ModuleEnds, TrackedStates
 from s2c2a.tracking.tracked_robot import TrackedRobot

@@ -11,17 +11,20 @@ from s2c2a.tracking.tracker import Tracker
 KNOWN = {
     "udp": "s2c2a.tracking.udp:UdpTracker",
     "natnet": "s2c2a.tracking.natnet:NatNetTracker",
+    "qualisys": "s2c2a.tracking.qualisys:QualisysTracker",
     "camera": "s2c2a.tracking.tags:tag_tracker",
 }
 """Import paths of the package's own trackers: some need an extra."""
 _ADDRESSES: Mapping[str, Sequence[tuple[str, ...]]] = {
     "udp": [(), ("port",), ("host", "port")],
     "natnet": [(), ("host",)],
+    "qualisys": [(), ("host",)],
     "camera": [("device", "camera_file"), ("device", "camera_file", "layout_file")],
 }
 """Options that can be written behind the name, with colons."""
 FORMS = (
-    "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, camera:DEVICE:CAMERA_FILE, "
+    "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, qualisys:HOST, "
+    "camera:DEVICE:CAMERA_FILE, "
     "camera:DEVICE:CAMERA_FILE:LAYOUT_FILE, or your own FILE.py:Class"
 )
 

@@ -1,11 +1,12 @@
 """A real robot together with a pose tracker."""
 
 import time
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.sensors import Camera
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
@@ -16,6 +17,7 @@ from s2c2a.tracking.calibration import (
     load_tracking_calibration,
 )
 from s2c2a.tracking.clock import ExposureClock
+from s2c2a.tracking.plausibility import CheckedStates, StateCheck
 from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.sources import tracker_of
 from s2c2a.tracking.tracker import PoseFrame, Tracker
@@ -24,6 +26,7 @@ FIRST_POSES = 5.0  # s in which the first poses must come
 POLL_PERIOD = 0.02  # s
 MAX_SILENCE = 1.5  # control periods since a frame arrived; then states are missing
 CAMERA_TOLERANCE = 0.1  # of a camera's period
+REASONS = {"out of reach": "is out of reach", "jumped": "has jumped"}
 RESTART = 1.0  # s; a source clock that steps back by more begins again
 
 
@@ -51,6 +54,9 @@ class StateSensor:
         self._ends = calibration.ends(arm)
         self._clock = ExposureClock(calibration.latency or 0.0)
         self._last_time = -np.inf
+        geometry = ArmGeometry.of(arm)
+        self._check = StateCheck(geometry.lengths, geometry.bend_limits)
+        self._warned: set[tuple[int, str]] = set()
         self._max_silence = MAX_SILENCE * arm.control_period
         self._camera = arm.sensors.camera
         self._camera_views = _CameraViews(self._camera) if self._camera else None
@@ -67,33 +73,36 @@ class StateSensor:
             }
 
     def start(self) -> None:
-        """Begin to receive, and wait for the first poses of all tracked module ends.
+        """Begin to receive, and wait for plausible poses of all tracked module ends.
 
         Raises:
             TrackingError: they do not come; an arm need not move without them.
         """
         self._tracker.start()
+        self._check.reset()
+        self._warned.clear()
         end = time.monotonic() + FIRST_POSES
-        while missing := self._missing_bodies():
+        while problem := self._find_problem():
             if time.monotonic() > end:
-                problem = self._tracker.problem or "check its port and body names"
                 raise TrackingError(
-                    f"no poses of {', '.join(missing)} arrived from tracking "
-                    f"{self._source} in {FIRST_POSES:g} s: {problem}; start the "
-                    "source, or add --tracking none (docs/tracking.md)"
+                    f"tracking {self._source}: {problem} ({FIRST_POSES:g} s); correct "
+                    "it, or add --tracking none (docs/tracking.md)"
                 )
             time.sleep(POLL_PERIOD)
 
     def read(self, now: float) -> dict[str, np.ndarray]:
         """Return the sensors at a time of the clock `time.perf_counter` [s].
 
-        States are NaN if no frame has come, or the newest one is too old.
+        States are NaN if no frame has come, the newest one is too old, or they are
+        impossible for the arm, of which a warning tells once.
         """
         frame = self._tracker.latest()
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
         age = np.asarray(now - self._exposure(frame))
-        states = self._ends.states(frame, now).states
+        checked = self._checked(frame)
+        states = checked.states
+        self._warn(checked.reasons)
         values = {"states": states, "states_age": age}
         if self._camera_views is not None:
             values |= self._camera_views.read(frame, states, now, age)
@@ -103,11 +112,26 @@ class StateSensor:
         """Stop receiving; allowed more than once."""
         self._tracker.close()
 
-    def _missing_bodies(self) -> list[str]:
-        """Bodies without a pose in the newest frame."""
+    def _find_problem(self) -> str:
+        """Describe what the newest frame lacks; empty if it has all poses."""
         frame = self._tracker.latest()
         seen = frame.poses if frame is not None else {}
-        return [name for name in self._ends.bodies if name not in seen]
+        missing = [name for name in self._ends.bodies if name not in seen]
+        if frame is None or missing:
+            cause = self._tracker.problem or "check its port and body names"
+            return f"no poses of {', '.join(missing)} arrive: {cause}"
+        reasons = enumerate(self._checked(frame).reasons, 1)
+        return "; ".join(_describe(*reason) for reason in reasons if reason[1])
+
+    def _checked(self, frame: PoseFrame) -> CheckedStates:
+        states = self._ends.states(frame, frame.arrival_time).states
+        return self._check(states, frame.arrival_time)
+
+    def _warn(self, reasons: Sequence[str]) -> None:
+        for reason in enumerate(reasons, 1):
+            if reason[1] and reason not in self._warned:
+                self._warned.add(reason)
+                warnings.warn(f"{_describe(*reason)}; it is missing", stacklevel=1)
 
     def _exposure(self, frame: PoseFrame) -> float:
         if self._last_time - frame.source_time > RESTART:
@@ -208,6 +232,10 @@ class TrackedRobot(Robot):
             self._tracked.close()
         finally:
             self._robot.close()
+
+
+def _describe(module: int, reason: str) -> str:
+    return f"the tracked end of module {module} {REASONS.get(reason, reason)}"
 
 
 def _with(reading: Reading, values: Mapping[str, np.ndarray]) -> Reading:

@@ -19,7 +19,7 @@ def resolve(host: str) -> str:
     # TypeError, ValueError: a name that cannot be a host
     except (OSError, TypeError, ValueError) as error:
         raise TrackingError(
-            f"no host {host!a}: {error}; give the address of the computer with Motive"
+            f"no host {host!a}: {error}; give the address of the computer that streams"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Faults of an emulated Motive: of the network, of the bodies, of the program."""
+"""Faults of emulated motion capture: of the network, the bodies and the program."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,25 +34,34 @@ KINDS: dict[str, tuple[_Argument, ...]] = {
     "reordered": (_SHARE,),
     "duplicated": (_SHARE,),
     "garbage": (_SHARE,),
+    "incomplete": (_SHARE,),
+    "absurd": (_SHARE,),
     "hidden": (_BODY, _SECONDS._replace(required=False)),
     "swapped": (_BODY, _BODY),
+    "flipped": (_BODY,),
+    "millimeters": (),
     "restart": (_SECONDS,),
     "drift": (_Argument("PPM", 1e5, low=-1e5),),
 }
 """Kinds of faults and their arguments.
 
 lost, late, reordered, duplicated, garbage: share of the frames that are lost, come
-later, come after the next one, come twice, are followed by a damaged copy; from then
-on, until the kind comes again with share 0. hidden: the body is not tracked, for good
-or for a time. swapped: two bodies have each other's poses, until the kind comes again.
-restart: Motive is off for a time and forgets its clients; its clock begins again.
-drift: its clock runs faster than that of this computer.
+later, come after the next one, come twice, are followed by a damaged copy; incomplete:
+lack a part; absurd: have a body with impossible numbers; from then on, until the kind
+comes again with share 0. hidden: the body is not tracked, for good or for a time.
+swapped: two bodies have each other's poses; flipped: a body is turned by 180 deg about
+its x axis; millimeters: positions are in mm where the protocol says otherwise; until
+the kind comes again. restart: the program is off for a time and forgets its clients;
+its clock begins again. drift: its clock runs faster than that of this computer.
 """
-NETWORK_KINDS = frozenset(("lost", "late", "reordered", "duplicated", "garbage"))
+SHARE_KINDS = frozenset(
+    ("lost", "late", "reordered", "duplicated", "garbage", "incomplete", "absurd")
+)
+"""Kinds that act on a share of the frames."""
 
 
 @dataclass(frozen=True)
-class MotiveFault:
+class MocapFault:
     """One scheduled fault.
 
     Attributes:
@@ -68,9 +77,7 @@ class MotiveFault:
     values: tuple[float, ...]
 
 
-def parse_motive_faults(
-    texts: Sequence[str], bodies: Sequence[str]
-) -> list[MotiveFault]:
+def parse_mocap_faults(texts: Sequence[str], bodies: Sequence[str]) -> list[MocapFault]:
     """Parse faults such as `EXAMPLE`, and sort them by time.
 
     Args:
@@ -84,7 +91,7 @@ def parse_motive_faults(
     return sorted(faults, key=lambda fault: fault.time)
 
 
-def _parse_fault(text: str, bodies: Sequence[str]) -> MotiveFault:
+def _parse_fault(text: str, bodies: Sequence[str]) -> MocapFault:
     time, kind, *words = text.split() if len(text.split()) > 1 else ("", "")
     arguments = KINDS.get(kind)
     if arguments is None or not _is_time(time) or not _fit(words, arguments):
@@ -98,7 +105,7 @@ def _parse_fault(text: str, bodies: Sequence[str]) -> MotiveFault:
             f"{', '.join(bodies)}"
         )
     values = (float(word) for word, argument in pairs if argument.high is not None)
-    return MotiveFault(float(time), kind, named, tuple(values))
+    return MocapFault(float(time), kind, named, tuple(values))
 
 
 def _is_time(text: str) -> bool:
@@ -124,7 +131,7 @@ def _is_allowed(word: str, argument: _Argument) -> bool:
 def _invalid_fault(text: str) -> S2C2AError:
     kinds = [" ".join((kind, *map(_describe, KINDS[kind]))) for kind in KINDS]
     return S2C2AError(
-        f"'{text}' is not a fault of Motive; write a time [s] and one of: "
+        f"'{text}' is not a fault of motion capture; write a time [s] and one of: "
         f'{", ".join(kinds)}; for example "{EXAMPLE}"'
     )
 
