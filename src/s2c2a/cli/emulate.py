@@ -32,6 +32,9 @@ def servos(
     pose_rate: float = 100.0,
     record: Path | None = None,
     mocap_port: int = 0,
+    mocap_rate: float = 120.0,
+    mocap_latency: float = 0.0,
+    mocap_noise: float = 0.0,
     duration: float = float("inf"),
 ) -> None:
     """Emulate the servos of an arm on a pseudo-terminal, with its physics behind.
@@ -59,6 +62,10 @@ def servos(
         record: CSV file with the true positions of the module ends.
         mocap_port: data port of an emulated Motive that tracks the same arm, as
             `emulate mocap` does; its command port is one less. 0: none.
+        mocap_rate: frames of Motive a second [Hz].
+        mocap_latency: of Motive, from exposure to transmission, relative to the
+            encoders of the servos [s].
+        mocap_noise: standard deviation of the positions in its frames [m].
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
@@ -77,6 +84,9 @@ def servos(
         pose_rate=pose_rate,
         record=record,
         mocap_port=mocap_port,
+        mocap_rate=mocap_rate,
+        mocap_latency=mocap_latency,
+        mocap_noise=mocap_noise,
         duration=duration,
     )
     emulator = Emulator(load_arm(arm), options)

@@ -13,7 +13,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import Servos
 from s2c2a.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
 from s2c2a.emulation.line import Line
-from s2c2a.emulation.motive import MotiveOutput
+from s2c2a.emulation.motive import MotiveOptions, MotiveOutput
 from s2c2a.emulation.outputs import (
     PoseSender,
     PositionRecord,
@@ -58,6 +58,9 @@ class EmulatorOptions:
         record: CSV file with the true positions of the module ends.
         mocap_port: data port of an emulated Motive, whose command port is one less;
             0: none.
+        mocap_rate: frames of Motive a second [Hz].
+        mocap_latency: of its frames, from exposure to transmission [s].
+        mocap_noise: standard deviation of its positions [m].
         duration: time after which the emulator ends [s].
     """
 
@@ -74,6 +77,9 @@ class EmulatorOptions:
     pose_rate: float = 100.0
     record: Path | None = None
     mocap_port: int = 0
+    mocap_rate: float = 120.0
+    mocap_latency: float = 0.0
+    mocap_noise: float = 0.0
     duration: float = float("inf")
 
     def __post_init__(self):
@@ -90,6 +96,13 @@ class EmulatorOptions:
         if self.mocap_port and not 1 < self.mocap_port < 65_536:
             raise S2C2AError(
                 f"mocap_port {self.mocap_port} is not allowed; give 2 to 65535"
+            )
+        if self.mocap_port:
+            # checks rate, latency and noise
+            MotiveOptions(
+                rate=self.mocap_rate,
+                noise=self.mocap_noise,
+                latency=self.mocap_latency,
             )
         if not self.duration > 0:
             raise S2C2AError(
@@ -147,6 +160,7 @@ class Emulator:
         self._decoder = self._protocol.decoder()
         self._plug_time = float("inf")
         self._stopped = False
+        self._motives: list[MotiveOutput] = []
         self.now = 0.0
         self.late = 0.0
         self.packet_count = 0
@@ -179,6 +193,7 @@ class Emulator:
         """
         self.line.plug()
         outputs = self._open_outputs()
+        self._motives = [one for one in outputs if isinstance(one, MotiveOutput)]
         try:
             if self.options.port_file is not None:
                 write_atomically(f"{self.line.link}\n", self.options.port_file)
@@ -214,6 +229,8 @@ class Emulator:
     def _wait(self, start: float) -> None:
         """Sleep until bytes arrive or something is due."""
         due = min(self.line.next_time, self.late + self.plant.time + self.plant.chunk)
+        # a frame of Motive must not wait for the physics
+        due = min([due, *(output.next_time for output in self._motives)])
         timeout = due - (time.monotonic() - start)
         files = [self.line.file] if self.line.is_plugged else []
         select.select(files, [], [], min(max(0.0, timeout), _LONGEST_SLEEP))
@@ -278,9 +295,23 @@ class Emulator:
             modules = self.plant.arm.module_count
             outputs.append(PositionRecord(options.record, modules, options.pose_rate))
         if options.mocap_port:
-            bodies = list(self.plant.poses())
-            outputs.append(MotiveOutput(bodies, options.mocap_port, options.pose_rate))
+            outputs.append(
+                MotiveOutput(list(self.plant.poses()), self._motive_options())
+            )
         return outputs
+
+    def _motive_options(self) -> MotiveOptions:
+        options = self.options
+        return MotiveOptions(
+            rate=options.mocap_rate,
+            noise=options.mocap_noise,
+            # physics reads the motors' positions earlier than their encoders do, so
+            # that the arm leads; frames wait for the encoders
+            latency=options.mocap_latency + self.plant.lead,
+            command_port=options.mocap_port - 1,
+            data_port=options.mocap_port,
+            seed=options.seed,
+        )
 
     def _parse_faults(self) -> tuple[Fault, ...]:
         faults = parse_faults(self.options.faults, self._ids)

@@ -342,22 +342,23 @@ class Motive:
 class MotiveOutput:
     """Motive that tracks the arm of emulated servos."""
 
-    def __init__(self, names: Sequence[str], data_port: int, rate: float):
+    def __init__(self, names: Sequence[str], options: MotiveOptions):
         """Listen for requests.
 
         Args:
             names: of the rigid bodies.
-            data_port: of the frames; the command port is one less.
-            rate: frames a second [Hz].
+            options: of the stream.
 
         Raises:
             S2C2AError: a port is taken.
         """
-        options = MotiveOptions(
-            rate=rate, command_port=data_port - 1, data_port=data_port
-        )
         self._motive = Motive(names, options)
         self._motive.open()
+
+    @property
+    def next_time(self) -> float:
+        """Time at which `write` is due again [s]."""
+        return self._motive.next_time
 
     def write(self, emulator: "Emulator", now: float) -> None:
         """Answer requests and send the frames that are due."""
