@@ -1,7 +1,8 @@
 """Commands `s2c2a tracking`: calibration of a pose tracker for an arm."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
@@ -13,7 +14,7 @@ from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import RobotName, RobotOptions, robot_factory_for
 
 if TYPE_CHECKING:
-    from s2c2a.identification.tracking import Calibrated, Procedure
+    from s2c2a.identification.tracking import Calibrated
     from s2c2a.tracking.frames import Frames
 
 app = SubcommandApp()
@@ -89,21 +90,21 @@ def _calibrated(spec: ArmSpec, out: Path | None) -> "Calibrated":
 
 
 def _measure(
-    procedure: "Procedure",
+    procedure: Callable[..., Any],
     spec: ArmSpec,
     source: str,
     robot: str,
     options: tuple[str, ...],
     **settings,
-):
+) -> Any:
     """Run a procedure on an arm, with the keys and signals of an emergency stop."""
     from s2c2a.hardware.end_tracking import _tracker_of
 
     tracker = _tracker_of(source)
-    driven = robot_factory_for(spec, robot, options).make(spec)
-    with emergency_controls(), progress_bar() as progress:
+    factory = robot_factory_for(robot, options)
+    with emergency_controls(factory), progress_bar() as progress:
         return procedure(
-            driven,
+            factory.make(spec),
             tracker,
             progress=lambda done, total: progress("motion", done, total),
             **settings,

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -348,15 +347,6 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
             f"{MIN_HELD_FRAMES} are needed. The tracker sees {', '.join(known) or 'none'}"
         )
     return mean_pose(poses)
-
-
-class Procedure(Protocol):
-    """A motion that measures something of a tracker."""
-
-    def __call__(
-        self, robot: Robot, tracker: Tracker, *, progress: Progress, **settings: Any
-    ) -> Any:
-        """Move the robot and return the result."""
 
 
 class Calibrated:
