@@ -19,7 +19,6 @@ from s2c2a.errors import RobotError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimiter
-from s2c2a.spaces import Reading
 from s2c2a.tracking import Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.tracking.calibration import (
     FrameResidual,
@@ -32,6 +31,7 @@ from s2c2a.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
 from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
 
 COMMAND_RATE = 50.0  # Hz
+FAULT_PATIENCE = 0.3  # s, for which the arm is held after readings with a fault
 POLL_PERIOD = 0.002  # s between looks at the tracker
 FIRST_FRAME = 5.0  # s
 BASE = "base"
@@ -88,6 +88,7 @@ class TrackedMotion:
         self._limiter = CommandLimiter(limits_at(robot.arm, COMMAND_RATE))
         self._geometry = ArmGeometry.of(robot.arm)
         self._due = self._clock.now()
+        self._sound_time = self._due
         self._last: PoseFrame | None = None
 
     def step(self, bends: Float[np.ndarray, "modules 2"]) -> None:
@@ -95,43 +96,49 @@ class TrackedMotion:
 
         Raises:
             EmergencyStopError: the emergency stop was triggered; the arm is halted.
-            RobotError: the reading has a fault.
+            RobotError: readings have had a fault for longer than `FAULT_PATIENCE`.
         """
         shares = bends / self._geometry.action_bends[:, None]
-        self._send(self._limiter.limit(self._geometry.actions_at(shares)))
+        self._send(self._geometry.actions_at(shares))
 
     def hold(self, bends: Float[np.ndarray, "modules 2"], seconds: float) -> None:
         """Approach bends [rad] within the limits, then hold them for a time."""
         shares = bends / self._geometry.action_bends[:, None]
         target = self._geometry.actions_at(shares)
         while self._limiter.changed(target):
-            self._send(self._limiter.limit(target))
+            self._send(target)
         for _ in range(round(seconds * COMMAND_RATE)):
-            self._send(self._limiter.limit(target))
+            self._send(target)
 
     def rest(self) -> None:
         """Return to rest."""
         while not self._limiter.at_rest:
-            self._send(self._limiter.limit(self._limiter.towards_rest()))
+            self._send(self._limiter.towards_rest())
 
-    def _send(self, action: np.ndarray) -> None:
+    def _send(self, desired: np.ndarray) -> None:
         try:
             EMERGENCY_STOP.check()
         except EmergencyStopError:
             self._robot.halt()
             raise
-        moment = self._clock.now()
-        reading = self._robot.read()
-        self._note(moment, reading)
-        self._robot.send(action)
+        is_sound = self._read()
+        limiter = self._limiter
+        self._robot.send(limiter.limit(desired) if is_sound else limiter.hold())
         self._robot.advance(self._period)
         self._wait()
 
-    def _note(self, moment: float, reading: Reading) -> None:
-        if reading.fault:
+    def _read(self) -> bool:
+        """Note a reading; returns whether it is sound. A single one may be missed."""
+        moment = self._clock.now()
+        reading = self._robot.read()
+        if not reading.fault:
+            self._sound_time = moment
+            self.log.times.append(moment)
+            self.log.cables.append(reading["cables"])
+            return True
+        if moment - self._sound_time > FAULT_PATIENCE:
             raise RobotError(f"the arm stopped: {reading.fault}")
-        self.log.times.append(moment)
-        self.log.cables.append(reading["cables"])
+        return False
 
     def _wait(self) -> None:
         """Wait for the next step, and look at every frame that arrives."""
@@ -179,7 +186,8 @@ def tracked_motion(robot: Robot, tracker: Tracker) -> Iterator[TrackedMotion]:
             motion = TrackedMotion(robot, tracker)
             try:
                 yield motion
-            except EmergencyStopError:
+            except (EmergencyStopError, RobotError):
+                # a halted robot must not move, one with a fault cannot
                 raise
             except BaseException:
                 motion.rest()
@@ -242,7 +250,7 @@ def measure_latency(
 
     Raises:
         TrackingError: no poses arrive, or they do not determine the latency.
-        RobotError: the robot has a fault; it returns to rest.
+        RobotError: the robot has a lasting fault; it stays where it is.
         EmergencyStopError: the emergency stop was triggered.
     """
     with tracked_motion(robot, tracker) as motion:
@@ -312,7 +320,7 @@ def measure_frames(
 
     Raises:
         TrackingError: bodies are missing, or their poses do not fit the arm.
-        RobotError: the robot has a fault; it returns to rest.
+        RobotError: the robot has a lasting fault; it stays where it is.
         EmergencyStopError: the emergency stop was triggered.
     """
     held = []
