@@ -31,7 +31,7 @@ from s2c2a.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
 from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
 
 COMMAND_RATE = 50.0  # Hz
-FAULT_PATIENCE = 0.3  # s, for which the arm is held after readings with a fault
+FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
 POLL_PERIOD = 0.002  # s between looks at the tracker
 FIRST_FRAME = 5.0  # s
 BASE = "base"
