@@ -45,6 +45,9 @@ def servos(
     pose_rate: float = 100.0,
     record: Path | None = None,
     mocap_port: int = 0,
+    mocap_rate: float = 120.0,
+    mocap_latency: float = 0.0,
+    mocap_noise: float = 0.0,
     duration: float = float("inf"),
 ) -> None:
     """Emulate the servos of an arm on a pseudo-terminal, with its physics behind.
@@ -72,6 +75,10 @@ def servos(
         record: CSV file with the true positions of the module ends.
         mocap_port: data port of an emulated Motive that tracks the same arm, as
             `emulate mocap` does; its command port is one less. 0: none.
+        mocap_rate: frames of Motive a second [Hz].
+        mocap_latency: of Motive, from exposure to transmission, relative to the
+            encoders of the servos [s].
+        mocap_noise: standard deviation of the positions in its frames [m].
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
@@ -79,7 +86,14 @@ def servos(
 
     mocap = None
     if mocap_port:
-        mocap = MotiveOptions(command_port=mocap_port - 1, data_port=mocap_port)
+        mocap = MotiveOptions(
+            rate=mocap_rate,
+            latency=mocap_latency,
+            noise=mocap_noise,
+            command_port=mocap_port - 1,
+            data_port=mocap_port,
+            seed=seed,
+        )
     options = EmulatorOptions(
         fidelity=fidelity,
         seed=seed,

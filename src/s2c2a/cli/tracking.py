@@ -1,4 +1,4 @@
-"""Commands `s2c2a tracking`: webcam and tags."""
+"""Commands `s2c2a tracking`: calibration of trackers; webcam and tags."""
 
 from collections import Counter
 from pathlib import Path
@@ -10,6 +10,7 @@ from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.tracking_calibration import frames, latency
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from s2c2a.tracking.tags import Board, CameraModel, TagDropReason, TagLayout
 
 app = SubcommandApp()
+app.command(latency)
+app.command(frames)
 PaperName = Literal["a4", "a3", "letter"]
 Device = Annotated[str, tyro.conf.arg(metavar="NUMBER|/dev/videoN|VIDEO|FOLDER")]
 WALL = 0.005  # m; between the cables of a module and its collar

@@ -4,7 +4,7 @@ import select
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +142,7 @@ class Emulator:
         self._decoder = self._protocol.decoder()
         self._plug_time = float("inf")
         self._stopped = False
+        self._mocap: MotiveOutput | None = None
         self.now = 0.0
         self.late = 0.0
         self.packet_count = 0
@@ -209,6 +210,8 @@ class Emulator:
     def _wait(self, start: float) -> None:
         """Sleep until bytes arrive or something is due."""
         due = min(self.line.next_time, self.late + self.plant.time + self.plant.chunk)
+        if self._mocap is not None:  # a frame must not wait for the physics
+            due = min(due, self._mocap.next_time)
         timeout = due - (time.monotonic() - start)
         files = [self.line.file] if self.line.is_plugged else []
         select.select(files, [], [], min(max(0.0, timeout), _LONGEST_SLEEP))
@@ -273,8 +276,17 @@ class Emulator:
             modules = self.plant.arm.module_count
             outputs.append(PositionRecord(options.record, modules, options.pose_rate))
         if options.mocap is not None:
-            outputs.append(MotiveOutput(list(self.plant.poses()), options.mocap))
+            outputs.append(self._open_mocap(options.mocap))
         return outputs
+
+    def _open_mocap(self, options: MotiveOptions) -> MotiveOutput:
+        # physics reads the motors' positions earlier than their encoders do, so that
+        # the arm leads; frames wait for the encoders
+        latency = options.latency + self.plant.lead
+        self._mocap = MotiveOutput(
+            list(self.plant.poses()), replace(options, latency=latency)
+        )
+        return self._mocap
 
     def _parse_faults(self) -> tuple[Fault, ...]:
         faults = parse_faults(self.options.faults, self._ids)

@@ -198,6 +198,11 @@ class MotiveOutput:
         self._motive = Motive(names, options)
         self._motive.open()
 
+    @property
+    def next_time(self) -> float:
+        """Time at which `write` is due again [s]."""
+        return self._motive.next_time
+
     def write(self, emulator: "Emulator", now: float) -> None:
         """Answer requests and send the frames that are due."""
         self._motive.serve(now, emulator.plant.poses)

@@ -156,6 +156,16 @@ class Plant:
         """Stiffness of the cables [N/m]."""
         return self._robot.model.actuator_gainprm[:, 0]
 
+    @property
+    def lead(self) -> float:
+        """Mean time by which the arm follows the motors before they read so [s].
+
+        All physics steps of a chunk get the positions at its end, and a step of length
+        h yields q(t + h) from q(t) and the position that holds until t + h: the first
+        step leads by the chunk, the last one by h.
+        """
+        return (self.chunk + self._robot.model.opt.timestep) / 2
+
     def advance(self) -> None:
         """Move the motors and simulate one chunk.
 

@@ -90,13 +90,16 @@ class StateSensor:
                 )
             time.sleep(POLL_PERIOD)
 
-    def read(self, now: float) -> dict[str, np.ndarray]:
+    def latest(self) -> PoseFrame | None:
+        """Return the newest frame; None before the first."""
+        return self._tracker.latest()
+
+    def values(self, frame: PoseFrame | None, now: float) -> dict[str, np.ndarray]:
         """Return the sensors at a time of the clock `time.perf_counter` [s].
 
         States are NaN if no frame has come, the newest one is too old, or they are
         impossible for the arm, of which a warning tells once.
         """
-        frame = self._tracker.latest()
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
         age = np.asarray(now - self._exposure(frame))
@@ -211,12 +214,17 @@ class TrackedRobot(Robot):
         """
         self._tracked.start()
         reading = self._robot.open()
-        return _with(reading, self._tracked.read(time.perf_counter()))
+        frame = self._tracked.latest()
+        return _with(reading, self._tracked.values(frame, time.perf_counter()))
 
     def read(self) -> Reading:
         """See `Robot`."""
-        values = self._tracked.read(time.perf_counter())
-        return _with(self._robot.read(), values)
+        before = time.perf_counter()
+        frame = self._tracked.latest()
+        reading = self._robot.read()
+        # servos are asked one by one
+        middle = (before + time.perf_counter()) / 2
+        return _with(reading, self._tracked.values(frame, middle))
 
     def send(self, action: Actions) -> Actions:
         """See `Robot`."""

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tracked_simulation import SimulatedTracker, TrackedSimulation
+
+from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.identification import tracking
+from s2c2a.runtime import CommandLimits
+from s2c2a.tracking import Pose
+
+ARM = load_arm("twin_arm")
+
+
+@pytest.fixture
+def emergency_stop():
+    yield EMERGENCY_STOP
+    EMERGENCY_STOP.reset()
+
+
+def test_the_latency_of_a_simulated_tracker_is_found():
+    robot = TrackedSimulation(ARM)
+    tracker = SimulatedTracker(robot, latency=0.02, noise=0.001)
+    found = tracking.measure_latency(robot, tracker)
+    assert abs(found.seconds - 0.02) < 0.003
+
+
+def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
+    monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.5)
+    base = Pose(
+        np.array([0.01, 0.02, -0.03]),
+        Rotation.from_rotvec([0.4, -0.2, 0.8]).as_quat(),
+    )
+    robot = TrackedSimulation(ARM)
+    tracker = SimulatedTracker(robot, noise=0.001, base=base)
+    found = tracking.measure_frames(robot, tracker)
+    for one, true in zip(
+        (found.base_offset, *found.end_offsets),
+        (base, *[Pose.identity()] * 3),
+        strict=True,
+    ):
+        error = one.inverse() @ true
+        assert np.linalg.norm(error.position) < 0.001
+        assert 2 * np.arccos(abs(error.rotation[3])) < np.deg2rad(0.4)
+
+
+def test_the_chirp_stays_within_the_limits():
+    rate = tracking.COMMAND_RATE
+    bend = tracking.chirp(ARM, duration=20.0)
+    geometry = ArmGeometry.of(ARM)
+    speed = np.abs(np.diff(bend)).max() * rate
+    acceleration = np.abs(np.diff(bend, 2)).max() * rate**2
+    assert speed < geometry.step_limit * ARM.control_rate
+    assert acceleration < geometry.acceleration_limit * ARM.control_rate**2
+
+
+def test_faster_commands_have_the_same_speed_and_acceleration():
+    own = CommandLimits.of(ARM)
+    faster = tracking.limits_at(ARM, 5 * ARM.control_rate)
+    assert np.allclose(5 * faster.step_limit, own.step_limit)
+    assert np.allclose(25 * faster.acceleration_limit, own.acceleration_limit)
+
+
+def test_held_bends_are_symmetric():
+    bends = np.array([bend for bend, _ in tracking.held_bends(ARM)])
+    assert np.allclose(bends.sum(axis=0), 0.0)
+
+
+def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):
+    robot = TrackedSimulation(ARM)
+
+    def stop_after_ten(done, total):
+        if done == 10:
+            emergency_stop.trigger("a test")
+
+    with pytest.raises(EmergencyStopError):
+        tracking.measure_latency(
+            robot, SimulatedTracker(robot), 5.0, progress=stop_after_ten
+        )
+    assert robot.data.time < 0.3
+
+
+def test_each_result_changes_its_part_of_the_file(tmp_path):
+    path = tmp_path / "arm.tracking.json"
+    stored = tracking.Calibrated(ARM, path)
+    stored.store_latency(tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0)))
+    frames = tracking.Frames(
+        Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3), np.zeros(0)
+    )
+    tracking.Calibrated(ARM, path).store_frames(frames)
+    calibration = tracking.load_or_empty(path, ARM)
+    assert calibration.latency == 0.02
+    assert set(calibration.end_offsets) == {"end-1", "end-2", "end-3"}
