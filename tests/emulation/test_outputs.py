@@ -40,7 +40,9 @@ def test_a_period_is_due_once_and_missed_times_are_lost():
 
 def test_the_status_file_shows_what_reached_the_servos(emulator, tmp_path):
     path = tmp_path / "status.json"
-    StatusFile(path).write(emulator, 0.0)
+    output = StatusFile(path)
+    output.write(emulator, 0.0)
+    output.close()
     status = json.loads(path.read_text())
     servo = status["servos"][4]
     assert [one["torque"] for one in status["servos"]].count(True) == 1

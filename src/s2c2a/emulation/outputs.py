@@ -2,6 +2,7 @@
 
 import json
 import socket
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,24 +52,35 @@ class Periodic:
 
 
 class StatusFile:
-    """JSON file with the state of all servos, written a few times a second."""
+    """JSON file with the state of all servos, written a few times a second.
+
+    A thread writes it: a busy disk must not stop the servos.
+    """
 
     def __init__(self, path: Path):
         """Choose the file."""
         self._path = path
         self._due = Periodic(STATUS_PERIOD)
+        self._writer = ThreadPoolExecutor(1, "status-file")
+        self._written: Future | None = None
 
     def write(self, emulator: "Emulator", now: float) -> None:
-        """Write the file if it is due.
+        """Write the file if it is due and the last one has been written.
 
         Raises:
-            S2C2AError: the file cannot be written.
+            S2C2AError: the last one could not be written.
         """
-        if self._due.is_due(now):
-            write_atomically(json.dumps(describe(emulator), indent=1), self._path)
+        is_busy = self._written is not None and not self._written.done()
+        if is_busy or not self._due.is_due(now):
+            return
+        if self._written is not None:
+            self._written.result()
+        text = json.dumps(describe(emulator), indent=1)
+        self._written = self._writer.submit(write_atomically, text, self._path)
 
     def close(self) -> None:
-        """Do nothing: the file is complete after every write."""
+        """Wait until the last file is complete."""
+        self._writer.shutdown()
 
 
 def describe(emulator: "Emulator") -> dict[str, Any]:
