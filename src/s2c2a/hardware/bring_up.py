@@ -12,14 +12,12 @@ from datetime import UTC, datetime
 import numpy as np
 
 from s2c2a.arm import ArmSpec, servos_of
-from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
 from s2c2a.hardware.cable_range import check_plausible
 from s2c2a.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.hardware.monitor import describe_faults
-from s2c2a.hardware.winch import Winches, check_ticks
-from s2c2a.spaces import Actions
+from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
 
 HOME_SPEED = 0.02  # m/s
 MAX_SLACK = 0.08  # m; the longest slack that is wound in
@@ -185,7 +183,7 @@ class BringUp:
     ) -> dict[int, list[int]]:
         """Homes [ticks] of the servos of a module, one for every repetition."""
         homes: dict[int, list[int]] = {id: [] for id in ids}
-        stretch = self._stretch(module)
+        stretch = taut_windings(self._arm, self._torque_constant)
         with self._moving(ids, self._servos.home_current):
             for number in range(repeat):
                 winches = self._winches_at(ids)
@@ -201,18 +199,6 @@ class BringUp:
         means = {id: round(float(np.mean(values))) for id, values in homes.items()}
         self._report(f"module {module + 1}: home at {means} ticks")
         return homes
-
-    def _stretch(self, module: int) -> Actions:
-        """Length that is wound in from rest to taut [m], shape (modules, cables).
-
-        It takes up the backlash and stretches the cables by the home current.
-        """
-        tension = self._servos.home_current * self._torque_constant
-        tension = tension / self._arm.motor.pulley_radius
-        stiffness = per_module(self._arm, "cable.stiffness")[:, None]
-        stretch = tension / stiffness + per_cable(self._arm, "cable.backlash")
-        is_module = np.arange(self._arm.module_count)[:, None] == module
-        return np.where(is_module, stretch, 0.0)
 
     def _take_up(self, ids: list[int], winches: Winches) -> None:
         """Wind cables in until all are taut, with a current that grows.

@@ -23,7 +23,7 @@ from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
-from s2c2a.hardware.winch import Winches, check_ticks
+from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
 
@@ -192,6 +192,11 @@ class ServoRobot(Robot):
         return self._bus
 
     @property
+    def _torque_constant(self) -> float:
+        """Of the servos [N m/A]."""
+        return self._servos.torque_constant or self.bus.torque_constant
+
+    @property
     def _flat_ids(self) -> list[int]:
         return self._ids.ravel().tolist()
 
@@ -285,16 +290,27 @@ class ServoRobot(Robot):
         self.bus.set_torque(self._flat_ids, on=True)
 
     def _go_to_rest(self) -> None:
-        """Wind all cables to rest together, slowly, and let the arm settle."""
+        """Wind all cables to rest together, slowly, and let the arm settle.
+
+        The cables become as taut as in homing and return: their backlash is then taken
+        up, whatever the arm did before. Cables that come from slack would stay loose.
+        """
         start = self._winches.displacements(self._positions(self._read_all()))
         rest = self._geometry.action_neutral
-        distance = float(np.abs(start - rest).max())
+        windings = taut_windings(self.arm, self._torque_constant)
+        taut = np.maximum(rest - windings, self._low)
+        self._approach(start, taut)
+        self._approach(taut, rest)
+        for _ in range(round(SETTLING_TIME / REST_PERIOD)):
+            self._wind_to(rest)
+
+    def _approach(self, start: Actions, target: Actions) -> None:
+        """Wind all cables together and slowly."""
+        distance = float(np.abs(start - target).max())
         duration = distance / (REST_SPEED * self._servos.limits.speed)
         steps = int(np.ceil(duration / REST_PERIOD))
         for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            self._wind_to(start + share * (rest - start))
-        for _ in range(round(SETTLING_TIME / REST_PERIOD)):
-            self._wind_to(rest)
+            self._wind_to(start + share * (target - start))
 
     def _wind_to(self, displacements: Actions) -> None:
         """One slow step toward rest.
@@ -353,9 +369,8 @@ class ServoRobot(Robot):
         currents = [
             states[id].current if id in states else np.nan for id in self._flat_ids
         ]
-        constant = self._servos.torque_constant or self.bus.torque_constant
         return self._winches.tensions(
-            np.array(currents).reshape(self._ids.shape), constant
+            np.array(currents).reshape(self._ids.shape), self._torque_constant
         )
 
     def _lost_reading(self, moment: float, fault: str) -> Reading:

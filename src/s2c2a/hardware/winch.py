@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.hardware.bus import BusError, ServoBus
 from s2c2a.spaces import Actions
 
@@ -23,6 +24,20 @@ def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
             f"motor.ticks_per_turn of '{arm.name}' is {arm.motor.ticks_per_turn}; its "
             f"servos have {bus.ticks_per_turn}. Correct the arm file"
         )
+
+
+def taut_windings(arm: ArmSpec, torque_constant: float) -> Actions:
+    """Return the lengths that homing winds in from rest to taut cables [m].
+
+    They take up the backlash and stretch the cables by the home current.
+
+    Args:
+        arm: with its servos, or their defaults.
+        torque_constant: of the servos [N m/A].
+    """
+    tension = servos_of(arm).home_current * torque_constant / arm.motor.pulley_radius
+    stiffness = per_module(arm, "cable.stiffness")[:, None]
+    return tension / stiffness + per_cable(arm, "cable.backlash")
 
 
 @dataclass(frozen=True)
