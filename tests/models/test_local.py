@@ -14,7 +14,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions
+from s2c2a.models import LocalOptions, kernels
 from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
@@ -47,6 +47,14 @@ def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
     return TrainingData(
         arm, sensed, np.zeros((*sensed.shape[:-1], arm.cable_count)), known
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_likelihood_samples():
+    """Find the length scales of kernels from fewer samples."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(kernels, "LIKELIHOOD_SAMPLES", 150)
+        yield
 
 
 @pytest.fixture(scope="module")

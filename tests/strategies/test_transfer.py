@@ -1,6 +1,6 @@
 """Networks of one arm for another of the same make."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import jax
 import jax.numpy as jnp
@@ -117,8 +117,13 @@ def test_weights_bend_a_standing_arm_further_and_a_hanging_one_less(
     assert leant[0] > leant[1] > leant[2]
 
 
-def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(twin):
-    options, arm = LocalOptions(hidden=8, depth=1, points=16, few=8), of_count(twin, 4)
+def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(
+    twin, tiny_best_recipe
+):
+    """With the chain of the tests above, whose programs it shares."""
+    chain = asdict(tiny_best_recipe.c2s) | {"model": "local"}
+    options = LocalOptions(**chain, points=16, few=8)
+    arm = of_count(twin, 5)
     model = options.untrained(twin, jax.random.key(0))
     model = replace(
         model,
@@ -128,10 +133,10 @@ def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(twin)
     )
     babbling = replace(recipe_named("best"), episodes=2).collect_options()
     begun = options.adapted(model, twin, arm, babbling, jax.random.key(1))
-    straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (4, 1))
+    straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (5, 1))
     np.testing.assert_allclose(
-        begun.uncertainty.interpolation_error[jnp.array([0, 3])],
-        [0.01 * 4 / 3, 0.03 * 4 / 3],
+        begun.uncertainty.interpolation_error[jnp.array([0, 4])],
+        [0.01 * 5 / 3, 0.03 * 5 / 3],
         rtol=1e-5,
     )
     assert float(begun.extrapolation(straight)) < 0.01 * arm.length

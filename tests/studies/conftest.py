@@ -1,4 +1,4 @@
-"""Trained networks of both arms for both recipes, and synthetic runs."""
+"""Shipped networks of both arms, trained ones of the paper's recipe, and synthetic runs."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.jobs import Cache, NetworksArtifact, RecordingArtifact, made
+from s2c2a.jobs import Cache, RecordingArtifact, made
 from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import recipe_named, shipped_networks, train_s2c2a
 from s2c2a.studies.circle import ARMS
@@ -22,21 +22,9 @@ def cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def trained(cache):
-    """Networks of both arms by the recipe `best`: name -> TrainedNetworks.
-
-    Those of the twin are trained more briefly, the others are shipped.
-    """
-    twin = load_arm("twin_arm")
-    best = recipe_named("best")
-    quick = replace(
-        best,
-        c2s=replace(best.c2s, points=200),
-        c2s_fit=replace(best.c2s_fit, max_epochs=30),
-        c2a_fit=replace(best.c2a_fit, max_epochs=30),
-    )
-    shipped = {name: shipped_networks(load_arm(name)) for name in ARMS}
-    return shipped | {"twin_arm": made(NetworksArtifact(twin, quick, seed=0), cache)}
+def trained():
+    """Shipped networks of both arms by the recipe `best`: name -> TrainedNetworks."""
+    return {name: shipped_networks(load_arm(name)) for name in ARMS}
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,12 @@
 """Calibration of the twin arms against the printed numbers."""
 
+from functools import partial
+
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions
+from s2c2a.studies import calibration
 from s2c2a.studies.calibration import (
     C2S_ERROR,
     ESTIMATION,
@@ -15,6 +19,17 @@ from s2c2a.studies.calibration import (
 )
 
 SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
+
+
+@pytest.fixture
+def record(monkeypatch):
+    """Set the size of the recordings that are measured."""
+
+    def set_size(**size):
+        smaller = partial(CollectOptions, **size)
+        monkeypatch.setattr(calibration, "CollectOptions", smaller)
+
+    return set_size
 
 
 def test_a_claim_holds_within_its_tolerance():
@@ -30,7 +45,8 @@ def test_only_the_twin_has_claims_about_networks_and_pcc():
 
 
 @pytest.mark.parametrize("name", SIBLINGS)
-def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name):
+def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, record):
+    record(episodes=6)
     values = measure(load_arm(name), seed=0, with_pcc=False, with_network=False)
     assert [
         claim.quantity
@@ -39,7 +55,8 @@ def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name):
     ] == []
 
 
-def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper():
+def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper(record):
+    record(episodes=6)
     values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)
     claims = (*ESTIMATION, *WORKSPACE, PCC_CIRCLE)
     assert [
@@ -65,7 +82,8 @@ def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
         } == kinds
 
 
-def test_the_search_reduces_the_misfit_of_a_detuned_arm():
+def test_the_search_reduces_the_misfit_of_a_detuned_arm(record):
+    record(episodes=3, samples=200)
     twin = load_arm("twin_creep")
     stiff = twin.model_copy(
         update={

@@ -5,7 +5,7 @@ The LSTM maps a sequence of tip positions over time directly to actions.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -265,6 +265,26 @@ def _predict_lstm(model: TipLSTM, batch: Batch) -> Array:
 Network = TypeVar("Network", C2A, TipLSTM)
 
 
+class _NoisyLoss(eqx.Module):
+    """Mean squared error of actions, with noise on past ones in training.
+
+    A module, so that trainings of equal shapes share a compiled program.
+
+    Attributes:
+        predict: (network, batch) -> normalized actions.
+        std: standard deviation of the noise, normalized.
+    """
+
+    predict: Callable[[Any, Batch], Array]
+    std: float
+
+    def __call__(
+        self, model: C2A | TipLSTM, batch: Batch, key: PRNGKeyArray | None
+    ) -> Float[Array, ""]:
+        actions = self.predict(model, _with_noise(batch, self.std, key))
+        return jnp.mean((actions - batch["targets"]) ** 2)
+
+
 def _train(
     model: Network,
     predict: Callable[[Network, Batch], Array],
@@ -277,11 +297,7 @@ def _train(
 ) -> Trained[Network]:
     """Train on recorded actions; past ones, with time axis `ages`, get noise."""
     scaled = model.sum_and_range.scaled(split, ages)
-
-    def loss(model: Network, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        actions = predict(model, _with_noise(batch, noise, key))
-        return jnp.mean((actions - batch["targets"]) ** 2)
-
+    loss = _NoisyLoss(predict, noise)
     return train(model, loss, predict, scaled, fit, key, progress)
 
 

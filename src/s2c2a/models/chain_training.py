@@ -1,6 +1,5 @@
 """Options and training of the chain: hysteresis by least squares, then all together."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -149,17 +148,12 @@ class ChainOptions(ForwardOptions):
                 "displacement actuation; collect data and train without --from"
             )
 
-        def with_network_of(model: ChainC2S) -> ChainC2S:
-            return replace(chain, network=model.network)
-
         data = babbling_data(new, babbling)
         states = []
         for inputs in hysteresis_inputs(chain, data):
             states.append(np.asarray(states_under_gravity(chain, jnp.asarray(inputs))))
         data = replace(data, states=np.stack(states))
-        return _train(
-            chain, data, REHEARSED, key, quiet, trainable=with_network_of
-        ).network
+        return _train(chain, data, REHEARSED, key, quiet, frozen=chain).network
 
     def predictions(
         self, model: ForwardModel, data: TrainingData
@@ -200,6 +194,43 @@ class ChainOptions(ForwardOptions):
         )
 
 
+class _ChainLoss(eqx.Module):
+    """Mean squared error of states, with a penalty on the change of parameters.
+
+    A module, so that trainings of equal shapes share a compiled program.
+
+    Attributes:
+        unit: of position errors [m].
+        pull: weight of the penalty.
+        initial: parameters before the training; None without a penalty.
+        frozen: chain of which only the network is trained; None if all is.
+    """
+
+    unit: float
+    pull: float
+    initial: ChainC2S | None = None
+    frozen: ChainC2S | None = None
+
+    def __call__(
+        self, model: ChainC2S, batch: Batch, key: PRNGKeyArray | None
+    ) -> Float[Array, ""]:
+        trained = model
+        if self.frozen is not None:
+            trained = replace(self.frozen, network=model.network)
+        error = known_error(predicted_targets(trained, batch), batch["targets"])
+        positions = jnp.mean((error[..., :3] / self.unit) ** 2)
+        mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
+        if key is None or self.initial is None:
+            return mean
+        return mean + self.pull * self._squared_change(model)
+
+    def _squared_change(self, model: ChainC2S) -> Float[Array, ""]:
+        parameters = eqx.filter(model, eqx.is_inexact_array)
+        changes = jax.tree.map(jnp.subtract, parameters, self.initial)
+        squares = [jnp.sum(change**2) for change in jax.tree.leaves(changes)]
+        return sum(squares, jnp.zeros(()))
+
+
 def _train(
     model: ChainC2S,
     data: TrainingData,
@@ -207,34 +238,17 @@ def _train(
     key: PRNGKeyArray,
     progress: Progress,
     pull: float = 0.0,
-    trainable: Callable[[ChainC2S], ChainC2S] = lambda model: model,
+    frozen: ChainC2S | None = None,
 ) -> Trained[ChainC2S]:
     """Train on true states, with a penalty `pull` on the change of parameters.
 
-    `trainable` returns the chain with only those parameters of the model that the loss
-    shall depend on.
+    The loss depends on the network alone if the other parameters are `frozen`.
     """
     unit = LENGTH_UNIT * data.arm.length
-    initial = eqx.filter(model, eqx.is_inexact_array)
-
-    def squared_change(model: ChainC2S) -> Array:
-        parameters = eqx.filter(model, eqx.is_inexact_array)
-        changes = jax.tree.leaves(jax.tree.map(jnp.subtract, parameters, initial))
-        return sum((jnp.sum(change**2) for change in changes), jnp.zeros(()))
-
-    def loss(model: ChainC2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
-        error = known_error(
-            predicted_targets(trainable(model), batch), batch["targets"]
-        )
-        positions = jnp.mean((error[..., :3] / unit) ** 2)
-        mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
-        if key is None or not pull:
-            return mean
-        return mean + pull * squared_change(model)
-
+    initial = eqx.filter(model, eqx.is_inexact_array) if pull else None
     return train(
         model,
-        loss,
+        _ChainLoss(unit, pull, initial, frozen),
         predicted_targets,
         hysteresis_samples(model, data),
         fit,
@@ -267,23 +281,25 @@ def hysteresis_inputs(
     model: ChainC2S, data: TrainingData
 ) -> Float[np.ndarray, "episodes samples modules inputs cables"]:
     """Inputs of the hysteresis at every sample, with its memory along each episode."""
-
-    @jax.jit
-    def along(displacements: Float[Array, "samples episodes modules cables"]) -> Array:
-        hysteresis = model.hysteresis
-
-        def step(memory, now):
-            return hysteresis.advance(now, memory), hysteresis.inputs(now, memory)
-
-        memory = hysteresis.start(displacements[0])
-        return jax.lax.scan(step, memory, displacements)[1]
-
     displacements = data.displacements
     if displacements is None:
         sensed = jnp.asarray(data.sensed, dtype=jnp.float32)
         displacements = np.asarray(model.body.displacements(sensed))
     samples_first = jnp.asarray(np.moveaxis(displacements, 1, 0), dtype=jnp.float32)
-    return np.moveaxis(np.asarray(along(samples_first)), 0, 1)
+    inputs = _inputs_along(model.hysteresis, samples_first)
+    return np.moveaxis(np.asarray(inputs), 0, 1)
+
+
+@eqx.filter_jit
+def _inputs_along(
+    hysteresis: Hysteresis,
+    displacements: Float[Array, "samples episodes modules cables"],
+) -> Float[Array, "samples episodes modules inputs cables"]:
+    def step(memory, now):
+        return hysteresis.advance(now, memory), hysteresis.inputs(now, memory)
+
+    memory = hysteresis.start(displacements[0])
+    return jax.lax.scan(step, memory, displacements)[1]
 
 
 def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:

@@ -7,8 +7,6 @@ Hyperparameters maximize the likelihood of a subset of the samples.
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -169,19 +167,19 @@ def _fit_hyperparameters(
         "linear": jnp.asarray(2.0 * np.log(INITIAL_LINEAR)),
         "noise": jnp.asarray(np.log(INITIAL_NOISE)),
     }
-    optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
     arrays = [jnp.asarray(array, jnp.float32) for array in (x, y, kinds)]
-    best = _maximize_likelihood(initial, *arrays, optimizer)
+    best = _maximize_likelihood(initial, *arrays)
     rates = np.exp(np.asarray(best["all"] + kinds @ best["kinds"], np.float64))
     noise = float(jnp.exp(best["noise"])) + MIN_NOISE
     kernel = float(jnp.exp(best["kernel"]))
     return _Hyperparameters(rates, kernel, float(jnp.exp(best["linear"])), noise)
 
 
-@partial(jax.jit, static_argnums=4)
-def _maximize_likelihood(
-    initial: dict, x: Array, y: Array, kinds: Array, optimizer: Any
-) -> dict:
+@jax.jit
+def _maximize_likelihood(initial: dict, x: Array, y: Array, kinds: Array) -> dict:
+    # made here: as an argument, each new optimizer would be another program
+    optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
+
     def step(carry, _):
         logarithms, state = carry
         gradient = jax.grad(_negative_log_likelihood)(logarithms, x, y, kinds)

@@ -16,6 +16,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.compilation import compiled
 from s2c2a.errors import S2C2AError, TrainingError
 
 MAX_COUNT = 1_000_000  # epochs, and samples in a batch
@@ -101,7 +102,8 @@ def fit(
         network: network to train; all floating-point arrays are weights, except those
             of `Fixed` parts.
         loss: (network, batch, key) -> mean loss of the batch; the key is None in
-            validation.
+            validation. A module-level function, or a module whose arrays are inputs:
+            then equal trainings share a compiled program.
         training: arrays with samples as the first axis.
         validation: arrays with samples as the first axis.
         options: options of the training.
@@ -120,12 +122,8 @@ def fit(
             f"{options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
-    optimizer = optax.adam(_learning_rate(options, samples))
-
-    def weights_loss(weights, batch, key):
-        return loss(held(eqx.combine(weights, rest)), batch, key)
-
-    run = _compiled_epochs(weights_loss, optimizer, samples, options)
+    optimizer = _optimizer(options, samples)
+    run = compiled(_train_epochs, loss, rest, options)
     state = _State(weights, optimizer.init(weights), weights, jnp.array(jnp.inf))
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
@@ -145,46 +143,69 @@ def fit(
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
 
 
-def _learning_rate(options: FitOptions, samples: int) -> float | optax.Schedule:
+def _optimizer(options: FitOptions, samples: int) -> optax.GradientTransformation:
     if not options.decay:
-        return options.learning_rate
+        return optax.adam(options.learning_rate)
     steps = options.max_epochs * (samples // options.batch_size)
-    return optax.cosine_decay_schedule(options.learning_rate, steps)
+    return optax.adam(optax.cosine_decay_schedule(options.learning_rate, steps))
 
 
-def _compiled_epochs(loss, optimizer, samples: int, options: FitOptions):
-    """Compile (state, training, validation, keys) -> (state, losses)."""
+def _train_epochs(
+    loss: Loss,
+    rest: eqx.Module,
+    options: FitOptions,
+    state: _State,
+    training: Batch,
+    validation: Batch,
+    keys: PRNGKeyArray,
+) -> tuple[_State, Float[Array, "epochs 2"]]:
+    """Train for one epoch per key.
+
+    Args:
+        loss: as in `fit`.
+        rest: the network without its weights.
+        options: options of the training.
+        state: before the epochs.
+        training: arrays with samples as the first axis.
+        validation: arrays with samples as the first axis.
+        keys: random keys, shape (epochs,).
+
+    Returns:
+        State after the epochs; training and validation loss of each epoch.
+    """
+    samples = len(next(iter(training.values())))
+    batches = samples // options.batch_size
+    optimizer = _optimizer(options, samples)
+
+    def weights_loss(weights, batch, key):
+        return loss(held(eqx.combine(weights, rest)), batch, key)
 
     def step(carry, inputs):
         weights, state = carry
         batch, key = inputs
-        value, gradient = jax.value_and_grad(loss)(weights, batch, key)
+        value, gradient = jax.value_and_grad(weights_loss)(weights, batch, key)
         updates, state = optimizer.update(gradient, state)
         return (optax.apply_updates(weights, updates), state), value
 
-    def epoch(carry, key, training, validation):
+    def epoch(carry, key):
         order_key, loss_key = jax.random.split(key)
-        batches = samples // options.batch_size
         order = jax.random.permutation(order_key, samples)
         order = order[: batches * options.batch_size].reshape(batches, -1)
         shuffled = jax.tree.map(lambda values: values[order], training)
         steps = (shuffled, jax.random.split(loss_key, batches))
-        (weights, state), losses = jax.lax.scan(
+        (weights, optimizer_state), losses = jax.lax.scan(
             step, (carry.weights, carry.optimizer), steps
         )
-        validation_loss = loss(weights, validation, None)
+        validation_loss = weights_loss(weights, validation, None)
         better = validation_loss < carry.best_loss
         best = jax.tree.map(
             lambda new, old: jnp.where(better, new, old), weights, carry.best_weights
         )
         best_loss = jnp.minimum(validation_loss, carry.best_loss)
-        updated = _State(weights, state, best, best_loss)
+        updated = _State(weights, optimizer_state, best, best_loss)
         return updated, jnp.stack([losses.mean(), validation_loss])
 
-    def epochs(carry, training, validation, keys):
-        return jax.lax.scan(lambda c, k: epoch(c, k, training, validation), carry, keys)
-
-    return jax.jit(epochs)
+    return jax.lax.scan(epoch, state, keys)
 
 
 def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
