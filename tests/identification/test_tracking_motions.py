@@ -27,6 +27,7 @@ def test_the_latency_of_a_simulated_tracker_is_found():
 
 def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
     monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.5)
+    monkeypatch.setattr(tracking, "SETTLING_TIME", 1.5)
     base = Pose(
         np.array([0.01, 0.02, -0.03]),
         Rotation.from_rotvec([0.4, -0.2, 0.8]).as_quat(),

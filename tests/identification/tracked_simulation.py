@@ -8,19 +8,29 @@ import numpy as np
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tracking import Pose, PoseFrame, Tracker
 
+STEPS = 2  # of physics between exposures
+
 
 class TrackedSimulation(SimulatedRobot):
-    """Notes the poses of the module ends at every physics step."""
+    """Notes the poses of the module ends at every other physics step."""
 
     def __init__(self, arm, **options):
         self.exposures = deque(maxlen=200)
+        self.steps = 0
         super().__init__(arm, **options)
+
+    def open(self):
+        reading = super().open()
+        self.exposures.clear()  # of settling, on another clock
+        return reading
 
     def advance(self, seconds):
         step = self.model.opt.timestep
         for _ in range(max(1, round(seconds / step))):
             super().advance(step)
-            self.exposures.append((self.data.time, self.end_poses()))
+            self.steps += 1
+            if self.steps % STEPS == 0:
+                self.exposures.append((self.data.time, self.end_poses()))
 
     def end_poses(self):
         return [self._pose(site) for site in self._end_sites]
@@ -51,7 +61,7 @@ class SimulatedTracker(Tracker):
         # h, q(t + h) - 2 q(t) + q(t - h) follows the command of t + h
         self._delay = latency + robot.model.opt.timestep
         self._noise = noise
-        self._every = max(1, round(1 / rate / robot.model.opt.timestep))
+        self._every = max(1, round(1 / rate / robot.model.opt.timestep / STEPS))
         self._world = world or identity
         self._base = (base or identity).inverse()
         self._ends = [end.inverse() for end in ends or []] or [

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
@@ -109,7 +110,12 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
     _check_direction(measured, arm_in_base)
     start = _start(measured, arm_in_base)
     problem = _Problem(ArcChain.of(arm), measured, start)
-    solution = least_squares(problem.residuals, np.zeros(problem.size), x_scale="jac")
+    solution = least_squares(
+        problem.residuals,
+        np.zeros(problem.size),
+        x_scale="jac",
+        jac_sparsity=problem.dependencies(),
+    )
     frames = problem.frames(solution.x)
     _check_residuals(frames)
     return frames
@@ -299,6 +305,24 @@ class _Problem:
                 offsets[1:, :3].ravel() / OFFSET_SD,
             ]
         )
+
+    def dependencies(self) -> csr_array:
+        """Which residuals depend on which parameters, shape (residuals, parameters).
+
+        True bends of a configuration act on its own errors only, so that few steps of
+        a finite difference give all derivatives.
+        """
+        configurations = len(self._measured.bends)
+        bends = self.size - self._offset_size
+        own = np.kron(
+            np.eye(configurations),
+            np.ones((3 * self._modules, 2 * self._modules)),
+        )
+        errors = np.hstack([np.ones((len(own), self._offset_size)), own])
+        priors = np.eye(bends, self.size, self._offset_size)
+        offsets = np.eye(self._offset_size, self.size).reshape(-1, 6, self.size)
+        rows = [errors, errors, priors, offsets[1:, :3].reshape(-1, self.size)]
+        return csr_array(np.vstack(rows))
 
     def frames(self, values: np.ndarray) -> Frames:
         """Frames at parameters."""

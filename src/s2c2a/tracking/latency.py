@@ -270,11 +270,18 @@ def play(
         cables: of one module [m].
         widths: backlash of every cable [m].
     """
-    transmitted = np.empty_like(cables)
-    last = cables[0]
-    for step, cable in enumerate(cables):
-        last = np.clip(last, cable - widths / 2, cable + widths / 2)
-        transmitted[step] = last
+    half_widths = widths / 2
+    columns = zip(cables.T.tolist(), half_widths.tolist(), strict=True)
+    return np.array([_play_of_one(*column) for column in columns]).T
+
+
+def _play_of_one(path: list[float], half_width: float) -> list[float]:
+    """Play operator of one cable; plain numbers are faster than arrays of three."""
+    transmitted = []
+    last = path[0]
+    for value in path:
+        last = min(max(last, value - half_width), value + half_width)
+        transmitted.append(last)
     return transmitted
 
 
