@@ -120,7 +120,7 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
         tmp_path / "two.safetensors",
         tmp_path / "run",
     )
-    run("collect", *arm, "--out", str(recording))
+    run("collect", *arm, "--episodes", "10", "--out", str(recording))
     assert (tmp_path / "two.episodes.png").exists()
     quick = tmp_path / "quick.toml"
     quick.write_text(
