@@ -45,3 +45,12 @@ def test_a_repeatable_calibration_is_accepted(home_with, spread, capsys):
 def test_homings_that_differ_are_refused(home_with):
     with pytest.raises(S2C2AError, match=r"differ by 13\.7 mm"):
         home_with(0.01367)
+
+
+def test_a_slow_adapter_is_reported(monkeypatch, capsys):
+    monkeypatch.setattr("s2c2a.hardware.serial_line.latency_of", lambda port: 0.016)
+    motors._print_slow_adapter("/dev/ttyUSB0")
+    assert "keeps bytes for 16 ms" in capsys.readouterr().out
+    monkeypatch.setattr("s2c2a.hardware.serial_line.latency_of", lambda port: 0.001)
+    motors._print_slow_adapter("/dev/ttyUSB0")
+    assert capsys.readouterr().out == ""

@@ -54,6 +54,23 @@ def check(arm: File) -> None:
         f"{arm}: {spec.name} is valid: {spec.module_count} module{plural}, "
         f"{spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
     )
+    for line in _hardware_lines(spec):
+        print(line)
+
+
+def _hardware_lines(spec: ArmSpec) -> list[str]:
+    """Describe servos and tracking, where the arm file has them."""
+    lines = []
+    if spec.servos is not None:
+        servos = spec.servos
+        count = spec.module_count * spec.cable_count
+        place = f"on {servos.port}" if servos.port else "on the port of an option"
+        lines.append(f"servos: {count} {servos.model} ({servos.protocol}) {place}")
+    if spec.tracking is not None:
+        bodies = (spec.tracking.base, *spec.tracking.end_names(spec.module_count))
+        names = ", ".join(filter(None, bodies))
+        lines.append(f"tracking: {names} by {spec.tracking.source}")
+    return lines
 
 
 @app.command

@@ -18,6 +18,7 @@ PACKAGE_USES = {
     "scipy": "simulation, tasks",
     "matplotlib": "figures",
     "viser": "live page (extra live)",
+    "pyserial": "servo buses (extra hardware)",
     "opencv-contrib-python-headless": "webcams with tags (extra camera)",
     "distributed": "clusters (extra cluster)",
     "optuna": "sweeps (extra sweep)",

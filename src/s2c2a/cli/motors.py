@@ -23,6 +23,7 @@ Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
 Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
 Distance = tyro.conf.Positional[Annotated[float, tyro.conf.arg(metavar="MM")]]
 PortName = Annotated[str, tyro.conf.arg(metavar="PORT")]
+MAX_LATENCY = 0.0025  # s; of the timer of a serial adapter
 
 
 @app.command
@@ -49,6 +50,19 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
             "every baud rate (--all-rates)"
         )
     print_table("Servos", ("id", "model", "firmware", "bit/s", "cable"), rows)
+    _print_slow_adapter(port or servos_of(spec).port)
+
+
+def _print_slow_adapter(port: str) -> None:
+    """Tell the user if the adapter collects bytes before it passes them on."""
+    from s2c2a.hardware.serial_line import latency_of
+
+    latency = latency_of(port)
+    if latency > MAX_LATENCY:
+        print(
+            f"the adapter keeps bytes for {1000 * latency:.0f} ms in every control step; "
+            "set its latency timer to 1 ms (docs/hardware.md, Computer)"
+        )
 
 
 def _list_ports() -> None:
