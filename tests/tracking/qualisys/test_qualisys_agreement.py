@@ -1,6 +1,7 @@
 """Reader and emulator agree with the package qtm-rt."""
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -42,7 +43,10 @@ async def first_frame(port):
 
 def test_qtm_rt_reads_the_emulated_stream():
     with qtm_streaming() as (port, _):
-        parameters, frame = asyncio.run(asyncio.wait_for(first_frame(port), 20))
+        # in a thread: another test may have left an event loop in this one
+        with ThreadPoolExecutor(1) as thread:
+            reading = asyncio.wait_for(first_frame(port), 20)
+            parameters, frame = thread.submit(asyncio.run, reading).result()
     assert parse_parameters(parameters).names == tuple(POSES)
     (_, (position, rotation)) = frame.get_6d()[1]
     np.testing.assert_allclose(position, 1000 * POSES["end-1"].position)

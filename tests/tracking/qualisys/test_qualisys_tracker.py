@@ -42,7 +42,7 @@ def test_a_hidden_body_is_absent():
 
 def test_the_tracker_connects_again_after_a_restart():
     with (
-        qtm_streaming(faults=("0.5 restart 0.5",)) as (port, _),
+        qtm_streaming(faults=("0.5 restart 1.5",)) as (port, _),
         QualisysTracker(port=port) as tracker,
     ):
         frames_arrive(tracker)
