@@ -42,11 +42,10 @@ async def first_frame(port):
 
 
 def test_qtm_rt_reads_the_emulated_stream():
-    with qtm_streaming() as (port, _):
-        # in a thread: another test may have left an event loop in this one
-        with ThreadPoolExecutor(1) as thread:
-            reading = asyncio.wait_for(first_frame(port), 20)
-            parameters, frame = thread.submit(asyncio.run, reading).result()
+    # in a thread: another test may have left an event loop in this one
+    with qtm_streaming() as (port, _), ThreadPoolExecutor(1) as thread:
+        reading = asyncio.wait_for(first_frame(port), 20)
+        parameters, frame = thread.submit(asyncio.run, reading).result()
     assert parse_parameters(parameters).names == tuple(POSES)
     (_, (position, rotation)) = frame.get_6d()[1]
     np.testing.assert_allclose(position, 1000 * POSES["end-1"].position)
