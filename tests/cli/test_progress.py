@@ -18,3 +18,10 @@ def test_each_piece_of_work_has_a_line(capsys):
 def test_long_work_prints_the_steps_done(capsys, monkeypatch):
     monkeypatch.setattr(console, "LINE_INTERVAL", 0.0)
     assert lines_of(capsys)[1:4] == [f"training C2S: {done} of 3" for done in (1, 2, 3)]
+
+
+def test_units_in_brackets_are_printed(capsys):
+    console.print_table("Errors [mm]", ("body", "position [mm]"), [("end-1", "0.05")])
+    output = capsys.readouterr().out
+    assert "Errors [mm]" in output
+    assert "position [mm]" in output

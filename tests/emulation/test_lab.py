@@ -51,7 +51,13 @@ def test_an_arm_file_of_the_user_is_not_replaced(tmp_path):
     path.unlink()
     open_lab(load_arm("twin_arm"), tmp_path, MOCAP)
     open_lab(load_arm("twin_both"), tmp_path, MOCAP)
-    assert load_arm(path).name == "twin_both"
+    assert load_arm(path).name == "twin_both-lab"
+
+
+def test_a_folder_in_use_is_refused(tmp_path):
+    (tmp_path / "port").symlink_to("/dev/null")
+    with pytest.raises(S2C2AError, match="another laboratory uses this folder"):
+        open_lab(load_arm("twin_arm"), tmp_path, MOCAP)
 
 
 @pytest.fixture
@@ -81,8 +87,9 @@ def save_homes(status_file):
         )
         for servo in json.loads(status_file.read_text())["servos"]
     ]
-    calibration = Calibration(arm="twin_arm", date=datetime.now(UTC), servos=servos)
-    save_calibration(calibration, default_path(load_arm("twin_arm")))
+    arm = load_arm("lab/arm.toml")
+    calibration = Calibration(arm=arm.name, date=datetime.now(UTC), servos=servos)
+    save_calibration(calibration, default_path(arm))
 
 
 def test_a_laboratory_is_recorded_as_a_real_arm_is(laboratory):

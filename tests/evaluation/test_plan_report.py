@@ -7,6 +7,7 @@ from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import (
     describe_faults,
+    describe_lost_states,
     describe_overload,
     describe_plans,
     describe_tracking,
@@ -126,6 +127,9 @@ def test_untracked_module_ends_are_reported():
     assert describe_tracking(make_episode(**{"sensor.states": states})) == ""
     states[:2, 1] = np.nan
     assert describe_tracking(make_episode(**{"sensor.states": states})) == (
+        "ends not tracked: module 2 in 50 % of the steps"
+    )
+    assert describe_lost_states(states[None]) == (
         "ends not tracked: module 2 in 50 % of the steps"
     )
     assert "add --tracking" in describe_tracking(make_episode())

@@ -44,6 +44,7 @@ def test_options_reach_the_tracker():
     ("source", "message"),
     [
         ("vicon", "no tracker 'vicon'"),
+        ("optitrack:1.2.3.4", "is no tracking source; give udp"),
         ("udp:", "udp:HOST:PORT, natnet:HOST"),
         ("udp:a", "option port=a of UdpTracker: write a whole number"),
         ("udp:a:b:1", "no tracking source"),

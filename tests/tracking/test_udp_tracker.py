@@ -152,3 +152,14 @@ def test_the_example_sender_moves_a_module_end(tracker):
 def test_the_example_sender_has_ten_lines_of_code():
     (_, _, code) = EXAMPLE.read_text().split('"""')
     assert len([line for line in code.splitlines() if line]) == 10
+
+
+def test_a_tracker_says_why_it_has_no_frames():
+    with UdpTracker(port=0) as tracker:
+        assert "nothing arrives on 127.0.0.1" in tracker.problem
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"unit": "mm"}', tracker.address)
+        end = time.monotonic() + 10.0
+        while "MALFORMED" not in tracker.problem and time.monotonic() < end:
+            time.sleep(0.01)
+        assert "1 MALFORMED" in tracker.problem

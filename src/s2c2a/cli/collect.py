@@ -101,7 +101,7 @@ def collect(
 
 
 def _print_summary(recording, out: Path) -> None:
-    from s2c2a import viz
+    from s2c2a import evaluation, viz
 
     sensors = ", ".join(recording.sensors)
     text = f"{recording.time.size} samples of {sensors}: {out}"
@@ -109,6 +109,8 @@ def _print_summary(recording, out: Path) -> None:
         arm = recording.arm
         states = recording.sensor("states").reshape(-1, arm.module_count, 6)
         text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
+        if lost := evaluation.describe_lost_states(states):
+            text += f"; {lost}"
     else:
         text += "; without true states (tracking), no networks can be trained from it"
     print(text)

@@ -87,11 +87,11 @@ def print_table(
     from rich import console, markup, table
 
     justify: Literal["left", "right"] = "left" if left_aligned else "right"
-    output = table.Table(title=title, title_justify="left")
+    # brackets, as of units, are no markup
+    output = table.Table(title=markup.escape(title), title_justify="left")
     for number, name in enumerate(header):
-        output.add_column(name, justify=justify if number else "left")
+        output.add_column(markup.escape(name), justify=justify if number else "left")
     for row in rows:
-        # brackets in a cell are no markup
         output.add_row(*map(markup.escape, row))
     screen = console.Console()
     if not screen.is_terminal:

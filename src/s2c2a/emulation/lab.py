@@ -13,11 +13,15 @@ from s2c2a.files import write_atomically
 ARM_FILE = "arm.toml"
 PORT = "port"
 STATUS_FILE = "status.json"
+SUFFIX = "-lab"
+MAX_NAME = 64
 HEADING = "# Written by `s2c2a emulate lab`, which replaces it at every start.\n\n"
 WELCOME = """{name}: {servos} {protocol} servos on {port}; Motive, UDP {mocap}
 in another terminal:
   s2c2a motors home --arm {arm}
-  s2c2a robot check --arm {arm} --robot {protocol}
+  s2c2a motors check --arm {arm}
+  s2c2a tracking latency --arm {arm} --robot {protocol}
+  s2c2a tracking frames --arm {arm} --robot {protocol}
   s2c2a run circle --arm {arm} --robot {protocol} --strategy pcc --pace 0.5
 Control-C ends it."""
 
@@ -52,6 +56,7 @@ def open_lab(
     """
     path = folder / ARM_FILE
     _check_replaceable(path)
+    _check_unused(folder / PORT)
     link = folder.absolute() / PORT
     status = folder / STATUS_FILE
     settings = EmulatorOptions(link=link, status_file=status, mocap=mocap, **options)
@@ -78,9 +83,19 @@ def _check_replaceable(path: Path) -> None:
         )
 
 
+def _check_unused(link: Path) -> None:
+    if link.exists():
+        raise S2C2AError(
+            f"{link} leads to a port: another laboratory uses this folder. Choose "
+            "another --folder, or delete the link if none runs"
+        )
+
+
 def _in_lab(arm: ArmSpec, port: Path, mocap: MotiveOptions) -> ArmSpec:
     """The arm with the port and the tracker of the laboratory."""
     servos = servos_of(arm).model_copy(update={"port": str(port)})
     ports = f"command_port={mocap.command_port},data_port={mocap.data_port}"
     tracking = Tracking(source=f"natnet:127.0.0.1,{ports}")
-    return arm.model_copy(update={"servos": servos, "tracking": tracking})
+    # calibrations carry the name: those of a rehearsal must not drive the real arm
+    name = arm.name[: MAX_NAME - len(SUFFIX)] + SUFFIX
+    return arm.model_copy(update={"name": name, "servos": servos, "tracking": tracking})

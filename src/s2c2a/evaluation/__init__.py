@@ -13,6 +13,7 @@ from s2c2a.evaluation.metrics import (
 from s2c2a.evaluation.report import (
     Row,
     describe_faults,
+    describe_lost_states,
     describe_overload,
     describe_plans,
     describe_tracking,

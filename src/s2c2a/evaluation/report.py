@@ -180,8 +180,12 @@ def describe_tracking(episode: Episode) -> str:
             "no scores, since nothing measured the module ends; add --tracking SOURCE "
             "(docs/tracking.md)"
         )
-    states = episode.sensor("states")[episode.running]
-    is_lost = np.isnan(states).any(axis=-1)
+    return describe_lost_states(episode.sensor("states")[episode.running])
+
+
+def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:
+    """Describe which module ends have no state, and how often; empty if all have."""
+    is_lost = np.isnan(states).any(axis=-1).reshape(-1, states.shape[-2])
     shares = 100.0 * is_lost.mean(axis=0)
     texts = [
         f"module {module} in {share:.3g} %"

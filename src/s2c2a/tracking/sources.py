@@ -42,12 +42,20 @@ def tracker_of(source: str) -> Tracker:
     text, *given = source.split(",")
     name, *address = text.split(":")
     if name not in KNOWN:
+        _check_is_class(text)
         return _make(_own_class(text), dict(options_from(given)))
     names = next((n for n in _ADDRESSES[name] if len(n) == len(address)), None)
     if names is None or "" in address:
         raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
     options = dict(zip(names, address, strict=True)) | dict(options_from(given))
     return _make(resolve("tracker", KNOWN[name], {}), options)
+
+
+def _check_is_class(text: str) -> None:
+    """Refuse a misspelled protocol: a user's class is in a file or a module."""
+    place, _, cls = text.partition(":")
+    if ":" in text and not (place.endswith(".py") or cls.isidentifier()):
+        raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
 
 
 def _own_class(text: str) -> Any:

@@ -71,6 +71,7 @@ class UdpTracker(Tracker):
         self._order = FrameOrder()
         self._accepted = 0
         self._dropped = dict.fromkeys(DropReason, 0)
+        self._fault = ""
 
     @property
     def address(self) -> tuple[str, int]:
@@ -83,6 +84,20 @@ class UdpTracker(Tracker):
             raise TrackingError("the tracker does not listen; call start() first")
         host, port = self._socket.getsockname()
         return host, port
+
+    @property
+    def problem(self) -> str:
+        """See `Tracker`."""
+        if self._accepted or self._socket is None:
+            return ""
+        host, port = self.address
+        dropped = {
+            reason.name: count for reason, count in self._dropped.items() if count
+        }
+        if not dropped:
+            return f"nothing arrives on {host}:{port}"
+        counts = ", ".join(f"{count} {name}" for name, count in dropped.items())
+        return f"all datagrams on {host}:{port} are dropped ({counts}): {self._fault}"
 
     @property
     def counts(self) -> DatagramCounts:
@@ -150,6 +165,7 @@ class UdpTracker(Tracker):
             raise
         except DatagramError as error:
             self._dropped[error.reason] += 1
+            self._fault = str(error)
         # the thread outlives every failure: a dead one looks like a lost source
         except Exception:
             self._dropped[DropReason.FAILED] += 1
