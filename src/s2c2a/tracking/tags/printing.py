@@ -32,6 +32,7 @@ GAP = 0.004  # m; between rows
 RULER = 0.100  # m
 RULER_HEIGHT = 0.016  # m; at the lower edge of a sheet
 INCH = 0.0254  # m
+CAPTION_HEIGHT = 0.0035  # m
 _CELL_PIXELS = 32  # so that no viewer smooths the cells
 _FORMATS = (".pdf", ".png")
 _ADVICE = "Print at 100 %, not fitted to the page; this ruler is 100 mm long"
@@ -207,9 +208,26 @@ def _draw_tag(axes: Axes, placed: PlacedTag) -> None:
     picture = np.kron(cells, np.ones((_CELL_PIXELS, _CELL_PIXELS), np.uint8))
     left, bottom = placed.left + margin, placed.bottom + margin
     _draw(axes, picture, left, bottom, tag.size, tag.size)
-    caption = f"{tag.label}  up: this edge  {1000 * tag.size:g} mm"
-    middle = placed.left + side / 2
-    axes.text(middle, placed.bottom + side + 0.001, caption, fontsize=6, ha="center")
+    _draw_caption(axes, placed, margin)
+
+
+def _draw_caption(axes: Axes, placed: PlacedTag, margin: float) -> None:
+    """Write name and upper edge where the cut leaves them, if the margin has room."""
+    tag = placed.tag
+    text = f"{tag.label}  up: this edge  {1000 * tag.size:g} mm"
+    middle = placed.left + placed.side / 2
+    edge = placed.bottom + placed.side
+    # the tag needs a white margin of a cell
+    is_inside = margin - tag.size / CELLS > CAPTION_HEIGHT
+    height = edge - 0.001 if is_inside else edge + 0.001
+    axes.text(
+        middle,
+        height,
+        text,
+        fontsize=6,
+        ha="center",
+        va="top" if is_inside else "bottom",
+    )
 
 
 def _draw(
