@@ -13,7 +13,7 @@ from s2c2a.robots import Robot, RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading, Sensor
 from s2c2a.tracking import Pose, PoseFrame, TrackedRobot, Tracker, TrackingCalibration
-from s2c2a.tracking.calibration import default_path, save_tracking_calibration
+from s2c2a.tracking.calibration import calibration_path, save_tracking_calibration
 
 ARM = load_arm("twin_arm")
 CABLES = np.zeros((3, 3))
@@ -162,7 +162,7 @@ def test_the_calibration_of_the_arm_is_used():
     offset = {"end-3": Pose(np.array([0.0, 0.0, 0.01]), NO_TURN)}
     calibration = TrackingCalibration.empty(ARM).with_latency(0.03, 0.001)
     calibration = calibration.with_frames(Pose.identity(), offset, {})
-    save_tracking_calibration(calibration, default_path(ARM))
+    save_tracking_calibration(calibration, calibration_path(ARM))
     robot, tracker = tracked()
     with robot:
         tracker.show()

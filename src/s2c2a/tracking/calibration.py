@@ -159,9 +159,13 @@ class TrackingCalibration(_Stored):
         return ModuleEnds.of_arm(arm, **offsets)
 
 
-def default_path(arm: ArmSpec) -> Path:
-    """Return the name of the file of an arm, in the current folder."""
-    return Path(f"{arm.name}.tracking.json")
+def calibration_path(arm: ArmSpec) -> Path:
+    """Return the file that the arm file names, or NAME.tracking.json.
+
+    A relative path begins in the current folder.
+    """
+    named = arm.tracking.calibration if arm.tracking is not None else ""
+    return Path(named or f"{arm.name}.tracking.json")
 
 
 def save_tracking_calibration(

@@ -12,7 +12,7 @@ from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
 from s2c2a.tracking.calibration import (
     TrackingCalibration,
-    default_path,
+    calibration_path,
     load_or_empty,
     load_tracking_calibration,
 )
@@ -258,7 +258,7 @@ def calibration_of(arm: ArmSpec) -> TrackingCalibration:
         TrackingCalibrationError: the file that the arm file names does not exist, or
             the file is damaged or of another arm.
     """
-    named = arm.tracking.calibration if arm.tracking is not None else ""
-    if named:
-        return load_tracking_calibration(named, arm)
-    return load_or_empty(default_path(arm), arm)
+    path = calibration_path(arm)
+    is_named = arm.tracking is not None and arm.tracking.calibration
+    load = load_tracking_calibration if is_named else load_or_empty
+    return load(path, arm)
