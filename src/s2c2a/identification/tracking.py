@@ -154,11 +154,11 @@ class TrackedMotion:
 
     def _look(self) -> None:
         frame = self._tracker.latest()
-        if frame is None or frame is self._last:
+        if frame is None:
             return
-        last, self._last = self._last, frame
-        if last is None or frame.arrival_time != last.arrival_time:
+        if self._last is None or not frame.is_same(self._last):
             self.log.frames.append(frame)
+        self._last = frame
 
 
 def limits_at(arm: ArmSpec, rate: float) -> CommandLimits:
