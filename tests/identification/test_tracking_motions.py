@@ -3,11 +3,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tracked_simulation import SimulatedTracker, TrackedSimulation
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.identification import tracking
 from s2c2a.runtime import CommandLimits
 from s2c2a.tracking import Pose
+from s2c2a.tracking.tracked_robot import calibration_of
 
 ARM = load_arm("twin_arm")
 
@@ -79,6 +80,15 @@ def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):
             robot, SimulatedTracker(robot), 5.0, progress=stop_after_ten
         )
     assert robot.data.time < 0.3
+
+
+def test_results_go_to_the_file_that_the_arm_file_names(tmp_path):
+    named = Tracking(calibration=str(tmp_path / "lab.json"))
+    arm = ARM.model_copy(update={"tracking": named})
+    found = tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0))
+    path = tracking.Calibrated(arm).store_latency(found)
+    assert path == tmp_path / "lab.json"
+    assert calibration_of(arm).latency == 0.02
 
 
 def test_each_result_changes_its_part_of_the_file(tmp_path):

@@ -15,6 +15,10 @@ class Mine(Tracker):
     def latest(self): return None
     def close(self): pass
 
+class Needy(Mine):
+    def __init__(self, device: str):
+        self.device = device
+
 class NoTracker: pass
 """
 
@@ -66,5 +70,7 @@ def test_a_users_own_tracker_is_found_by_its_file(tmp_path):
     path = tmp_path / "own_tracker_of_a_test.py"
     path.write_text(OWN)
     assert tracker_of(f"{path}:Mine,gain=2").gain == 2.0
+    with pytest.raises(S2C2AError, match=r"Needy cannot be made.*'device'"):
+        tracker_of(f"{path}:Needy")
     with pytest.raises(S2C2AError, match="not a tracker"):
         tracker_of(f"{path}:NoTracker")

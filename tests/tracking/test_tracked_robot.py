@@ -13,7 +13,8 @@ from s2c2a.robots import Robot, RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading, Sensor
 from s2c2a.tracking import Pose, PoseFrame, TrackedRobot, Tracker, TrackingCalibration
-from s2c2a.tracking.calibration import default_path, save_tracking_calibration
+from s2c2a.tracking.calibration import calibration_path, save_tracking_calibration
+from s2c2a.tracking.plausibility import PERSISTENCE
 
 ARM = load_arm("twin_arm")
 CABLES = np.zeros((3, 3))
@@ -147,6 +148,22 @@ def test_an_impossible_state_is_missing_and_reported_once():
     assert np.isnan(again["states"][1]).all()
 
 
+def test_a_frame_that_is_read_again_does_not_confirm_a_jump():
+    robot, tracker = tracked()
+    with robot:
+        first = tracker.frame
+        moved = Pose(np.array([0.05, 0.0, 0.6]), NO_TURN)
+        tracker.frame = PoseFrame(
+            first.arrival_time + 0.001,
+            first.source_time + 0.001,
+            first.number + 1,
+            {**first.poses, "end-3": moved},
+        )
+        with pytest.warns(UserWarning, match="module 3 has jumped"):
+            readings = [robot.read() for _ in range(2 * PERSISTENCE)]
+    assert all(np.isnan(reading["states"][2]).all() for reading in readings)
+
+
 def test_the_arm_file_names_the_bodies():
     tracking = Tracking(base="", ends=("", "", "tip"))
     arm = ARM.model_copy(update={"tracking": tracking})
@@ -162,7 +179,7 @@ def test_the_calibration_of_the_arm_is_used():
     offset = {"end-3": Pose(np.array([0.0, 0.0, 0.01]), NO_TURN)}
     calibration = TrackingCalibration.empty(ARM).with_latency(0.03, 0.001)
     calibration = calibration.with_frames(Pose.identity(), offset, {})
-    save_tracking_calibration(calibration, default_path(ARM))
+    save_tracking_calibration(calibration, calibration_path(ARM))
     robot, tracker = tracked()
     with robot:
         tracker.show()

@@ -9,7 +9,7 @@ from s2c2a.tracking.calibration import (
     FrameResidual,
     TrackingCalibration,
     TrackingCalibrationError,
-    default_path,
+    calibration_path,
     load_or_empty,
     load_tracking_calibration,
     save_tracking_calibration,
@@ -27,7 +27,7 @@ def calibration():
 
 
 def test_a_calibration_survives_its_file(tmp_path, calibration):
-    path = tmp_path / default_path(ARM)
+    path = tmp_path / calibration_path(ARM)
     complete = calibration.with_latency(0.02, 0.001)
     save_tracking_calibration(complete, path)
     assert load_tracking_calibration(path, ARM) == complete

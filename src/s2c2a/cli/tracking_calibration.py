@@ -40,7 +40,8 @@ def latency(
         tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
             (docs/tracking.md); by default that of the arm file.
         duration: of the motion [s].
-        out: file of the result; by default NAME.tracking.json.
+        out: file of the result; by default that of the arm file, or
+            NAME.tracking.json.
     """
     from s2c2a.identification.tracking import measure_latency
 
@@ -72,7 +73,8 @@ def frames(
         robot_option: further arguments of that class.
         tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
             (docs/tracking.md); by default that of the arm file.
-        out: file of the result; by default NAME.tracking.json.
+        out: file of the result; by default that of the arm file, or
+            NAME.tracking.json.
     """
     from s2c2a.identification.tracking import measure_frames
 

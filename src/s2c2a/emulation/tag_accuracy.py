@@ -11,10 +11,10 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.emulation.plant import Plant
 from s2c2a.emulation.tag_camera import TagScene, look_at
 from s2c2a.progress import Progress
-from s2c2a.tracking.poses import Pose
+from s2c2a.tracking.poses import Pose, angle_between
 from s2c2a.tracking.tags.camera import CameraModel
 from s2c2a.tracking.tags.detection import TagDropReason
-from s2c2a.tracking.tags.estimation import TagPoses, angle_between, estimate_poses
+from s2c2a.tracking.tags.estimation import TagPoses, estimate_poses
 from s2c2a.tracking.tags.layout import BASE, TagLayout
 from s2c2a.tracking.tags.pictures import Effects
 

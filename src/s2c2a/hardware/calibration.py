@@ -1,21 +1,23 @@
 """Calibration of winches: the servo positions of the straight arm, in a file."""
 
-import json
 import os
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, write_atomically
 from s2c2a.hardware.winch import Ticks
-from s2c2a.validation import explained
+from s2c2a.json_files import load_json, save_json
 
 FORMAT = 1
 MAX_SERVOS = 160
+MAKE_ONE = (
+    "make one with `s2c2a motors home --arm FILE`, or name one (--calibration FILE in "
+    "`motors check`, --robot-option calibration=FILE elsewhere)"
+)
 MAX_SPREAD = 0.001  # m; largest standard deviation of reliable homings
 
 
@@ -120,8 +122,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike) -> None:
     Raises:
         CalibrationError: the file cannot be written.
     """
-    text = json.dumps(calibration.model_dump(mode="json"), indent=1)
-    write_atomically(text + "\n", path, CalibrationError)
+    save_json(calibration, path, CalibrationError)
 
 
 def load_calibration(path: str | os.PathLike, arm: ArmSpec) -> Calibration:
@@ -131,22 +132,9 @@ def load_calibration(path: str | os.PathLike, arm: ArmSpec) -> Calibration:
         CalibrationError: there is no such file, it is damaged, or it belongs to
             another arm.
     """
-    if not Path(path).is_file():
-        raise CalibrationError(
-            f"there is no calibration {path}; make one with "
-            "`s2c2a motors home --arm FILE`, or name one (--calibration FILE in "
-            "`motors check`, --robot-option calibration=FILE elsewhere)"
-        )
-    try:
-        values = json.loads(read_text(path, CalibrationError))
-        calibration = Calibration.model_validate(values)
-    except ValidationError as error:
-        heading = f"{path}: {{count}} fault(s) in the calibration"
-        raise CalibrationError(explained(error, heading, ())) from error
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(
-            f"{path} is no calibration: {error}; make one with `s2c2a motors home`"
-        ) from error
+    calibration = load_json(
+        Calibration, path, CalibrationError, "calibration", MAKE_ONE
+    )
     if calibration.arm != arm.name:
         raise CalibrationError(
             f"{path} is the calibration of '{calibration.arm}', not of '{arm.name}'; "

@@ -23,7 +23,7 @@ from s2c2a.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.tracking.calibration import (
     FrameResidual,
     TrackingCalibration,
-    default_path,
+    calibration_path,
     load_or_empty,
     save_tracking_calibration,
 )
@@ -154,11 +154,11 @@ class TrackedMotion:
 
     def _look(self) -> None:
         frame = self._tracker.latest()
-        if frame is None or frame is self._last:
+        if frame is None:
             return
-        last, self._last = self._last, frame
-        if last is None or frame.arrival_time != last.arrival_time:
+        if self._last is None or not frame.is_same(self._last):
             self.log.frames.append(frame)
+        self._last = frame
 
 
 def limits_at(arm: ArmSpec, rate: float) -> CommandLimits:
@@ -376,13 +376,13 @@ class Calibrated:
 
         Args:
             arm: that is calibrated.
-            path: the file; by default NAME.tracking.json.
+            path: the file; by default `calibration_path`.
 
         Raises:
             TrackingError: the file is damaged, or belongs to another arm.
         """
         self._arm = arm
-        self._path = path or default_path(arm)
+        self._path = path or calibration_path(arm)
         self._calibration = load_or_empty(self._path, arm)
 
     def store_latency(self, found: Latency) -> Path:

@@ -9,8 +9,6 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
 
-GRAVITY = 9.81  # m/s2
-
 
 @dataclass(frozen=True, eq=False)
 class ArcChain:
@@ -36,9 +34,8 @@ class ArcChain:
         lengths = per_module(arm, "length")
         masses = per_module(arm, "mass")
         beyond = np.cumsum(masses[::-1])[::-1] - masses / 2
-        gravity = GRAVITY * np.array(arm.gravity_direction)
         compliances = lengths**3 / (12 * per_module(arm, "bending_stiffness"))
-        return cls(lengths, compliances, beyond[:, None] * gravity)
+        return cls(lengths, compliances, beyond[:, None] * np.array(arm.gravity))
 
     def ends(
         self, bends: Float[np.ndarray, "*batch modules 2"]

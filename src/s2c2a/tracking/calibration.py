@@ -1,6 +1,5 @@
 """Calibration of a tracker for one arm: latency and frame offsets, in a file."""
 
-import json
 import os
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -13,15 +12,13 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    ValidationError,
     field_validator,
 )
 
 from s2c2a.arm import ArmSpec
-from s2c2a.files import read_text, write_atomically
+from s2c2a.json_files import load_json, save_json
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
 from s2c2a.tracking.states import ModuleEnds
-from s2c2a.validation import explained
 
 FORMAT = 1
 MAX_BODIES = 64
@@ -159,9 +156,13 @@ class TrackingCalibration(_Stored):
         return ModuleEnds.of_arm(arm, **offsets)
 
 
-def default_path(arm: ArmSpec) -> Path:
-    """Return the name of the file of an arm, in the current folder."""
-    return Path(f"{arm.name}.tracking.json")
+def calibration_path(arm: ArmSpec) -> Path:
+    """Return the file that the arm file names, or NAME.tracking.json.
+
+    A relative path begins in the current folder.
+    """
+    named = arm.tracking.calibration if arm.tracking is not None else ""
+    return Path(named or f"{arm.name}.tracking.json")
 
 
 def save_tracking_calibration(
@@ -172,10 +173,7 @@ def save_tracking_calibration(
     Raises:
         TrackingCalibrationError: the file cannot be written.
     """
-    values = calibration.model_dump(mode="json", exclude_none=True)
-    write_atomically(
-        json.dumps(values, indent=1) + "\n", path, TrackingCalibrationError
-    )
+    save_json(calibration, path, TrackingCalibrationError)
 
 
 def load_tracking_calibration(
@@ -188,20 +186,13 @@ def load_tracking_calibration(
             to another arm.
         TrackingError: it has an offset of a body that is no module end.
     """
-    if not Path(path).is_file():
-        raise TrackingCalibrationError(
-            f"there is no tracking calibration {path}; {MAKE_ONE}"
-        )
-    try:
-        values = json.loads(read_text(path, TrackingCalibrationError))
-        calibration = TrackingCalibration.model_validate(values)
-    except ValidationError as error:
-        heading = f"{path}: {{count}} fault(s) in the tracking calibration"
-        raise TrackingCalibrationError(explained(error, heading, ())) from error
-    except (ValueError, RecursionError) as error:
-        raise TrackingCalibrationError(
-            f"{path} is no tracking calibration: {error}; {MAKE_ONE}"
-        ) from error
+    calibration = load_json(
+        TrackingCalibration,
+        path,
+        TrackingCalibrationError,
+        "tracking calibration",
+        MAKE_ONE,
+    )
     if calibration.arm != arm.name:
         raise TrackingCalibrationError(
             f"{path} is the tracking calibration of '{calibration.arm}', not of "

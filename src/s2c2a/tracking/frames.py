@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
 from s2c2a.tracking.arcs import ArcChain, matrices_of, turn_axes
-from s2c2a.tracking.poses import Pose, TrackingError
+from s2c2a.tracking.poses import Pose, TrackingError, angle_between
 
 BEND_SD = np.deg2rad(10.0)  # of true bends about those of the encoders
 POSITION_SD = 0.002  # m; an arm is no exact chain of arcs
@@ -173,9 +173,9 @@ def _vectors(matrices: np.ndarray) -> np.ndarray:
 
 def _check_base(held: Sequence[HeldPoses]) -> None:
     """Check that the base body stands still: it is no end."""
-    moved = [held[0].base.inverse() @ one.base for one in held]
-    shift = max(np.linalg.norm(pose.position) for pose in moved)
-    turn = max(2 * np.arccos(min(1.0, abs(pose.rotation[3]))) for pose in moved)
+    first = held[0].base
+    shift = max(np.linalg.norm(one.base.position - first.position) for one in held)
+    turn = max(angle_between(one.base, first) for one in held)
     if shift > MAX_BASE_SHIFT or turn > MAX_BASE_TURN:
         raise FrameError(
             f"the base body moves by {1000 * shift:.1f} mm and "

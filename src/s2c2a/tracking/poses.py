@@ -104,6 +104,12 @@ class Pose:
         return Pose(position, _product(self.rotation, other.rotation))
 
 
+def angle_between(first: Pose, second: Pose) -> float:
+    """Return the angle of the rotation between two poses [rad]."""
+    cosine = min(1.0, abs(float(first.rotation @ second.rotation)))
+    return 2 * float(np.arccos(cosine))
+
+
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Quaternion of the second rotation followed by the first."""
     (x, y, z, w) = first.tolist()

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from s2c2a.errors import S2C2AError
 from s2c2a.options import convert_option, named_parameters, options_from
 from s2c2a.plugins import resolve
 from s2c2a.tracking.poses import TrackingError
@@ -37,7 +38,7 @@ def tracker_of(source: str) -> Tracker:
             as "natnet:192.168.1.10,local=192.168.1.20,up=z".
 
     Raises:
-        S2C2AError: there is no such source, or it has no such option.
+        S2C2AError: there is no such source, it has no such option, or its class fails.
     """
     text, *given = source.split(",")
     name, *address = text.split(":")
@@ -75,4 +76,12 @@ def _make(cls: Callable[..., Tracker], options: Mapping[str, str]) -> Tracker:
         name: convert_option(cls, parameters, name, value)
         for name, value in options.items()
     }
-    return cls(**converted)
+    try:
+        return cls(**converted)
+    except (S2C2AError, OSError):
+        raise
+    except Exception as error:  # the class may be a user's own
+        raise TrackingError(
+            f"{cls.__name__} cannot be made: {type(error).__name__}: {error}; its "
+            f"options are {', '.join(parameters) or 'none'}, written as SOURCE,KEY=VALUE"
+        ) from error

@@ -3,6 +3,7 @@
 import time
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
 from s2c2a.tracking.calibration import (
     TrackingCalibration,
-    default_path,
+    calibration_path,
     load_or_empty,
     load_tracking_calibration,
 )
@@ -27,7 +28,21 @@ POLL_PERIOD = 0.02  # s
 MAX_SILENCE = 1.5  # control periods since a frame arrived; then states are missing
 CAMERA_TOLERANCE = 0.1  # of a camera's period
 REASONS = {"out of reach": "is out of reach", "jumped": "has jumped"}
-RESTART = 1.0  # s; a source clock that steps back by more begins again
+
+
+@dataclass(frozen=True, eq=False)
+class _CheckedFrame:
+    """A frame of the tracker, with what follows from it.
+
+    Attributes:
+        frame: of the tracker.
+        exposure: time on the clock `time.perf_counter` [s].
+        checked: states of the module ends that the arm can have.
+    """
+
+    frame: PoseFrame
+    exposure: float
+    checked: CheckedStates
 
 
 class StateSensor:
@@ -53,7 +68,7 @@ class StateSensor:
         self._tracker = tracker or tracker_of(source)
         self._ends = calibration.ends(arm)
         self._clock = ExposureClock(calibration.latency or 0.0)
-        self._last_time = -np.inf
+        self._newest: _CheckedFrame | None = None
         geometry = ArmGeometry.of(arm)
         self._check = StateCheck(geometry.lengths, geometry.bend_limits)
         self._warned: set[tuple[int, str]] = set()
@@ -79,6 +94,7 @@ class StateSensor:
             TrackingError: they do not come; an arm need not move without them.
         """
         self._tracker.start()
+        self._newest = None
         self._check.reset()
         self._warned.clear()
         end = time.monotonic() + FIRST_POSES
@@ -102,10 +118,10 @@ class StateSensor:
         """
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
-        age = np.asarray(now - self._exposure(frame))
-        checked = self._checked(frame)
-        states = checked.states
-        self._warn(checked.reasons)
+        newest = self._newest_of(frame)
+        age = np.asarray(now - newest.exposure)
+        states = newest.checked.states
+        self._warn(newest.checked.reasons)
         values = {"states": states, "states_age": age}
         if self._camera_views is not None:
             values |= self._camera_views.read(frame, states, now, age)
@@ -123,24 +139,25 @@ class StateSensor:
         if frame is None or missing:
             cause = self._tracker.problem or "check its port and body names"
             return f"no poses of {', '.join(missing)} arrive: {cause}"
-        reasons = enumerate(self._checked(frame).reasons, 1)
+        reasons = enumerate(self._newest_of(frame).checked.reasons, 1)
         return "; ".join(_describe(*reason) for reason in reasons if reason[1])
 
-    def _checked(self, frame: PoseFrame) -> CheckedStates:
-        states = self._ends.states(frame, frame.arrival_time).states
-        return self._check(states, frame.arrival_time)
+    def _newest_of(self, frame: PoseFrame) -> _CheckedFrame:
+        """Check a frame once, however often it is read: a repetition proves nothing."""
+        newest = self._newest
+        if newest is None or not frame.is_same(newest.frame):
+            arrival = frame.arrival_time
+            exposure = self._clock.exposure(arrival, frame.source_time)
+            states = self._ends.states(frame, arrival).states
+            newest = _CheckedFrame(frame, exposure, self._check(states, arrival))
+            self._newest = newest
+        return newest
 
     def _warn(self, reasons: Sequence[str]) -> None:
         for reason in enumerate(reasons, 1):
             if reason[1] and reason not in self._warned:
                 self._warned.add(reason)
                 warnings.warn(f"{_describe(*reason)}; it is missing", stacklevel=1)
-
-    def _exposure(self, frame: PoseFrame) -> float:
-        if self._last_time - frame.source_time > RESTART:
-            self._clock.reset()
-        self._last_time = frame.source_time
-        return self._clock.exposure(frame.arrival_time, frame.source_time)
 
 
 class _CameraViews:
@@ -258,7 +275,7 @@ def calibration_of(arm: ArmSpec) -> TrackingCalibration:
         TrackingCalibrationError: the file that the arm file names does not exist, or
             the file is damaged or of another arm.
     """
-    named = arm.tracking.calibration if arm.tracking is not None else ""
-    if named:
-        return load_tracking_calibration(named, arm)
-    return load_or_empty(default_path(arm), arm)
+    path = calibration_path(arm)
+    is_named = arm.tracking is not None and arm.tracking.calibration
+    load = load_tracking_calibration if is_named else load_or_empty
+    return load(path, arm)

@@ -16,9 +16,6 @@ from s2c2a.tracking.poses import Pose
 class PoseFrame:
     """Poses of all bodies that a tracker saw at one time.
 
-    A frame whose number and arrival time equal those of the frame before is the same
-    frame again. Numbers alone may repeat after a restart of the source.
-
     Attributes:
         arrival_time: on this computer's clock `time.perf_counter` [s].
         source_time: on the clock of the source [s].
@@ -31,6 +28,14 @@ class PoseFrame:
     source_time: float
     number: int
     poses: Mapping[str, Pose]
+
+    def is_same(self, other: "PoseFrame") -> bool:
+        """Return whether both are one frame.
+
+        Numbers alone may repeat after a restart of the source.
+        """
+        is_same_number = self.number == other.number
+        return is_same_number and self.arrival_time == other.arrival_time
 
 
 class Tracker(ABC):

@@ -8,21 +8,6 @@ from s2c2a.tracking.poses import TrackingError
 RECEIVE_BUFFER = 1 << 20  # bytes; frames wait here while the computer is busy
 
 
-def resolve(host: str) -> str:
-    """Return the IPv4 address of a host.
-
-    Raises:
-        TrackingError: there is no such host.
-    """
-    try:
-        return socket.gethostbyname(host)
-    # TypeError, ValueError: a name that cannot be a host
-    except (OSError, TypeError, ValueError) as error:
-        raise TrackingError(
-            f"no host {host!a}: {error}; give the address of the computer that streams"
-        ) from error
-
-
 def open_command_socket(local: str) -> socket.socket:
     """Return a socket for requests, their answers and unicast frames.
 

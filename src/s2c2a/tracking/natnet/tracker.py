@@ -8,6 +8,7 @@ from contextlib import suppress
 from threading import Event, Thread
 
 from s2c2a.tracking.datagrams import Datagram, DatagramError, DropReason, FrameOrder
+from s2c2a.tracking.hosts import resolve
 from s2c2a.tracking.natnet.axes import check_up_axis, z_up_pose
 from s2c2a.tracking.natnet.connection import Connection
 from s2c2a.tracking.natnet.messages import (
@@ -21,11 +22,7 @@ from s2c2a.tracking.natnet.messages import (
     parse_server_info,
     split_message,
 )
-from s2c2a.tracking.natnet.sockets import (
-    open_command_socket,
-    open_group_socket,
-    resolve,
-)
+from s2c2a.tracking.natnet.sockets import open_command_socket, open_group_socket
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
 from s2c2a.tracking.tracker import PoseFrame, Tracker
 from s2c2a.tracking.udp import (

@@ -49,8 +49,8 @@ class Session:
         self._error = ""
         self._commands: list[str] = []
         self._has_version = False
-        self._heard = 0.0
-        self._framed = 0.0
+        self._last_packet = 0.0
+        self._last_frame = 0.0
         self._next = float("inf")
 
     def connect(self, now: float) -> None:
@@ -61,7 +61,7 @@ class Session:
         """
         self.disconnect()
         self._commands = [_VERSION]
-        self._heard = now
+        self._last_packet = now
 
     @property
     def is_connected(self) -> bool:
@@ -70,7 +70,7 @@ class Session:
 
     def is_lost(self, now: float) -> bool:
         """Whether QTM has been silent for too long."""
-        return now - self._heard > LOST
+        return now - self._last_packet > LOST
 
     def lose(self) -> None:
         """Note that the connection is closed."""
@@ -89,7 +89,7 @@ class Session:
     def _repeated(self, now: float) -> list[str]:
         if self.parameters is None:
             return [_PARAMETERS]
-        if now - self._framed > PERIOD:
+        if now - self._last_frame > PERIOD:
             self.problem = self.problem or self._no_frames()
             self.is_outdated = True
             # the answer also shows that the connection works
@@ -98,7 +98,7 @@ class Session:
 
     def take_command(self, text: str, now: float) -> None:
         """Use an answer to a command."""
-        self._heard = now
+        self._last_packet = now
         lower = text.lower()
         if lower.startswith("version set to"):
             self._has_version = True
@@ -108,7 +108,7 @@ class Session:
 
     def take_error(self, text: str, now: float) -> None:
         """Use an error."""
-        self._heard = now
+        self._last_packet = now
         if not self._has_version and text.lower().startswith("version not"):
             self._refuse()
         elif self.parameters is None:
@@ -125,7 +125,7 @@ class Session:
 
     def take_parameters(self, parameters: Parameters, now: float) -> None:
         """Use the names of the bodies, if there are any, and the axes."""
-        self._heard = now
+        self._last_packet = now
         if not parameters.names:
             self.problem = (
                 f"{self._qtm} has no 6DOF bodies; define base and end-1 to end-M in "
@@ -150,20 +150,20 @@ class Session:
 
     def take_no_data(self, now: float) -> None:
         """Note that no measurement runs."""
-        self._heard = now
-        self._framed = now
+        self._last_packet = now
+        self._last_frame = now
         self.is_outdated = True
         self.problem = self._no_frames()
 
     def take_frame(self, now: float) -> None:
         """Note that a frame was accepted."""
-        self._heard = now
-        self._framed = now
+        self._last_packet = now
+        self._last_frame = now
         self.problem = ""
 
     def take_event(self, number: int, now: float) -> None:
         """Use an event: a measurement or a file may have other bodies."""
-        self._heard = now
+        self._last_packet = now
         self.is_outdated = self.is_outdated or number in _NEW_BODIES
 
     def request_parameters(self, now: float) -> None:

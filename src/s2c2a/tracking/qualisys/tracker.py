@@ -6,7 +6,7 @@ import time
 from threading import Event, Thread
 
 from s2c2a.tracking.datagrams import Datagram, DatagramError, DropReason, FrameOrder
-from s2c2a.tracking.natnet.sockets import resolve
+from s2c2a.tracking.hosts import resolve
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
 from s2c2a.tracking.qualisys.packets import (
     Frame,

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from s2c2a.tracking.poses import Pose
-from s2c2a.tracking.tags.estimation import angle_between
+from s2c2a.tracking.poses import Pose, angle_between
 
 MAX_FRAMES = 200  # of the average; after that, the newest replaces a 200th
 MOVED_POSITION = 0.01  # m
@@ -14,7 +13,7 @@ MOVED_FRAMES = 5  # that agree that something moved
 class BaseAverage:
     """Average pose of the base over many pictures.
 
-    A pose far from the average is left out. After five of them in a row the camera has
+    A pose far from the average is rejected. After five of them in a row the camera has
     moved, and the average begins again.
     """
 
@@ -43,13 +42,13 @@ class BaseAverage:
         if self.pose is None:
             self._take(measured)
         elif not _is_near(measured, self.pose):
-            return self._doubt(measured)
+            return self._take_far(measured)
         else:
             self._far = 0
             self._take(measured)
         return self.pose
 
-    def _doubt(self, measured: Pose) -> Pose | None:
+    def _take_far(self, measured: Pose) -> Pose | None:
         self._far += 1
         if self._far < MOVED_FRAMES:
             return None

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from s2c2a.json_files import load_json, save_json
 from s2c2a.tracking.poses import TrackingError
-from s2c2a.tracking.tags.json_files import load_json, save_json
 
 FORMAT = 1
 DISTORTIONS = 5  # k1, k2, p1, p2, k3
@@ -135,4 +135,4 @@ def load_camera(path: str | os.PathLike) -> CameraModel:
         CameraError: there is no such file, or it is damaged.
     """
     advice = "make one with `s2c2a tracking calibrate-camera`"
-    return load_json(CameraModel, path, CameraError, advice)
+    return load_json(CameraModel, path, CameraError, "camera model", advice)

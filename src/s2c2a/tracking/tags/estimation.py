@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from s2c2a.tracking.poses import Pose
+from s2c2a.tracking.poses import Pose, angle_between
 from s2c2a.tracking.tags.camera import CameraModel
 from s2c2a.tracking.tags.detection import (
     TagDropReason,
@@ -220,12 +220,6 @@ def _project(
         points, vector, pose.position, camera.matrix, camera.coefficients
     )
     return projected.reshape(-1, 2), jacobian[:, :6]
-
-
-def angle_between(first: Pose, second: Pose) -> float:
-    """Return the angle of the rotation between two poses [rad]."""
-    cosine = min(1.0, abs(float(first.rotation @ second.rotation)))
-    return 2 * float(np.arccos(cosine))
 
 
 def _are_one(first: Pose, second: Pose) -> bool:

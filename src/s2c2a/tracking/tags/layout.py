@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from s2c2a.json_files import load_json, save_json
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
-from s2c2a.tracking.tags.json_files import load_json, save_json
 
 FORMAT = 1
 FAMILY = "36h11"
@@ -230,4 +230,4 @@ def load_layout(path: str | os.PathLike) -> TagLayout:
         LayoutError: there is no such file, or it is damaged.
     """
     advice = "make one with `s2c2a tracking print-tags`"
-    return load_json(TagLayout, path, LayoutError, advice)
+    return load_json(TagLayout, path, LayoutError, "layout of tags", advice)
