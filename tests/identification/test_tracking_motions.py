@@ -7,10 +7,21 @@ from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.identification import tracking
 from s2c2a.runtime import CommandLimits
-from s2c2a.tracking import Pose
+from s2c2a.tracking import Pose, Tracker, TrackingError
 from s2c2a.tracking.tracked_robot import calibration_of
 
 ARM = load_arm("twin_arm")
+
+
+class SilentTracker(Tracker):
+    def start(self):
+        pass
+
+    def latest(self):
+        return None
+
+    def close(self):
+        pass
 
 
 @pytest.fixture
@@ -66,6 +77,15 @@ def test_faster_commands_have_the_same_speed_and_acceleration():
 def test_held_bends_are_symmetric():
     bends = np.array([bend for bend, _ in tracking.held_bends(ARM)])
     assert np.allclose(bends.sum(axis=0), 0.0)
+
+
+def test_an_arm_does_not_move_without_all_bodies(monkeypatch):
+    monkeypatch.setattr(tracking, "FIRST_POSES", 0.05)
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    robot = TrackedSimulation(ARM)
+    with pytest.raises(TrackingError, match="no poses of base, end-1"):
+        tracking.measure_latency(robot, SilentTracker())
+    assert robot.data.time == 0.0
 
 
 def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):

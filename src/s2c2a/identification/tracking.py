@@ -34,7 +34,7 @@ from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
 COMMAND_RATE = 50.0  # Hz
 FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
 POLL_PERIOD = 0.002  # s between looks at the tracker
-FIRST_FRAME = 5.0  # s
+FIRST_POSES = 5.0  # s in which the first poses must come
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
 CHIRP_BEND_DEG = 12.0
@@ -175,14 +175,18 @@ def limits_at(arm: ArmSpec, rate: float) -> CommandLimits:
 
 
 @contextmanager
-def tracked_motion(robot: Robot, tracker: Tracker) -> Iterator[TrackedMotion]:
+def tracked_motion(
+    robot: Robot, tracker: Tracker, ends: ModuleEnds
+) -> Iterator[TrackedMotion]:
     """Start the tracker, open the robot, and return to rest in the end.
 
     Raises:
-        TrackingError: no frame arrives.
+        TrackingError: poses of a body do not arrive; the arm does not move.
     """
     with tracker:
-        _await_frame(tracker, robot)
+        # the tracker of a simulation has no frame before its time advances
+        if not robot.own_time:
+            _await_poses(tracker, ends)
         with robot:
             motion = TrackedMotion(robot, tracker)
             try:
@@ -196,14 +200,12 @@ def tracked_motion(robot: Robot, tracker: Tracker) -> Iterator[TrackedMotion]:
             motion.rest()
 
 
-def _await_frame(tracker: Tracker, robot: Robot) -> None:
-    """Wait for the first frame; an arm need not move without."""
-    end = time.monotonic() + FIRST_FRAME
-    while tracker.latest() is None and not robot.own_time:
+def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
+    end = time.monotonic() + FIRST_POSES
+    while problem := ends.find_missing(tracker):
         if time.monotonic() > end:
             raise TrackingError(
-                f"no poses arrived in {FIRST_FRAME:g} s; start the source, and check "
-                "its port and the names of its bodies (docs/tracking.md)"
+                f"{problem} ({FIRST_POSES:g} s); correct it (docs/tracking.md)"
             )
         time.sleep(POLL_PERIOD)
 
@@ -255,7 +257,7 @@ def measure_latency(
         EmergencyStopError: the emergency stop was triggered.
     """
     ends = ModuleEnds.of_arm(robot.arm)
-    with tracked_motion(robot, tracker) as motion:
+    with tracked_motion(robot, tracker, ends) as motion:
         bends = chirp(robot.arm, duration)
         first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
         direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
@@ -336,7 +338,7 @@ def measure_frames(
             f"tracking.ends are {list(ends.ends)}; track the ends of all modules to "
             "find their frames"
         )
-    with tracked_motion(robot, tracker) as motion:
+    with tracked_motion(robot, tracker, ends) as motion:
         targets = held_bends(robot.arm)
         for done, (bend, way_point) in enumerate(targets, 1):
             motion.hold(way_point, 0.0)

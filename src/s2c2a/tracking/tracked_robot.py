@@ -134,11 +134,9 @@ class StateSensor:
     def _find_problem(self) -> str:
         """Describe what the newest frame lacks; empty if it has all poses."""
         frame = self._tracker.latest()
-        seen = frame.poses if frame is not None else {}
-        missing = [name for name in self._ends.bodies if name not in seen]
+        missing = self._ends.find_missing(self._tracker)
         if frame is None or missing:
-            cause = self._tracker.problem or "check its port and body names"
-            return f"no poses of {', '.join(missing)} arrive: {cause}"
+            return missing
         reasons = enumerate(self._newest_of(frame).checked.reasons, 1)
         return "; ".join(_describe(*reason) for reason in reasons if reason[1])
 
