@@ -106,19 +106,19 @@ def test_results_go_to_the_file_that_the_arm_file_names(tmp_path):
     named = Tracking(calibration=str(tmp_path / "lab.json"))
     arm = ARM.model_copy(update={"tracking": named})
     found = tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0))
-    path = tracking.Calibrated(arm).store_latency(found)
+    path = tracking.CalibrationFile(arm).store_latency(found)
     assert path == tmp_path / "lab.json"
     assert calibration_of(arm).latency == 0.02
 
 
 def test_each_result_changes_its_part_of_the_file(tmp_path):
     path = tmp_path / "arm.tracking.json"
-    stored = tracking.Calibrated(ARM, path)
+    stored = tracking.CalibrationFile(ARM, path)
     stored.store_latency(tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0)))
     frames = tracking.Frames(
         Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3), np.zeros(0)
     )
-    tracking.Calibrated(ARM, path).store_frames(frames)
+    tracking.CalibrationFile(ARM, path).store_frames(frames)
     calibration = tracking.load_or_empty(path, ARM)
     assert calibration.latency == 0.02
     assert set(calibration.end_offsets) == {"end-1", "end-2", "end-3"}

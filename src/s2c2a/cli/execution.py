@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 RobotName = Annotated[str, tyro.conf.arg(metavar="sim|dynamixel|feetech|MODULE:CLASS")]
 TrackingSource = Annotated[
-    str, tyro.conf.arg(metavar="udp:PORT|natnet:HOST|FILE.py:Class|none")
+    str,
+    tyro.conf.arg(
+        metavar="udp:PORT|natnet:HOST|qualisys:HOST|camera:...|FILE.py:Class|none"
+    ),
 ]
 RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
 Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]

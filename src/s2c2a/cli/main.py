@@ -57,7 +57,9 @@ app.command(arm.robot_app, name="robot", help="Check a robot.")
 app.command(motors.app, name="motors", help="Bring up the servos of a real arm.")
 app.command(tracking.app, name="tracking", help="Calibrate a pose tracker.")
 app.command(
-    tracking.app, name="tracking", help="Measure the poses of a real arm by a webcam."
+    tracking.app,
+    name="tracking",
+    help="Calibrate pose trackers; prepare a webcam and tags.",
 )
 app.command(
     emulate.app,

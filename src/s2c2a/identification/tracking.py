@@ -33,7 +33,7 @@ from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
 
 COMMAND_RATE = 50.0  # Hz
 FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
-POLL_PERIOD = 0.002  # s between looks at the tracker
+POLL_PERIOD = 0.002  # s
 FIRST_POSES = 5.0  # s in which the first poses must come
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
@@ -64,7 +64,7 @@ class MotionLog:
 
 
 class TrackedMotion:
-    """Moves an open robot within the limits, and notes what the tracker sees.
+    """Moves an open robot within the limits, and logs readings and frames.
 
     Attributes:
         arm: arm of the robot.
@@ -128,7 +128,7 @@ class TrackedMotion:
         self._wait()
 
     def _read(self) -> bool:
-        """Note a reading; returns whether it is sound. A single one may be missed."""
+        """Log a reading; returns whether it is sound. A single one may be missed."""
         before = self._clock.now()
         reading = self._robot.read()
         moment = (before + self._clock.now()) / 2  # servos are asked one by one
@@ -142,17 +142,17 @@ class TrackedMotion:
         return False
 
     def _wait(self) -> None:
-        """Wait for the next step, and look at every frame that arrives."""
+        """Wait for the next step, and log every frame that arrives."""
         # steps that are late do not make later ones hurry
         self._due = max(self._due + self._period, self._clock.now())
         while True:
-            self._look()
+            self._log_frame()
             now = self._clock.now()
             if now >= self._due:
                 return
             self._clock.wait_until(min(now + POLL_PERIOD, self._due))
 
-    def _look(self) -> None:
+    def _log_frame(self) -> None:
         frame = self._tracker.latest()
         if frame is None:
             return
@@ -370,7 +370,7 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
     return mean_pose(poses)
 
 
-class Calibrated:
+class CalibrationFile:
     """The calibration file of an arm, which each result changes in part."""
 
     def __init__(self, arm: ArmSpec, path: Path | None = None):

@@ -20,12 +20,12 @@ class TrackedStates:
     Attributes:
         states: end position [m] and end axis, base frame; a row of NaN for a module
             whose end or base is lost; shape (modules, 6).
-        age: time since the frame arrived [s].
+        since_arrival: time since the frame arrived [s].
         number: of the frame.
     """
 
     states: Float[np.ndarray, "modules 6"]
-    age: float
+    since_arrival: float
     number: int
 
 

@@ -91,7 +91,7 @@ class StateSensor:
         """Begin to receive, and wait for plausible poses of all tracked module ends.
 
         Raises:
-            TrackingError: they do not come; an arm need not move without them.
+            TrackingError: they do not arrive; the arm does not move.
         """
         self._tracker.start()
         self._newest = None
@@ -113,8 +113,8 @@ class StateSensor:
     def values(self, frame: PoseFrame | None, now: float) -> dict[str, np.ndarray]:
         """Return the sensors at a time of the clock `time.perf_counter` [s].
 
-        States are NaN if no frame has come, the newest one is too old, or they are
-        impossible for the arm, of which a warning tells once.
+        States are NaN if no frame has arrived, or the newest one is too old. Rows that
+        are impossible for the arm are NaN, too; a warning states each reason once.
         """
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
