@@ -55,7 +55,6 @@ app.command(
 )
 app.command(arm.robot_app, name="robot", help="Check a robot.")
 app.command(motors.app, name="motors", help="Bring up the servos of a real arm.")
-app.command(tracking.app, name="tracking", help="Calibrate a pose tracker.")
 app.command(
     tracking.app,
     name="tracking",
