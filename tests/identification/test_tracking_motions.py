@@ -7,10 +7,21 @@ from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.identification import tracking
 from s2c2a.runtime import CommandLimits
-from s2c2a.tracking import Pose
+from s2c2a.tracking import Pose, Tracker, TrackingError
 from s2c2a.tracking.tracked_robot import calibration_of
 
 ARM = load_arm("twin_arm")
+
+
+class SilentTracker(Tracker):
+    def start(self):
+        pass
+
+    def latest(self):
+        return None
+
+    def close(self):
+        pass
 
 
 @pytest.fixture
@@ -68,6 +79,15 @@ def test_held_bends_are_symmetric():
     assert np.allclose(bends.sum(axis=0), 0.0)
 
 
+def test_an_arm_does_not_move_without_all_bodies(monkeypatch):
+    monkeypatch.setattr(tracking, "FIRST_POSES", 0.05)
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    robot = TrackedSimulation(ARM)
+    with pytest.raises(TrackingError, match="no poses of base, end-1"):
+        tracking.measure_latency(robot, SilentTracker())
+    assert robot.data.time == 0.0
+
+
 def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):
     robot = TrackedSimulation(ARM)
 
@@ -86,19 +106,19 @@ def test_results_go_to_the_file_that_the_arm_file_names(tmp_path):
     named = Tracking(calibration=str(tmp_path / "lab.json"))
     arm = ARM.model_copy(update={"tracking": named})
     found = tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0))
-    path = tracking.Calibrated(arm).store_latency(found)
+    path = tracking.CalibrationFile(arm).store_latency(found)
     assert path == tmp_path / "lab.json"
     assert calibration_of(arm).latency == 0.02
 
 
 def test_each_result_changes_its_part_of_the_file(tmp_path):
     path = tmp_path / "arm.tracking.json"
-    stored = tracking.Calibrated(ARM, path)
+    stored = tracking.CalibrationFile(ARM, path)
     stored.store_latency(tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0)))
     frames = tracking.Frames(
         Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3), np.zeros(0)
     )
-    tracking.Calibrated(ARM, path).store_frames(frames)
+    tracking.CalibrationFile(ARM, path).store_frames(frames)
     calibration = tracking.load_or_empty(path, ARM)
     assert calibration.latency == 0.02
     assert set(calibration.end_offsets) == {"end-1", "end-2", "end-3"}

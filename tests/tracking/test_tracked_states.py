@@ -24,7 +24,7 @@ def test_a_straight_arm_on_a_shifted_base_points_along_z():
     tracked = ModuleEnds.of(2).states(frame, now=10.05)
     expected = [[0, 0, 0.2, 0, 0, 1], [0, 0, 0.4, 0, 0, 1]]
     np.testing.assert_allclose(tracked.states, expected, atol=1e-12)
-    assert tracked.age == pytest.approx(0.05)
+    assert tracked.since_arrival == pytest.approx(0.05)
     assert tracked.number == 4
 
 

@@ -72,7 +72,7 @@ class Run:
         tracked = self._ends.states(frame, now)
         checked = self._check(tracked.states, now)
         lost = np.flatnonzero(np.isnan(checked.states).any(axis=1)) + 1
-        return Step(frame.number, tracked.age, lost.tolist(), checked.reasons)
+        return Step(frame.number, tracked.since_arrival, lost.tolist(), checked.reasons)
 
     @property
     def oldest(self):

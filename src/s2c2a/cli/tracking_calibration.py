@@ -19,7 +19,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.robots.factory import NO_TRACKING
 
 if TYPE_CHECKING:
-    from s2c2a.identification.tracking import Calibrated
+    from s2c2a.identification.tracking import CalibrationFile
     from s2c2a.tracking.frames import Frames
 
 
@@ -46,11 +46,11 @@ def latency(
     from s2c2a.identification.tracking import measure_latency
 
     spec = load_arm(arm)
-    calibrated = _calibrated(spec, out)
+    file = _calibration_file(spec, out)
     found = _measure(
         measure_latency, spec, tracking, robot, robot_option, duration=duration
     )
-    path = calibrated.store_latency(found)
+    path = file.store_latency(found)
     print(
         f"latency: {1000 * found.seconds:.1f} ms, standard deviation "
         f"{1000 * found.std:.1f} ms; the servos explain {100 * found.explained:.0f} % "
@@ -79,18 +79,18 @@ def frames(
     from s2c2a.identification.tracking import measure_frames
 
     spec = load_arm(arm)
-    calibrated = _calibrated(spec, out)
+    file = _calibration_file(spec, out)
     found = _measure(measure_frames, spec, tracking, robot, robot_option)
-    path = calibrated.store_frames(found)
+    path = file.store_frames(found)
     _print_residuals(found)
     print(f"frames: {path}")
 
 
-def _calibrated(spec: ArmSpec, out: Path | None) -> "Calibrated":
+def _calibration_file(spec: ArmSpec, out: Path | None) -> "CalibrationFile":
     """Refuse the file of another arm before the arm moves."""
-    from s2c2a.identification.tracking import Calibrated
+    from s2c2a.identification.tracking import CalibrationFile
 
-    return Calibrated(spec, out)
+    return CalibrationFile(spec, out)
 
 
 def _measure(

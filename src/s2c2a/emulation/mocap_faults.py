@@ -50,7 +50,7 @@ later, come after the next one, come twice, are followed by a damaged copy; inco
 lack a part; absurd: have a body with impossible numbers; from then on, until the kind
 comes again with share 0. hidden: the body is not tracked, for good or for a time.
 swapped: two bodies have each other's poses; flipped: a body is turned by 180 deg about
-its x axis; millimeters: positions are in mm where the protocol says otherwise; until
+its x axis; millimeters: positions are in mm, against the protocol; until
 the kind comes again. restart: the program is off for a time and forgets its clients;
 its clock begins again. drift: its clock runs faster than that of this computer.
 """

@@ -191,7 +191,7 @@ class MocapServer(ABC):
         time = (now - self._boot_time) * (1 + self.drift)
         bodies = self._bodies.see(poses, now)
         if self._hits("absurd"):
-            bodies = self._bodies.spoil(bodies)
+            bodies = self._bodies.corrupt(bodies)
         content = self._encode(self.frame_count, time, bodies)
         self.frame_count += 1
         if self._hits("incomplete"):

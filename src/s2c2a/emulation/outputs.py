@@ -1,4 +1,4 @@
-"""What an emulator tells others: a status file, true poses, a record of positions."""
+"""Outputs of an emulator: a status file, true poses, a record of positions."""
 
 import json
 import socket
@@ -32,7 +32,7 @@ def parse_address(text: str) -> tuple[str, int]:
 
 
 class Periodic:
-    """Says when something is due that repeats."""
+    """Schedules what repeats."""
 
     def __init__(self, period: float):
         """Begin due at once.

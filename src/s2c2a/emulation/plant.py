@@ -34,7 +34,7 @@ class Targets:
     Attributes:
         torque: whether a motor is powered.
         drive: what it follows.
-        goal: displacement [m], speed [m/s] or tension [N], as `drive` says.
+        goal: displacement [m], speed [m/s] or tension [N], as `drive` selects.
         speed: largest speed [m/s].
         tension: largest tension [N].
     """

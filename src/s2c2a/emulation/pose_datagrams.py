@@ -55,7 +55,7 @@ def _describe(body: StreamedBody) -> dict[str, list[float]] | None:
 
 
 class PoseDatagrams(MocapServer):
-    """Sender of one stream of JSON datagrams; nobody connects to it.
+    """Sender of one stream of JSON datagrams to one receiver, without connections.
 
     Attributes:
         options: of the stream.

@@ -1,4 +1,4 @@
-"""A simulated robot in front of a rendered camera, whose tags are really found."""
+"""A simulated robot whose tags are detected in rendered pictures."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -113,8 +113,8 @@ class TagCameraRobot(SimulatedRobot):
         """Positions of the ends in the base frame [m]; NaN where they are not found."""
         positions = np.full((self.arm.module_count, 3), np.nan)
         base = self._base.update(poses.get(BASE))
-        seen_from = self.arm.module_count - 1 if self._settings.sees == "tip" else 0
-        for module in range(seen_from, self.arm.module_count):
+        first = self.arm.module_count - 1 if self._settings.sees == "tip" else 0
+        for module in range(first, self.arm.module_count):
             end = poses.get(f"end-{module + 1}")
             if base is not None and end is not None:
                 positions[module] = (base.inverse() @ end).position

@@ -107,7 +107,7 @@ class TrackedBodies:
         self._seen[name] = to_stream(noisy, self._up)
         return StreamedBody(self._seen[name])
 
-    def spoil(self, bodies: Mapping[str, StreamedBody]) -> dict[str, StreamedBody]:
+    def corrupt(self, bodies: Mapping[str, StreamedBody]) -> dict[str, StreamedBody]:
         """Return the bodies with impossible numbers in one of them."""
         name = self._names[self._random.integers(len(self._names))]
         pose = bodies[name].pose
@@ -116,5 +116,5 @@ class TrackedBodies:
             Pose(np.full(3, np.inf), pose.rotation),
             Pose(pose.position, 3 * pose.rotation),
         )
-        spoiled = choices[self._random.integers(len(choices))]
-        return {**bodies, name: StreamedBody(spoiled)}
+        corrupted = choices[self._random.integers(len(choices))]
+        return {**bodies, name: StreamedBody(corrupted)}

@@ -33,8 +33,8 @@ from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
 
 COMMAND_RATE = 50.0  # Hz
 FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
-POLL_PERIOD = 0.002  # s between looks at the tracker
-FIRST_FRAME = 5.0  # s
+POLL_PERIOD = 0.002  # s
+FIRST_POSES = 5.0  # s in which the first poses must come
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
 CHIRP_BEND_DEG = 12.0
@@ -64,7 +64,7 @@ class MotionLog:
 
 
 class TrackedMotion:
-    """Moves an open robot within the limits, and notes what the tracker sees.
+    """Moves an open robot within the limits, and logs readings and frames.
 
     Attributes:
         arm: arm of the robot.
@@ -128,7 +128,7 @@ class TrackedMotion:
         self._wait()
 
     def _read(self) -> bool:
-        """Note a reading; returns whether it is sound. A single one may be missed."""
+        """Log a reading; returns whether it is sound. A single one may be missed."""
         before = self._clock.now()
         reading = self._robot.read()
         moment = (before + self._clock.now()) / 2  # servos are asked one by one
@@ -142,17 +142,17 @@ class TrackedMotion:
         return False
 
     def _wait(self) -> None:
-        """Wait for the next step, and look at every frame that arrives."""
+        """Wait for the next step, and log every frame that arrives."""
         # steps that are late do not make later ones hurry
         self._due = max(self._due + self._period, self._clock.now())
         while True:
-            self._look()
+            self._log_frame()
             now = self._clock.now()
             if now >= self._due:
                 return
             self._clock.wait_until(min(now + POLL_PERIOD, self._due))
 
-    def _look(self) -> None:
+    def _log_frame(self) -> None:
         frame = self._tracker.latest()
         if frame is None:
             return
@@ -175,14 +175,18 @@ def limits_at(arm: ArmSpec, rate: float) -> CommandLimits:
 
 
 @contextmanager
-def tracked_motion(robot: Robot, tracker: Tracker) -> Iterator[TrackedMotion]:
+def tracked_motion(
+    robot: Robot, tracker: Tracker, ends: ModuleEnds
+) -> Iterator[TrackedMotion]:
     """Start the tracker, open the robot, and return to rest in the end.
 
     Raises:
-        TrackingError: no frame arrives.
+        TrackingError: poses of a body do not arrive; the arm does not move.
     """
     with tracker:
-        _await_frame(tracker, robot)
+        # the tracker of a simulation has no frame before its time advances
+        if not robot.own_time:
+            _await_poses(tracker, ends)
         with robot:
             motion = TrackedMotion(robot, tracker)
             try:
@@ -196,14 +200,12 @@ def tracked_motion(robot: Robot, tracker: Tracker) -> Iterator[TrackedMotion]:
             motion.rest()
 
 
-def _await_frame(tracker: Tracker, robot: Robot) -> None:
-    """Wait for the first frame; an arm need not move without."""
-    end = time.monotonic() + FIRST_FRAME
-    while tracker.latest() is None and not robot.own_time:
+def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
+    end = time.monotonic() + FIRST_POSES
+    while problem := ends.find_missing(tracker):
         if time.monotonic() > end:
             raise TrackingError(
-                f"no poses arrived in {FIRST_FRAME:g} s; start the source, and check "
-                "its port and the names of its bodies (docs/tracking.md)"
+                f"{problem} ({FIRST_POSES:g} s); correct it (docs/tracking.md)"
             )
         time.sleep(POLL_PERIOD)
 
@@ -255,7 +257,7 @@ def measure_latency(
         EmergencyStopError: the emergency stop was triggered.
     """
     ends = ModuleEnds.of_arm(robot.arm)
-    with tracked_motion(robot, tracker) as motion:
+    with tracked_motion(robot, tracker, ends) as motion:
         bends = chirp(robot.arm, duration)
         first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
         direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
@@ -336,7 +338,7 @@ def measure_frames(
             f"tracking.ends are {list(ends.ends)}; track the ends of all modules to "
             "find their frames"
         )
-    with tracked_motion(robot, tracker) as motion:
+    with tracked_motion(robot, tracker, ends) as motion:
         targets = held_bends(robot.arm)
         for done, (bend, way_point) in enumerate(targets, 1):
             motion.hold(way_point, 0.0)
@@ -368,7 +370,7 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
     return mean_pose(poses)
 
 
-class Calibrated:
+class CalibrationFile:
     """The calibration file of an arm, which each result changes in part."""
 
     def __init__(self, arm: ArmSpec, path: Path | None = None):

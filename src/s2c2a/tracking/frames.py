@@ -1,6 +1,6 @@
 """Frame calibration: poses of the arm's frames in the tracked bodies.
 
-Markers are mounted anyhow. Held configurations determine `T_base_arm` and
+Bodies have any pose on the modules. Held configurations determine `T_base_arm` and
 `T_end_module` (`ModuleEnds`): every module is nearly a circular arc that begins at the
 end of the module before and has the bend direction of its encoders. The true bends are
 unknown in every configuration, with the bends of the encoders as a prior.
@@ -20,10 +20,10 @@ from s2c2a.arm.geometry import per_module
 from s2c2a.tracking.arcs import ArcChain, matrices_of, turn_axes
 from s2c2a.tracking.poses import Pose, TrackingError, angle_between
 
-BEND_SD = np.deg2rad(10.0)  # of true bends about those of the encoders
-POSITION_SD = 0.002  # m; an arm is no exact chain of arcs
-ROTATION_SD = np.deg2rad(1.0)  # of ends about those of arcs
-OFFSET_SD = 0.05  # m; bodies are mounted near the frames
+BEND_STD = np.deg2rad(10.0)  # of true bends about those of the encoders
+POSITION_STD = 0.002  # m; an arm is no exact chain of arcs
+ROTATION_STD = np.deg2rad(1.0)  # of ends about those of arcs
+OFFSET_STD = 0.05  # m; bodies are mounted near the frames
 MIN_TURN = np.deg2rad(3.0)  # of a body when a module before it bends
 MAX_BASE_TURN = np.deg2rad(1.0)  # of the base during all configurations
 MAX_BASE_SHIFT = 0.003  # m
@@ -194,7 +194,7 @@ def _check_lengths(measured: _Measured) -> None:
         distance = np.linalg.norm(points[0])
     if not total / LENGTH_RATIO < distance < total * LENGTH_RATIO:
         raise FrameError(
-            f"the ends are {distance:.4g} m apart, and the arm file says {total:.4g} "
+            f"the ends are {distance:.4g} m apart, and the arm file has {total:.4g} "
             "m; send meters, or state the units of the datagrams"
         )
 
@@ -240,8 +240,8 @@ def _align(measured: _Measured) -> Float[np.ndarray, "3 3"]:
     error = np.arccos(np.clip(cosines, -1, 1)).mean()
     if error > MAX_ALIGNMENT:
         raise FrameError(
-            f"the ends turn about other axes than the encoders say (by "
-            f"{np.rad2deg(error):.0f} deg in the mean); check the order of the cables "
+            f"the ends turn about other axes than the encoders measure "
+            f"(by {np.rad2deg(error):.0f} deg in the mean); check the order of the cables "
             "(servos.ids, cable_angles_deg), and that the tracker's axes are "
             "right-handed"
         )
@@ -299,10 +299,10 @@ class _Problem:
         deviations = values[self._offset_size :]
         return np.concatenate(
             [
-                position_errors.ravel() / POSITION_SD,
-                rotation_errors.ravel() / ROTATION_SD,
-                deviations / BEND_SD,
-                offsets[1:, :3].ravel() / OFFSET_SD,
+                position_errors.ravel() / POSITION_STD,
+                rotation_errors.ravel() / ROTATION_STD,
+                deviations / BEND_STD,
+                offsets[1:, :3].ravel() / OFFSET_STD,
             ]
         )
 

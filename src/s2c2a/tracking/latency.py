@@ -33,7 +33,7 @@ LATENCIES = (-0.1, 0.3)  # s, of the search
 FREQUENCIES = (0.4, 15.0)  # Hz
 DAMPING_RATIOS = (0.01, 1.0)
 MAX_BACKLASH = 0.005  # m
-BACKLASH_SD = 0.0005  # m; of cables of one module about their mean
+BACKLASH_STD = 0.0005  # m; of cables of one module about their mean
 START_LATENCY = 0.02
 START_FREQUENCIES = (1.2, 6.0)
 START_DAMPING = 0.1
@@ -59,14 +59,14 @@ class MotionRecord:
         times: of the servo readings [s], shape (n,).
         cables: displacements [m], or tensions [N], shape (n, modules, cables).
         arrival_times: of the frames, on the same clock [s], shape (frames,).
-        positions: of the ends, in one fixed frame [m], shape (frames, modules, 3); NaN
-            where an end is lost.
+        positions: of the tracked ends from the base, in one fixed frame [m], shape
+            (frames, ends, 3); NaN where an end is lost.
     """
 
     times: Float[np.ndarray, " n"]
     cables: Float[np.ndarray, "n modules cables"]
     arrival_times: Float[np.ndarray, " frames"]
-    positions: Float[np.ndarray, "frames modules 3"]
+    positions: Float[np.ndarray, "frames ends 3"]
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
 
     Args:
         arm: cable angles and radii.
-        record: of a motion of one module, such as `procedures.measure_latency` makes.
+        record: of a motion of one module, as `identification.tracking` makes.
 
     Raises:
         LatencyError: there is too little motion, or too few frames, the tracked ends
@@ -224,7 +224,7 @@ class _Fit:
             )
         ]
         backlashes = values[self._backlashes]
-        prior = (backlashes - backlashes.mean()) / BACKLASH_SD
+        prior = (backlashes - backlashes.mean()) / BACKLASH_STD
         return np.concatenate([*errors, prior])
 
     def whiten(self, values: np.ndarray) -> None:

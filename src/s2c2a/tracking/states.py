@@ -10,7 +10,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, Tracking
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tracking.poses import Pose, TrackingError
-from s2c2a.tracking.tracker import PoseFrame
+from s2c2a.tracking.tracker import PoseFrame, Tracker
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +20,12 @@ class TrackedStates:
     Attributes:
         states: end position [m] and end axis, base frame; a row of NaN for a module
             whose end or base is lost; shape (modules, 6).
-        age: time since the frame arrived [s].
+        since_arrival: time since the frame arrived [s].
         number: of the frame.
     """
 
     states: Float[np.ndarray, "modules 6"]
-    age: float
+    since_arrival: float
     number: int
 
 
@@ -103,6 +103,16 @@ class ModuleEnds:
     def bodies(self) -> list[str]:
         """All tracked bodies, the base first."""
         return [name for name in (self.base, *self.ends) if name]
+
+    def find_missing(self, tracker: Tracker) -> str:
+        """Describe which bodies the newest frame lacks; empty if it has all."""
+        frame = tracker.latest()
+        seen = frame.poses if frame is not None else {}
+        missing = [name for name in self.bodies if name not in seen]
+        if not missing:
+            return ""
+        cause = tracker.problem or "check its port and the names of its bodies"
+        return f"no poses of {', '.join(missing)} arrive: {cause}"
 
     def states(self, frame: PoseFrame, now: float | None = None) -> TrackedStates:
         """Compute the states of all modules.

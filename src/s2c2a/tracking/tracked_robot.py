@@ -91,7 +91,7 @@ class StateSensor:
         """Begin to receive, and wait for plausible poses of all tracked module ends.
 
         Raises:
-            TrackingError: they do not come; an arm need not move without them.
+            TrackingError: they do not arrive; the arm does not move.
         """
         self._tracker.start()
         self._newest = None
@@ -113,8 +113,8 @@ class StateSensor:
     def values(self, frame: PoseFrame | None, now: float) -> dict[str, np.ndarray]:
         """Return the sensors at a time of the clock `time.perf_counter` [s].
 
-        States are NaN if no frame has come, the newest one is too old, or they are
-        impossible for the arm, of which a warning tells once.
+        States are NaN if no frame has arrived, or the newest one is too old. Rows that
+        are impossible for the arm are NaN, too; a warning states each reason once.
         """
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
@@ -134,11 +134,9 @@ class StateSensor:
     def _find_problem(self) -> str:
         """Describe what the newest frame lacks; empty if it has all poses."""
         frame = self._tracker.latest()
-        seen = frame.poses if frame is not None else {}
-        missing = [name for name in self._ends.bodies if name not in seen]
+        missing = self._ends.find_missing(self._tracker)
         if frame is None or missing:
-            cause = self._tracker.problem or "check its port and body names"
-            return f"no poses of {', '.join(missing)} arrive: {cause}"
+            return missing
         reasons = enumerate(self._newest_of(frame).checked.reasons, 1)
         return "; ".join(_describe(*reason) for reason in reasons if reason[1])
 

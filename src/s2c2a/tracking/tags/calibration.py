@@ -104,7 +104,7 @@ def movement(view: BoardView, other: BoardView) -> float:
 
 
 def is_new_view(view: BoardView, views: Sequence[BoardView], width: int) -> bool:
-    """Return whether a view differs from all others enough to tell something.
+    """Return whether a view differs enough from all others to add information.
 
     Args:
         view: to judge.

@@ -29,7 +29,7 @@ class Webcam:
     """A camera of this computer.
 
     The exposure time is the time at which the picture arrived, on the clock
-    `time.perf_counter`; a webcam does not tell more.
+    `time.perf_counter`; a webcam does not report its exposures.
     """
 
     def __init__(self, device: int | str, width: int = 0, height: int = 0):
@@ -140,7 +140,9 @@ def opener(device: str, width: int, height: int) -> Callable[[], PictureSource]:
 
     def open_again() -> PictureSource:
         if played:
-            raise TrackingError(f"the video {device} has ended; start again")
+            raise TrackingError(
+                f"the video {device} has ended; make a new tracker to play it again"
+            )
         source = open_device(device, width, height)
         if isinstance(source, VideoFile):
             played.append(device)

@@ -1,4 +1,4 @@
-"""OpenCV, or an error that says how to install it."""
+"""OpenCV, or an error with the command that installs it."""
 
 from s2c2a.tracking.poses import TrackingError
 
