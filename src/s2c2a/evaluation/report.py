@@ -180,6 +180,8 @@ def describe_tracking(episode: Episode) -> str:
             "no scores, since nothing measured the module ends; add --tracking SOURCE "
             "(docs/tracking.md)"
         )
+    if not len(episode.running):
+        return ""
     states = episode.sensor("states")[episode.running]
     is_lost = np.isnan(states).any(axis=-1)
     shares = 100.0 * is_lost.mean(axis=0)
