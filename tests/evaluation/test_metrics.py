@@ -5,6 +5,7 @@ import pytest
 
 from s2c2a.evaluation import position_errors
 from s2c2a.evaluation.metrics import (
+    METRICS,
     angles_deg,
     azimuth_errors_deg,
     clearances,
@@ -223,6 +224,11 @@ def test_step_lengths_begin_with_zero():
 def test_a_tip_that_was_lost_for_a_step_lengthens_no_path():
     tips = np.array([[0.0, 0, 0], [0.03, 0, 0], [np.nan] * 3, [0.05, 0, 0]])
     assert np.nansum(step_lengths(tips)) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("name", ["path length", "clearance", "stillness", "position"])
+def test_a_run_without_a_tip_has_no_score(name):
+    assert np.isnan(METRICS[name].aggregate(np.full(3, np.nan)))
 
 
 def drifts_of(heights, distances):

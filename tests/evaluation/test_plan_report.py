@@ -133,3 +133,8 @@ def test_untracked_module_ends_are_reported():
         "ends not tracked: module 2 in 50 % of the steps"
     )
     assert "add --tracking" in describe_tracking(make_episode())
+
+
+def test_a_run_that_ended_before_its_task_lacks_no_module_ends():
+    columns = {"stage": np.zeros(4), "sensor.states": np.zeros((4, 3, 6))}
+    assert describe_tracking(make_episode(**columns)) == ""

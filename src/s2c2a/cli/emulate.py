@@ -2,13 +2,17 @@
 
 import signal
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName
+from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a.emulation.motive import MotiveOptions
 
 app = SubcommandApp()
 
@@ -27,6 +31,13 @@ def _stop_at_signals(emulator: _Stoppable) -> None:
     """Let Control-C and `kill` end an emulator."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: emulator.stop())
+
+
+def _motive_options(data_port: int, **options: Any) -> "MotiveOptions":
+    """Options of a Motive whose command port is the one below its data port."""
+    from s2c2a.emulation.motive import MotiveOptions
+
+    return MotiveOptions(command_port=data_port - 1, data_port=data_port, **options)
 
 
 @app.command
@@ -82,16 +93,14 @@ def servos(
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation import Emulator, EmulatorOptions
-    from s2c2a.emulation.motive import MotiveOptions
 
     mocap = None
     if mocap_port:
-        mocap = MotiveOptions(
+        mocap = _motive_options(
+            mocap_port,
             rate=mocap_rate,
             latency=mocap_latency,
             noise=mocap_noise,
-            command_port=mocap_port - 1,
-            data_port=mocap_port,
             seed=seed,
         )
     options = EmulatorOptions(
@@ -153,15 +162,13 @@ def lab(
         duration: time after which the emulator ends [s].
     """
     from s2c2a.emulation.lab import open_lab
-    from s2c2a.emulation.motive import MotiveOptions
 
-    mocap = MotiveOptions(
+    mocap = _motive_options(
+        mocap_port,
         rate=mocap_rate,
         noise=mocap_noise,
         latency=mocap_latency,
         faults=mocap_faults,
-        command_port=mocap_port - 1,
-        data_port=mocap_port,
         seed=seed,
     )
     laboratory = open_lab(
@@ -232,36 +239,32 @@ def mocap(
         poses_to: HOST:PORT of the receiver, of udp.
         duration: time after which the emulator ends [s].
     """
-    from s2c2a.emulation.mocap import MocapEmulator
-    from s2c2a.emulation.mocap_server import StreamOptions
-    from s2c2a.emulation.motive import MotiveOptions
+    from s2c2a.emulation.mocap import OPTIONS, MocapEmulator
     from s2c2a.emulation.outputs import parse_address
-    from s2c2a.emulation.pose_datagrams import DatagramOptions
-    from s2c2a.emulation.qtm import QtmOptions
 
-    common: dict[str, Any] = {
-        "rate": rate,
-        "noise": noise,
-        "latency": latency,
-        "faults": faults,
-        "host": host,
-        "seed": seed,
+    if version and protocol == "udp":
+        raise S2C2AError(f"--version {version}: udp has no versions; leave it out")
+    addresses: dict[str, dict[str, Any]] = {
+        "natnet": {
+            "command_port": command_port,
+            "data_port": data_port,
+            "multicast": multicast,
+        },
+        "qualisys": {"port": port},
+        "udp": {"receiver": parse_address(poses_to)},
     }
     # without them, the defaults of the protocol
     given = {"up": up, "version": version}
-    common |= {name: value for name, value in given.items() if value}
-    options: StreamOptions
-    match protocol:
-        case "natnet":
-            common["multicast"] = multicast
-            options = MotiveOptions(
-                **common, command_port=command_port, data_port=data_port
-            )
-        case "qualisys":
-            options = QtmOptions(**common, port=port)
-        case "udp":
-            common.pop("version", None)
-            options = DatagramOptions(**common, receiver=parse_address(poses_to))
+    options = OPTIONS[protocol](
+        rate=rate,
+        noise=noise,
+        latency=latency,
+        faults=faults,
+        host=host,
+        seed=seed,
+        **{name: value for name, value in given.items() if value},
+        **addresses[protocol],
+    )
     emulator = MocapEmulator(
         load_arm(arm), options, motion, fidelity, payload, duration
     )

@@ -15,6 +15,12 @@ from s2c2a.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.emulation.qtm import Qtm, QtmOptions
 from s2c2a.errors import S2C2AError
 
+OPTIONS: Mapping[str, type[StreamOptions]] = {
+    "natnet": MotiveOptions,
+    "qualisys": QtmOptions,
+    "udp": DatagramOptions,
+}
+"""Options by protocol."""
 MOTIONS = ("none", "babble")
 _LATEST = 0.2  # s; physics that is later than this loses the time
 _LONGEST_SLEEP = 0.1  # s

@@ -33,7 +33,8 @@ _THICKNESS = 0.0005  # m; of the board behind a tag
 _ARM_POINTS = 9  # of a module
 _ARM_COLOR = np.array([0.25, 0.3, 0.35, 1.0], dtype=np.float32)
 _MAX_GEOMS = 2000
-_NEAR, _FAR = 0.02, 20.0  # m
+_NEAR = 0.02  # m
+_FAR = 20.0  # m
 _CONTEXTS = {"linux": ("egl", "osmesa", "glfw")}
 _OTHER_CONTEXTS = ("glfw",)
 

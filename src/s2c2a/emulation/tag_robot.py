@@ -18,8 +18,11 @@ from s2c2a.tracking.tags.estimation import estimate_poses
 from s2c2a.tracking.tags.layout import BASE, TagLayout
 from s2c2a.tracking.tags.pictures import Effects
 
-WIDTH, HEIGHT, FIELD = 1280, 720, 60.0  # pixels, pixels, deg
-NOISE, BLUR = 2.0, 0.6  # gray values, pixels
+WIDTH = 1280  # pixels
+HEIGHT = 720  # pixels
+FIELD = 60.0  # deg
+NOISE = 2.0  # gray values
+BLUR = 0.6  # pixels
 HEIGHT_SHARE = 0.5  # of the arm's length, at which the camera looks
 CAMERA_VALUES = ("camera_positions", "camera_age")
 

@@ -161,10 +161,20 @@ def recovery_time(
     return period * (large[-1] + 1)
 
 
-def _mean(values: PerStep) -> float:
-    """Mean of the steps that count; NaN without any."""
-    counting = values[~np.isnan(values)]
-    return counting.mean() if len(counting) else np.nan
+def _of_counting(reduce: Callable[[PerStep], float]) -> Callable[[PerStep], float]:
+    """Aggregate the steps that count; NaN without any, as where the tip is lost."""
+
+    def aggregate(values: PerStep) -> float:
+        counting = values[~np.isnan(values)]
+        return reduce(counting) if len(counting) else np.nan
+
+    return aggregate
+
+
+_mean = _of_counting(np.mean)
+_minimum = _of_counting(np.min)
+_maximum = _of_counting(np.max)
+_sum = _of_counting(np.sum)
 
 
 def _last_mean(values: PerStep) -> float:
@@ -345,13 +355,13 @@ METRICS = {
     ),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean, rises=True),
-    "clearance": Metric("cm", _clearance_of(_tip_path), np.nanmin, rises=True),
-    "clearance at steps": Metric("cm", _clearance_of(_tips), np.nanmin, rises=True),
+    "clearance": Metric("cm", _clearance_of(_tip_path), _minimum, rises=True),
+    "clearance at steps": Metric("cm", _clearance_of(_tips), _minimum, rises=True),
     "clearance of the arm": Metric(
-        "cm", _clearance_of(_arm_points), np.nanmin, rises=True
+        "cm", _clearance_of(_arm_points), _minimum, rises=True
     ),
-    "path length": Metric("cm", _path_length, np.nansum),
-    "stillness": Metric("cm", _stillness, np.nanmax),
+    "path length": Metric("cm", _path_length, _sum),
+    "stillness": Metric("cm", _stillness, _maximum),
     "recovery": Metric("s", _recovery, _last),
 }
 """Metrics by name (docs/protocol.md)."""

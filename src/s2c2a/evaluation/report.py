@@ -186,6 +186,8 @@ def describe_tracking(episode: Episode) -> str:
 def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:
     """Describe which module ends have no state, and how often; empty if all have."""
     is_lost = np.isnan(states).any(axis=-1).reshape(-1, states.shape[-2])
+    if not len(is_lost):
+        return ""
     shares = 100.0 * is_lost.mean(axis=0)
     texts = [
         f"module {module} in {share:.3g} %"

@@ -47,12 +47,14 @@ def board_picture(board: Board, square_pixels: int) -> np.ndarray:
     margin = (count - side) // 2
     id = 0
     for row, column in np.ndindex(board.rows, board.columns):
-        top, left = count * (row + 1), count * (column + 1)
+        top = count * (row + 1)
+        left = count * (column + 1)
         if (row + column) % 2 == 0:
             picture[top : top + count, left : left + count] = 0
             continue
         marker = cv2.aruco.generateImageMarker(_markers(), id, side)
-        top, left = top + margin, left + margin
+        top += margin
+        left += margin
         picture[top : top + side, left : left + side] = marker
         id += 1
     return picture.astype(np.uint8)
@@ -91,7 +93,8 @@ def find_board(image: np.ndarray, board: Board) -> BoardView | None:
     homography, _ = cv2.findHomography(points[:, :2], pixels)
     if homography is None:
         return None
-    right, bottom = board.columns * board.square, board.rows * board.square
+    right = board.columns * board.square
+    bottom = board.rows * board.square
     outline = np.array([[[0, 0]], [[right, 0]], [[right, bottom]], [[0, bottom]]])
     mapped = cv2.perspectiveTransform(outline.astype(np.float64), homography)
     return BoardView(points, pixels, mapped.reshape(4, 2))

@@ -105,7 +105,8 @@ class CameraModel(BaseModel):
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """Intrinsic matrix [pixels]."""
-        (horizontal, vertical), (column, row) = self.focal_lengths, self.center
+        (horizontal, vertical) = self.focal_lengths
+        (column, row) = self.center
         return np.array([[horizontal, 0, column], [0, vertical, row], [0, 0, 1.0]])
 
     @property

@@ -206,7 +206,8 @@ def _face(
     if face == CAP:
         return (0.0, 0.0, height + half_width), (0.0, 0.0, 0.0, 1.0)
     angle = face * math.pi / 2
-    x, y = half_width * math.cos(angle), half_width * math.sin(angle)
+    x = half_width * math.cos(angle)
+    y = half_width * math.sin(angle)
     # the turn about z after the turn that carries x, y, z of the tag to y, z, x
     turn = Pose.measured((0, 0, 0), (0, 0, math.sin(angle / 2), math.cos(angle / 2)))
     first = Pose.measured((0, 0, 0), (0.5, 0.5, 0.5, 0.5))

@@ -20,7 +20,8 @@ from s2c2a.tracking.tags.opencv import cv2
 
 OVERSAMPLING = 2
 BACKGROUND = 130  # gray value
-WHITE, BLACK = 225, 25  # of printed paper
+WHITE = 225  # gray value of printed paper
+BLACK = 25
 CELL_PIXELS = 16  # of a texture
 
 
@@ -71,7 +72,8 @@ class Lens:
 
     def _rays(self) -> np.ndarray:
         """Undistorted x / z, y / z of all samples, shape (rows, columns, 2)."""
-        camera, count = self._camera, self._oversampling
+        camera = self._camera
+        count = self._oversampling
         columns = (np.arange(count * camera.width) + 0.5) / count - 0.5
         rows = (np.arange(count * camera.height) + 0.5) / count - 0.5
         pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
@@ -88,7 +90,8 @@ class Lens:
     @cached_property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """Intrinsic matrix of the ideal picture [pixels]."""
-        column, row = (self.width - 1) / 2, (self.height - 1) / 2
+        column = (self.width - 1) / 2
+        row = (self.height - 1) / 2
         return np.array([[self.focal, 0, column], [0, self.focal, row], [0, 0, 1.0]])
 
     def picture(self, ideal: np.ndarray, effects: Effects | None = None) -> np.ndarray:
@@ -122,9 +125,12 @@ def _motion_kernel(motion: tuple[float, float]) -> np.ndarray:
     half = math.ceil(max(map(abs, motion)) / 2) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
     for share in np.linspace(-0.5, 0.5, 201):
-        column, row = half + share * motion[0], half + share * motion[1]
-        left, top = math.floor(column), math.floor(row)
-        right_share, low_share = column - left, row - top
+        column = half + share * motion[0]
+        row = half + share * motion[1]
+        left = math.floor(column)
+        top = math.floor(row)
+        right_share = column - left
+        low_share = row - top
         kernel[top, left] += (1 - right_share) * (1 - low_share)
         kernel[top, left + 1] += right_share * (1 - low_share)
         kernel[top + 1, left] += (1 - right_share) * low_share
@@ -185,7 +191,8 @@ def _paint_sheet(
     pixels = projected[:, :2] / projected[:, 2:]
     if np.abs(pixels).max() > 1e5:
         return
-    right, bottom = texture.shape[1] - 0.5, texture.shape[0] - 0.5
+    right = texture.shape[1] - 0.5
+    bottom = texture.shape[0] - 0.5
     source = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
     warp = cv2.getPerspectiveTransform(
         source.astype(np.float32), pixels.astype(np.float32)

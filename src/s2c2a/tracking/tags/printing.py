@@ -192,7 +192,8 @@ def _tag_figure(page: Sequence[PlacedTag], paper: tuple[float, float]) -> Figure
 
 
 def _draw_tag(axes: Axes, placed: PlacedTag) -> None:
-    tag, side = placed.tag, placed.side
+    tag = placed.tag
+    side = placed.side
     outline = Rectangle(
         (placed.left, placed.bottom),
         side,
@@ -206,7 +207,8 @@ def _draw_tag(axes: Axes, placed: PlacedTag) -> None:
     margin = (side - tag.size) / 2
     cells = cv2.aruco.generateImageMarker(tag_dictionary(), tag.id, CELLS)
     picture = np.kron(cells, np.ones((_CELL_PIXELS, _CELL_PIXELS), np.uint8))
-    left, bottom = placed.left + margin, placed.bottom + margin
+    left = placed.left + margin
+    bottom = placed.bottom + margin
     _draw(axes, picture, left, bottom, tag.size, tag.size)
     _draw_caption(axes, placed, margin)
 
