@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, NO_FALLBACK, LeastSquares, Pull
+from s2c2a.planning import BEST, NO_FALLBACK, FallbackSearch, LeastSquares, Pull
 from s2c2a.studies import plans as studied
 from s2c2a.studies.plans import (
     KINDS,
@@ -62,8 +62,11 @@ def test_a_plan_is_optimal_near_the_long_search_or_at_the_step_limit():
 
 def test_most_plans_are_optimal_and_few_with_one_iteration_are():
     share = {}
-    for solver in (LeastSquares(), LeastSquares(1)):
-        options = replace(BEST, solver=solver, guides=(Pull(),), fallback=NO_FALLBACK)
+    for solver, fallback in (
+        (LeastSquares(), FallbackSearch()),
+        (LeastSquares(1), NO_FALLBACK),
+    ):
+        options = replace(BEST, solver=solver, guides=(Pull(),), fallback=fallback)
         comparisons = compare_with_long_search(TWIN, MODEL, options, 8)
         assert all(
             np.isfinite(comparisons[when].cost).all()

@@ -33,10 +33,11 @@ def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
     assert {job.task.name for job in jobs} == {"hold-point", "circle"}
 
 
-def test_a_held_arm_with_100_g_does_not_vibrate(twin, tmp_path):
+@pytest.mark.parametrize("sensors", ["imu", "bends"])
+def test_a_held_arm_with_100_g_does_not_vibrate(sensors, twin, tmp_path):
     path = tmp_path / "twin.safetensors"
     save_strategy(shipped_networks(twin), path)
-    arm = with_sensors(twin, "imu")
+    arm = with_sensors(twin, sensors)
     given = GivenNetworks.read(path, twin)
     conditions = Conditions(RobotFactory.simulation(payload=0.1))
     jobs = jobs_for(

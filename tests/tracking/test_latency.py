@@ -61,9 +61,10 @@ def cables_at(bend):
     return geometry.actions_at(shares)
 
 
-def test_the_latency_is_not_the_lag_of_the_arm():
-    found = find_latency(ARM, record_of(0.08))
-    assert abs(found.seconds - 0.08) < 0.003
+@pytest.mark.parametrize("latency", [0.005, 0.08])
+def test_the_latency_is_not_the_lag_of_the_arm(latency):
+    found = find_latency(ARM, record_of(latency))
+    assert abs(found.seconds - latency) < 0.003
     assert found.std < 0.005
 
 

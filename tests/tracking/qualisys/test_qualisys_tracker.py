@@ -42,13 +42,15 @@ def test_a_hidden_body_is_absent():
 
 def test_the_tracker_connects_again_after_a_restart():
     with (
-        qtm_streaming(faults=("0.5 restart 0.5",)) as (port, _),
+        # after more than a second, so that the clock steps back far enough
+        qtm_streaming(faults=("1.6 restart 0.5",)) as (port, _),
         QualisysTracker(port=port) as tracker,
     ):
         frames_arrive(tracker)
         wait_until(lambda: "does not answer" in tracker.problem)
-        wait_until(lambda: tracker.problem == "")
+        wait_until(lambda: tracker.counts.restarts == 1)
         frames_arrive(tracker)
+        assert tracker.problem == ""
 
 
 def test_faults_of_the_stream_are_counted_by_reason():
