@@ -40,11 +40,13 @@ def shaken(model: ChainC2S, seed=0) -> ChainC2S:
     def parts(m):
         return [
             m.hysteresis.play_weights,
-            m.hysteresis.creep_weights,
+            m.hysteresis.creep.total,
+            m.hysteresis.creep.spectrum,
             m.equilibrium.log_stiffness,
             m.equilibrium.tautness,
             m.equilibrium.coupling,
-            m.equilibrium.creep_moments,
+            m.equilibrium.relaxation.total,
+            m.equilibrium.relaxation.spectrum,
             m.mixing,
             m.network.layers[-1].weight,
             m.network.layers[-1].bias,
@@ -277,8 +279,8 @@ def test_a_size_that_cannot_be_built_is_refused(size):
 
 def test_a_body_that_relaxes_stays_bent_towards_where_it_was_held(twin):
     model = untrained(twin)
-    creep_moments = jnp.full(model.equilibrium.creep_moments.shape, 0.2)
-    model = eqx.tree_at(lambda m: m.equilibrium.creep_moments, model, creep_moments)
+    total = jnp.full(model.equilibrium.relaxation.total.shape, 3.0)
+    model = eqx.tree_at(lambda m: m.equilibrium.relaxation.total, model, total)
     straight = configurations_from_bends(jnp.zeros((3, 2)))
     bent = configurations_from_bends(jnp.tile(jnp.array([0.4, 0.0]), (3, 1)))
     held_there, memory = model.start(straight), model.start(straight)

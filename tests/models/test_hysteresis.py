@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.models.cables import Hysteresis, Operators
+from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
 
 WIDTHS = (0.5, 1.0)
 SHARES = (0.1, 0.4)
@@ -26,7 +26,11 @@ def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
         jnp.asarray(
             random.normal(size=(modules, len(widths) + 2, 1)), dtype=jnp.float32
         ),
-        jnp.asarray(random.normal(size=(modules, len(shares), 1)), dtype=jnp.float32),
+        jnp.zeros((modules, 0, 1)),
+        Viscoelasticity(
+            jnp.asarray(random.normal(size=(modules, 1, 1)), dtype=jnp.float32),
+            jnp.asarray(random.normal(size=(modules, len(shares), 1)), jnp.float32),
+        ),
     )
 
 
@@ -109,7 +113,7 @@ def test_transmitted_displacements_are_weighted_sums():
     hysteresis = a_hysteresis(modules=2)
     inputs = walk(2, 2, 6, 3)
     raw = np.asarray(hysteresis.play_weights)
-    creep = np.asarray(hysteresis.creep_weights)
+    creep = np.asarray(hysteresis.creep.weights)
     weights = np.concatenate([np.log1p(np.exp(raw)), creep], axis=1)
     expected = (weights * np.asarray(inputs)).sum(axis=-2)
     np.testing.assert_allclose(hysteresis.transmitted(inputs), expected, atol=1e-5)
@@ -167,3 +171,40 @@ def test_without_plays_and_filters_the_last_two_displacements_remain():
     )
     np.testing.assert_allclose(inputs, [[[2.0, 3.0], [0.0, 1.0]]])
     assert hysteresis.transmitted(inputs).shape == (1, 2)
+
+
+def test_creep_weights_have_one_sign_and_a_bounded_sum():
+    random = np.random.default_rng(3)
+    creep = Viscoelasticity(
+        jnp.asarray(random.normal(0.0, 50.0, (40, 1, 3))),
+        jnp.asarray(random.normal(0.0, 50.0, (40, 4, 3))),
+    )
+    signs = np.sign(creep.weights)
+    assert (signs * signs[:, :1] >= 0.0).all()
+    assert np.abs(creep.weights.sum(axis=-2)).max() <= MAX_CREEP * (1 + 1e-6)
+
+
+def test_creep_is_begun_at_given_weights_of_one_sign():
+    weights = jnp.array([[-0.1], [-0.2], [0.0]])[None]
+    begun = Viscoelasticity.from_weights(weights).weights
+    np.testing.assert_allclose(begun.sum(), -0.3, rtol=1e-5)
+    np.testing.assert_allclose(begun, weights, atol=0.02)
+
+
+def test_creep_on_a_held_step_is_monotone_however_slow_the_motion():
+    """Weights of both signs would first rise, then fall."""
+    hysteresis = a_hysteresis(widths=(), shares=(0.1, 0.02, 0.002), seed=4)
+    memory = hysteresis.start(jnp.zeros((1, 1)))
+    held = jnp.ones((1, 1))
+    outputs = []
+    for _ in range(1000):
+        outputs.append(float(hysteresis.transmitted(hysteresis.inputs(held, memory))[0, 0]))
+        memory = hysteresis.advance(held, memory)
+    changes = np.diff(outputs[2:])
+    assert (changes >= -1e-6).all() or (changes <= 1e-6).all()
+    assert abs(outputs[-1] - outputs[2]) <= MAX_CREEP
+
+
+def test_a_model_without_creep_has_no_weights():
+    none = Viscoelasticity.none(2, 0, 3)
+    assert none.weights.shape == (2, 0, 3)

@@ -132,11 +132,11 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
     hysteresis = model.chain.hysteresis
     assert hysteresis.delays == 1
     late = eqx.tree_at(
-        lambda m: (m.chain.hysteresis.play_weights, m.chain.hysteresis.creep_weights),
+        lambda m: (m.chain.hysteresis.play_weights, m.chain.hysteresis.delay_weights),
         model,
         (
             jnp.full_like(hysteresis.play_weights, -20.0),
-            hysteresis.creep_weights.at[:, 0].set(1.0),
+            hysteresis.delay_weights.at[:, 0].set(1.0),
         ),
     )
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])

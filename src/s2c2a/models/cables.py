@@ -5,6 +5,12 @@ moved back by the width of the backlash. A weighted sum of play operators of sev
 widths models any such hysteresis loop (Prandtl-Ishlinskii model; Brokate and Sprekels,
 Hysteresis and Phase Transitions, 1996, ch. 2). Slow low-pass filters model creep, the
 last reading models delay. The only input is the sensed configuration.
+
+Creep is a generalized Maxwell model (Findley, Lai and Onaran, Creep and Relaxation of
+Nonlinear Viscoelastic Materials, 1976, ch. 5): all filters of a cable have weights of
+one sign, whose sum is bounded. The step response is then monotone and bounded, so that
+creep on motions slower than the training data stays within these bounds. Weights of
+both signs would cancel on fast motions and add up on slow ones.
 """
 
 from typing import NamedTuple
@@ -15,6 +21,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.training.fit import Fixed
+
+MAX_CREEP = 0.5  # largest sum of the weights of one cable's filters
+MAX_TOTAL = 0.95  # of that, in initial weights; the gradient vanishes at one
+MIN_SHARE = 0.02  # of every filter in initial weights
 
 
 class HysteresisMemory(NamedTuple):
@@ -43,6 +53,46 @@ class Operators(Fixed):
     shares: Float[Array, " times"]
 
 
+class Viscoelasticity(eqx.Module):
+    """Bounded weights of slow filters, all of one sign.
+
+    Attributes:
+        total: sum of the weights over `MAX_CREEP`, before a tanh, shape (*parts, 1,
+            cables).
+        spectrum: distribution over the time constants, before a softmax, shape (*parts,
+            times, cables).
+    """
+
+    total: Float[Array, "*parts one cables"]
+    spectrum: Float[Array, "*parts times cables"]
+
+    @classmethod
+    def none(cls, modules: int, times: int, cables: int) -> "Viscoelasticity":
+        """No creep, equally distributed."""
+        total = jnp.zeros((modules, 1, cables))
+        return cls(total, jnp.zeros((modules, times, cables)))
+
+    @classmethod
+    def from_weights(
+        cls, weights: Float[Array, "*parts times cables"]
+    ) -> "Viscoelasticity":
+        """The model with these weights, of which those of the lesser sign are dropped."""
+        sign = jnp.sign(jnp.sum(weights, axis=-2, keepdims=True))
+        magnitudes = jnp.maximum(sign * weights, 0.0)
+        sums = jnp.sum(magnitudes, axis=-2, keepdims=True)
+        bounded = jnp.minimum(sums / MAX_CREEP, MAX_TOTAL)
+        spread = magnitudes + MIN_SHARE * jnp.maximum(sums, MIN_SHARE)
+        return cls(jnp.arctanh(sign * bounded), jnp.log(spread))
+
+    @property
+    def weights(self) -> Float[Array, "*parts times cables"]:
+        """Weight of every filter."""
+        if not self.spectrum.shape[-2]:
+            return self.spectrum
+        spectrum = jax.nn.softmax(self.spectrum, axis=-2)
+        return MAX_CREEP * jnp.tanh(self.total) * spectrum
+
+
 class Hysteresis(eqx.Module):
     """Weighted play operators, filters and the last displacement.
 
@@ -53,8 +103,9 @@ class Hysteresis(eqx.Module):
         play_weights: of the displacement, every play operator and the last
             displacement, before a softplus: the module moves with the motor or stays,
             never against it, shape (modules, widths + 2, cables).
-        creep_weights: of every filter, shape (modules, times, cables).
-        delays: number of filters, from the first, that model delay instead of creep.
+        delay_weights: of the filters that model delay, which are the first ones, shape
+            (modules, delays, cables).
+        creep: weights of the other filters.
         engaged: whether gradients are those of cables that follow their motors, for
             planning: within the backlash the true gradient is zero, and the planner
             would stop.
@@ -64,10 +115,15 @@ class Hysteresis(eqx.Module):
 
     operators: Operators
     play_weights: Float[Array, "modules plays cables"]
-    creep_weights: Float[Array, "modules times cables"]
-    delays: int = eqx.field(static=True, default=0)
+    delay_weights: Float[Array, "modules delays cables"]
+    creep: Viscoelasticity
     engaged: bool = eqx.field(static=True, default=False)
     arrived: bool = eqx.field(static=True, default=False)
+
+    @property
+    def delays(self) -> int:
+        """Number of filters, from the first, that model delay instead of creep."""
+        return self.delay_weights.shape[-2]
 
     def start(
         self, displacements: Float[Array, "*batch modules cables"]
@@ -121,7 +177,7 @@ class Hysteresis(eqx.Module):
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""
-        weights = jnp.concatenate(
-            [jax.nn.softplus(self.play_weights), self.creep_weights], axis=-2
-        )
+        plays = jax.nn.softplus(self.play_weights)
+        parts = [plays, self.delay_weights, self.creep.weights]
+        weights = jnp.concatenate(parts, axis=-2)
         return jnp.sum(weights * inputs, axis=-2)

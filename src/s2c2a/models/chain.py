@@ -228,11 +228,11 @@ class ChainC2S(ForwardModel):
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch modules 2"]:
         """Moments of the viscoelastic body, which remembers former bends [rad]."""
-        filters = self.hysteresis.creep_weights.shape[1]
-        filtered = inputs[..., inputs.shape[-2] - filters :, :]
+        weights = self.equilibrium.relaxation.weights[..., 0]
+        filtered = inputs[..., inputs.shape[-2] - weights.shape[-1] :, :]
         return jnp.einsum(
             "mt,mkn,...mtn->...mk",
-            self.equilibrium.creep_moments,
+            weights,
             self.body.inverses,
             filtered,
         )

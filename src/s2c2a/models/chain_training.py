@@ -15,7 +15,7 @@ from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
-from s2c2a.models.cables import Hysteresis, Operators
+from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.chain import OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium
@@ -28,7 +28,6 @@ NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: a position error of one
 AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
 DELAY = 0.1  # s; time constant of the delay filter
-MAX_CREEP = 0.5  # largest initial weight of a creep filter
 PULL = 3e-3
 """Weight of the squared change of parameters when training continues another model."""
 REHEARSED = FitOptions(
@@ -87,7 +86,7 @@ class ChainOptions(ForwardOptions):
         return ChainC2S(
             Trunk.of(arm),
             hysteresis,
-            Equilibrium.untrained(modules, len(hysteresis.operators.shares)),
+            Equilibrium.untrained(modules, len(self.creep_times)),
             jnp.eye(2 * modules),
             self._initial_network(modules * features, OUTPUTS * modules, key),
             statics,
@@ -177,8 +176,8 @@ class ChainOptions(ForwardOptions):
         return Hysteresis(
             Operators(widths, shares),
             play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
-            jnp.zeros((modules, len(times), cables)),
-            len(delays),
+            jnp.zeros((modules, len(delays), cables)),
+            Viscoelasticity.none(modules, len(self.creep_times), cables),
         )
 
     def _initial_network(
@@ -311,8 +310,8 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
     """Fit the weights of each module by linear least squares to its true bend.
 
     The bends of the other modules are further regressors. Weights of play operators are
-    not negative, those of filters have either sign. With statics the weights sum up to
-    one, since the stiffness then scales displacements to bends.
+    not negative, those of filters have one sign. With statics the weights sum up to one,
+    since the stiffness then scales displacements to bends.
     """
     bends = np.asarray(bends_from_states(jnp.asarray(samples.targets)))
     inputs = np.einsum(
@@ -321,9 +320,12 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
         samples.inputs["configurations"],
     )
     _, plays, cables = model.hysteresis.play_weights.shape
-    modules = range(len(inputs))
+    creep = plays + model.hysteresis.delays
     weights = np.array(
-        [_fit_weights(inputs, bends[:, module], module, plays) for module in modules]
+        [
+            _fit_weights(inputs, bends[:, module], module, plays, creep)
+            for module in range(len(inputs))
+        ]
     )
     if model.statics:
         weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-3)
@@ -336,23 +338,30 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
     hysteresis = replace(
         model.hysteresis,
         play_weights=for_all_cables(np.log(np.expm1(positive))),
-        creep_weights=for_all_cables(weights[:, plays:]),
+        delay_weights=for_all_cables(weights[:, plays:creep]),
+        creep=Viscoelasticity.from_weights(for_all_cables(weights[:, creep:])),
     )
     return replace(model, hysteresis=hysteresis)
 
 
 def _fit_weights(
-    inputs: np.ndarray, bends: np.ndarray, module: int, plays: int
+    inputs: np.ndarray, bends: np.ndarray, module: int, plays: int, creep: int
 ) -> np.ndarray:
-    """Weights of one module's inputs."""
+    """Weights of one module's inputs: plays, then delays, then creep of one sign."""
     from scipy.optimize import lsq_linear  # noqa: PLC0415  # heavy
 
     own = np.moveaxis(inputs[module], 1, -1)  # (samples, 2, inputs)
     others = np.moveaxis(np.delete(inputs[:, :, 0], module, axis=0), 0, -1)
     columns = np.concatenate([own, others], axis=-1).reshape(2 * len(own), -1)
     count = own.shape[-1]
+    targets = bends.reshape(-1).astype(float)
     low = np.full(columns.shape[1], -np.inf)
     low[:plays] = 0.0
-    low[plays:count] = -MAX_CREEP
-    targets = bends.reshape(-1).astype(float)
-    return lsq_linear(columns.astype(float), targets, (low, np.inf)).x[:count]
+    low[plays:creep] = -MAX_CREEP
+    fits = []
+    for sign in (-1.0, 1.0):
+        high = np.full(columns.shape[1], np.inf)
+        low[creep:count] = min(sign, 0.0) * MAX_CREEP
+        high[creep:count] = max(sign, 0.0) * MAX_CREEP
+        fits.append(lsq_linear(columns.astype(float), targets, (low, high)))
+    return min(fits, key=lambda fit: fit.cost).x[:count]

@@ -26,6 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from s2c2a.models.cables import Viscoelasticity
+
 NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
 WARM_ITERATIONS = 2  # from bends near the equilibrium
 # line search; with five cables and more, full Newton steps can cycle
@@ -76,14 +78,14 @@ class Equilibrium(eqx.Module):
             `AXIAL_COMPLIANCE_UNIT`, shape (modules,).
         coupling: distance of outer modules' cables from the axis, in parts of their
             radius, shape (modules,).
-        creep_moments: weight of the creep moment of each filter, shape (modules, times).
+        relaxation: weights of the moments toward former bends, shape (modules, times, 1).
     """
 
     log_stiffness: Float[Array, " modules"]
     tautness: Float[Array, " modules"]
     log_axial_compliance: Float[Array, " modules"]
     coupling: Float[Array, " modules"]
-    creep_moments: Float[Array, "modules times"]
+    relaxation: Viscoelasticity
 
     @classmethod
     def untrained(cls, modules: int, times: int) -> "Equilibrium":
@@ -95,7 +97,7 @@ class Equilibrium(eqx.Module):
                 modules, np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
             ),
             coupling=jnp.zeros(modules),
-            creep_moments=jnp.zeros((modules, times)),
+            relaxation=Viscoelasticity.none(modules, times, 1),
         )
 
     def solve(

@@ -19,7 +19,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import episode_actions
 from s2c2a.kinematics import configurations_from_bends
-from s2c2a.models.cables import Hysteresis
+from s2c2a.models.cables import Hysteresis, Viscoelasticity
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.models.statics import Equilibrium
@@ -76,10 +76,12 @@ def _interpolate_hysteresis(
 ) -> Hysteresis:
     """Each cable takes the mean of its module, since cables do not correspond."""
     plays = _interpolate_means(jax.nn.softplus(hysteresis.play_weights), places)
+    creep = _interpolate_means(hysteresis.creep.weights, places)
     return replace(
         hysteresis,
         play_weights=jnp.log(jnp.expm1(plays)),
-        creep_weights=_interpolate_means(hysteresis.creep_weights, places),
+        delay_weights=_interpolate_means(hysteresis.delay_weights, places),
+        creep=Viscoelasticity.from_weights(creep),
     )
 
 

@@ -14,7 +14,7 @@ from s2c2a.data.windows import forward_samples
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
-from s2c2a.models.cables import Hysteresis, Operators
+from s2c2a.models.cables import Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.layers import LSTM
 from s2c2a.models.trunk import Trunk
@@ -107,6 +107,7 @@ def _with_plays(displacements: np.ndarray) -> np.ndarray:
         Operators(widths, jnp.zeros(0)),
         jnp.zeros((modules, len(PLAY_WIDTHS) + 2, cables)),
         jnp.zeros((modules, 0, cables)),
+        Viscoelasticity.none(modules, 0, cables),
     )
 
     def step(memory, row):
