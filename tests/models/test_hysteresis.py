@@ -198,7 +198,9 @@ def test_creep_on_a_held_step_is_monotone_however_slow_the_motion():
     held = jnp.ones((1, 1))
     outputs = []
     for _ in range(1000):
-        outputs.append(float(hysteresis.transmitted(hysteresis.inputs(held, memory))[0, 0]))
+        outputs.append(
+            float(hysteresis.transmitted(hysteresis.inputs(held, memory))[0, 0])
+        )
         memory = hysteresis.advance(held, memory)
     changes = np.diff(outputs[2:])
     assert (changes >= -1e-6).all() or (changes <= 1e-6).all()

@@ -243,9 +243,18 @@ def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, s
         jnp.ones((arm.module_count, 6)) / np.sqrt(3),
     )
     ends = [
-        one._corrected(chained, one.kernels(features))[..., :3]
+        one._corrected(chained, one.kernels(features), jnp.ones(()))[..., :3]
         for one in (none, half, whole)
     ]
     np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)
     np.testing.assert_allclose(ends[1], (ends[0] + ends[2]) / 2, atol=1e-5)
     np.testing.assert_allclose(whole.share[0], 1.0)
+
+
+def test_away_from_the_data_the_chain_predicts_alone(arm, trained):
+    known = np.ones((arm.module_count, 6), bool)
+    mixed = trained.mixed(0.0, 1.0, known)
+    inputs = jnp.asarray(hysteresis_inputs(mixed.chain, data_of(arm, seed=2))[0, -1])
+    far = 50.0 * inputs
+    assert float(mixed.kernels.support(mixed.features(far))) < 1e-3
+    np.testing.assert_allclose(mixed.states(far), mixed.chain.states(far), atol=1e-3)

@@ -21,7 +21,7 @@ def uncertainty(reach: float = 1.0) -> Uncertainty:
 def test_near_validation_data_there_is_no_extrapolation():
     inside = np.random.default_rng(1).uniform(-0.9, 0.9, (100, 3))
     np.testing.assert_allclose(
-        uncertainty().meters(jnp.asarray(inside)), 0.0, atol=1e-3
+        uncertainty().meters(jnp.asarray(inside)), 0.0, atol=5e-3
     )
     np.testing.assert_allclose(
         uncertainty().interpolation_error, [1e-3, 3e-3], rtol=1e-5

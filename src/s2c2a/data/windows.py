@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.errors import RecordingError
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
@@ -88,10 +88,7 @@ def forward_samples(
         states: true states; NaN: unknown.
         lengths: number of samples of each episode, if they differ; the rest is padding.
     """
-    known = np.isfinite(states).any(axis=(2, 3))
-    counts = np.asarray(_lengths_of(states, lengths))
-    known &= np.arange(known.shape[1]) < counts[:, None]
-    rows = [np.flatnonzero(mask) for mask in known]
+    rows = _known_rows(states, lengths)
 
     def select(values: np.ndarray, part: list[Stretch]) -> np.ndarray:
         parts = [values[episode, rows[episode][span]] for episode, span in part]
@@ -102,6 +99,26 @@ def forward_samples(
         for part in stretches([len(indices) for indices in rows])
     ]
     return Split(*samples)
+
+
+def validation_samples(
+    states: Float[np.ndarray, "episodes samples modules 6"], lengths: Lengths = None
+) -> Bool[np.ndarray, "episodes samples"]:
+    """Which samples `forward_samples` validates with."""
+    rows = _known_rows(states, lengths)
+    mask = np.zeros(states.shape[:2], bool)
+    validation = stretches([len(indices) for indices in rows])[1]
+    for episode, span in validation:
+        mask[episode, rows[episode][span]] = True
+    return mask
+
+
+def _known_rows(states: np.ndarray, lengths: Lengths) -> list[np.ndarray]:
+    """Indices of the samples of each episode with a known state."""
+    known = np.isfinite(states).any(axis=(2, 3))
+    counts = np.asarray(_lengths_of(states, lengths))
+    known &= np.arange(known.shape[1]) < counts[:, None]
+    return [np.flatnonzero(mask) for mask in known]
 
 
 def _lengths_of(values: np.ndarray, lengths: Lengths) -> Sequence[int]:

@@ -1,9 +1,10 @@
 """Gaussian process regression with a Matern kernel on inducing points.
 
-Each feature has its own length scale, and a linear part extrapolates beyond the data. A
-fixed number of inducing points stands for all samples (Rasmussen and Williams, Gaussian
-Processes for Machine Learning, 2006, secs. 4.2, 5.4 and 8.3.3: subset of regressors).
-Hyperparameters maximize the likelihood of a subset of the samples.
+Each feature has its own length scale. A fixed number of inducing points stands for all
+samples (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, secs. 4.2,
+5.4 and 8.3.3: subset of regressors). Hyperparameters maximize the likelihood of a subset
+of the samples. `Kernels.support` says how far the data reach: a model that uses the
+regression can fade it out away from them.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.training.fit import Fixed
@@ -24,6 +25,8 @@ MIN_NOISE = 1e-4  # of the targets' variance
 INITIAL_LINEAR = 0.05  # prior standard deviation of the slopes
 INITIAL_NOISE = 0.01
 MIN_SAMPLES = 100
+SUPPORTED_SHARE = 0.9  # of held-out samples near the data, with full support
+MIN_CLOSENESS = 1e-3
 
 
 class Kernels(Fixed):
@@ -38,6 +41,8 @@ class Kernels(Fixed):
         slopes: of the linear part in scaled features, shape (features, outputs).
         constant: shape (outputs,).
         is_fitted: one if the model is fitted, else zero.
+        usual_closeness: kernel value at the nearest point that most held-out samples
+            exceed.
     """
 
     center: Float[Array, " features"]
@@ -47,6 +52,7 @@ class Kernels(Fixed):
     slopes: Float[Array, "features outputs"]
     constant: Float[Array, " outputs"]
     is_fitted: Float[Array, ""]
+    usual_closeness: Float[Array, ""]
 
     @classmethod
     def unfitted(cls, features: int, outputs: int, points: int) -> "Kernels":
@@ -59,6 +65,7 @@ class Kernels(Fixed):
             slopes=jnp.zeros((features, outputs)),
             constant=jnp.zeros(outputs),
             is_fitted=jnp.zeros(()),
+            usual_closeness=jnp.ones(()),
         )
 
     def times(self, weight: float) -> "Kernels":
@@ -84,6 +91,27 @@ class Kernels(Fixed):
         local = matern(scaled, self.points) @ self.weights
         return local + scaled @ self.slopes + self.constant
 
+    def closeness(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch"]:
+        """Kernel value at the nearest point: one at a point, zero far from all."""
+        return jnp.max(matern(self.scaled(features), self.points), axis=-1)
+
+    def support(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch"]:
+        """Share of the regression that the data support: one near them, zero far away."""
+        relative = self.closeness(features) / self.usual_closeness
+        return jnp.minimum(relative, 1.0) * self.is_fitted
+
+    def with_usual_closeness(
+        self, held_out: Float[np.ndarray, "samples features"]
+    ) -> "Kernels":
+        """The model that is supported at most of these samples."""
+        closeness = self.closeness(jnp.asarray(held_out, jnp.float32))
+        usual = jnp.quantile(closeness, 1.0 - SUPPORTED_SHARE)
+        return replace(self, usual_closeness=jnp.maximum(usual, MIN_CLOSENESS))
+
 
 def matern(
     features: Float[Numbers, "*batch features"],
@@ -104,6 +132,91 @@ def matern(
     return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
+@dataclass(frozen=True, eq=False)  # holds arrays
+class KernelFit:
+    """Samples and hyperparameters, from which models of some of the samples follow.
+
+    Attributes:
+        features: of complete samples, in order of time, shape (complete, features).
+        targets: known targets, normalized, shape (complete, known outputs).
+        complete: which of the samples are complete, shape (samples,).
+        known: which of the outputs are known, shape (outputs,).
+        mean: of the known targets.
+        scale: of the known targets.
+        center: of the features.
+        rates: inverse length scales.
+        hyperparameters: that maximize the likelihood.
+    """
+
+    features: Float[np.ndarray, "complete features"]
+    targets: Float[np.ndarray, "complete known"]
+    complete: Bool[np.ndarray, " samples"]
+    known: Bool[np.ndarray, " outputs"]
+    mean: Float[np.ndarray, " known"]
+    scale: float
+    center: Float[np.ndarray, " features"]
+    rates: Float[np.ndarray, " features"]
+    hyperparameters: "_Hyperparameters"
+
+    @classmethod
+    def of(
+        cls,
+        features: Float[np.ndarray, "samples features"],
+        targets: Float[np.ndarray, "samples outputs"],
+        kinds: Float[np.ndarray, "features kinds"],
+        seed: int = 0,
+    ) -> "KernelFit | None":
+        """Fit hyperparameters to samples; None if fewer than `MIN_SAMPLES` are known.
+
+        Args:
+            features: of samples, in order of time.
+            targets: of samples, in comparable units; NaN: unknown.
+            kinds: groups of features that share a factor of their length scales, as
+                sums of one-hot rows.
+            seed: of the subset of samples for the likelihood.
+        """
+        known = np.isfinite(targets).any(axis=0)
+        has_targets = np.isfinite(targets[:, known]).all(axis=1)
+        complete = has_targets & np.isfinite(features).all(axis=1)
+        if complete.sum() < MIN_SAMPLES or not known.any():
+            return None
+        x = features[complete].astype(np.float64)
+        y = targets[complete][:, known].astype(np.float64)
+        center = x.mean(axis=0)
+        width = x.std(axis=0)
+        mean = y.mean(axis=0)
+        scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
+        normalized = (y - mean) / scale
+        rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
+        subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
+        scaled = (x - center) * rates
+        fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
+        rates = rates * fitted.rates
+        return cls(x, normalized, complete, known, mean, scale, center, rates, fitted)
+
+    def kernels(
+        self, count: int, used: Bool[np.ndarray, " samples"] | None = None
+    ) -> Kernels:
+        """The regression fitted to the samples, or to those that are used.
+
+        Outputs that are always unknown stay zero.
+
+        Args:
+            count: number of inducing points.
+            used: mask of samples; all by default.
+        """
+        rows = slice(None) if used is None else used[self.complete]
+        kernels = _solve_weights(
+            self.features[rows],
+            self.targets[rows],
+            self.center,
+            self.rates,
+            self.hyperparameters,
+            count,
+        )
+        return _denormalize(kernels, self.mean, self.scale, self.known)
+
+
 def fit_kernels(
     features: Float[np.ndarray, "samples features"],
     targets: Float[np.ndarray, "samples outputs"],
@@ -111,38 +224,15 @@ def fit_kernels(
     count: int,
     seed: int = 0,
 ) -> Kernels:
-    """Fit a regression to samples.
-
-    Args:
-        features: of samples, in order of time.
-        targets: of samples, in comparable units; outputs that are always NaN stay zero.
-        kinds: groups of features that share a factor of their length scales, as sums
-            of one-hot rows.
-        count: number of inducing points.
-        seed: of the subset of samples for the likelihood.
+    """Fit a regression to samples (`KernelFit`).
 
     Returns:
         The fitted model; with fewer than `MIN_SAMPLES` samples, one that is not fitted.
     """
-    known = np.isfinite(targets).any(axis=0)
-    has_targets = np.isfinite(targets[:, known]).all(axis=1)
-    complete = has_targets & np.isfinite(features).all(axis=1)
-    x = features[complete].astype(np.float64)
-    y = targets[complete][:, known].astype(np.float64)
-    if len(x) < MIN_SAMPLES or not known.any():
+    fit = KernelFit.of(features, targets, kinds, seed)
+    if fit is None:
         return Kernels.unfitted(features.shape[1], targets.shape[1], count)
-    center = x.mean(axis=0)
-    width = x.std(axis=0)
-    mean = y.mean(axis=0)
-    scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
-    normalized = (y - mean) / scale
-    rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
-    subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
-    scaled = (x - center) * rates
-    fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
-    rates = rates * fitted.rates
-    kernels = _solve_weights(x, normalized, center, rates, fitted, count)
-    return _denormalize(kernels, mean, scale, known)
+    return fit.kernels(count)
 
 
 @dataclass(frozen=True)
@@ -244,10 +334,11 @@ def _solve_weights(
     arrays = (
         center,
         rates,
-        np.pad(points, padding),
+        np.pad(points, padding, mode="edge"),
         np.pad(solution[:used], padding),
         slope_scale[:, None] * solution[used:],
         np.zeros(y.shape[1]),
+        1.0,
         1.0,
     )
     return Kernels(*(jnp.asarray(array, jnp.float32) for array in arrays))

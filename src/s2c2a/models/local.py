@@ -1,8 +1,8 @@
 """The forward model of the recipe `best`: the chain, and kernels for its residual.
 
 The chain extrapolates. Near the data, a local model (`Kernels`) predicts the residual of
-the chain from the displacements, their hysteresis, and their lag. `Uncertainty`
-estimates the errors of both.
+the chain from the displacements, their hysteresis, and their lag. Away from the data it
+fades out, so that the chain predicts alone. `Uncertainty` estimates the errors of both.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,19 +16,22 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
-from s2c2a.data.windows import Samples, Split
+from s2c2a.data.windows import Samples, Split, validation_samples
 from s2c2a.kinematics import bends_from_configurations, limit_lengths
+from s2c2a.kinematics.bends import squared_norm
+from s2c2a.models import calibration
 from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
+    hysteresis_inputs,
     hysteresis_samples,
     predict_states,
     predicted_targets,
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.kernels import Kernels, fit_kernels
+from s2c2a.models.kernels import KernelFit, Kernels
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
@@ -40,9 +43,15 @@ AXIS_UNIT = 1.0
 FULL_BEND = 0.82  # rad; bend at which `play_widths` apply
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 NEARBY = 0.2  # rad; radius within which the tangent holds
+CALIBRATION_EPOCHS = 0.5  # of the training, for the model that calibrates errors
 EVERY_OTHER = slice(1, None, 2)  # of the play operators are features
 SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
 WEIGHTS = 0.5, 0.75, 1.0  # of the fitted residual
+REGIONS = (
+    3  # regions of the training data that are left out, to choose share and weight
+)
+REGION_SHARE = 0.1  # of the training samples in each region
+REGION_POINTS = 384  # kernel centers of models without a region
 
 
 class Tangent(NamedTuple):
@@ -53,12 +62,14 @@ class Tangent(NamedTuple):
         features: there, shape (features,).
         outputs: there, shape (outputs,).
         slopes: outputs by features, shape (outputs, features).
+        support: of the local model, there.
     """
 
     bends: Float[Array, "modules 2"]
     features: Float[Array, " features"]
     outputs: Float[Array, " outputs"]
     slopes: Float[Array, "outputs features"]
+    support: Float[Array, ""]
 
 
 class LocalC2S(ForwardModel):
@@ -67,7 +78,7 @@ class LocalC2S(ForwardModel):
     Attributes:
         chain: hysteresis, statics, arcs.
         kernels: of its residual, scaled.
-        share: weight of the chain in every output, shape (modules, 6).
+        share: weight of the chain in every output of the local model, shape (modules, 6).
         uncertainty: distribution of the data, and errors there.
         unit: of positions [m].
         tangent: replaces the kernels near a configuration, if given.
@@ -140,9 +151,9 @@ class LocalC2S(ForwardModel):
         # without kernels, the chain predicts alone
         has_kernels = self.kernels.is_fitted > 0.0
         slopes, value = jax.lax.cond(has_kernels, expanded, lambda: nothing)
-        return replace(
-            self, chain=chain, tangent=Tangent(bends, features, value, slopes)
-        )
+        support = self.kernels.support(features)
+        tangent = Tangent(bends, features, value, slopes, support)
+        return replace(self, chain=chain, tangent=tangent)
 
     def predict(
         self,
@@ -155,9 +166,9 @@ class LocalC2S(ForwardModel):
         inputs = self.chain.inputs(displacements, memory)
         states = self.chain.states(inputs, disturbances)
         if self.tangent is None:
-            return self._corrected(states, self.kernels(self.features(inputs)))
-        along_tangent = self._along(self.tangent, configurations, memory)
-        return self._corrected(states, along_tangent)
+            return self._locally_corrected(states, self.features(inputs))
+        outputs = self._along(self.tangent, configurations, memory)
+        return self._corrected(states, outputs, self.tangent.support)
 
     def _along(
         self,
@@ -182,10 +193,11 @@ class LocalC2S(ForwardModel):
         self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> Array:
         """See `ForwardModel`."""
-        return jnp.hypot(
-            self.uncertainty.interpolation_error,
-            self.extrapolation(configurations)[..., None],
-        )
+        displacements = self.chain.body.displacements(configurations)
+        moved = self.chain.body.bends(displacements - memory.last)
+        speed = jnp.sqrt(jnp.mean(squared_norm(moved), axis=-1))
+        extrapolation = self.uncertainty.extrapolation(self.place(displacements))
+        return self.uncertainty.std(extrapolation, speed)
 
     def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """See `ForwardModel`."""
@@ -197,9 +209,7 @@ class LocalC2S(ForwardModel):
         self, inputs: Float[Array, "*batch modules inputs cables"]
     ) -> Float[Array, "*batch modules 6"]:
         """States for inputs of the hysteresis model. Training calls this."""
-        return self._corrected(
-            self.chain.states(inputs), self.kernels(self.features(inputs))
-        )
+        return self._locally_corrected(self.chain.states(inputs), self.features(inputs))
 
     def place(
         self, displacements: Float[Array, "*batch modules cables"]
@@ -247,18 +257,33 @@ class LocalC2S(ForwardModel):
         left_out = weight * (1.0 - share) * self.kernels.is_fitted * known
         return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
 
+    def _locally_corrected(
+        self,
+        states: Float[Array, "*batch modules 6"],
+        features: Float[Array, "*batch features"],
+    ) -> Float[Array, "*batch modules 6"]:
+        """States of the chain, corrected where the local model has data."""
+        outputs = self.kernels(features)
+        return self._corrected(states, outputs, self.kernels.support(features))
+
     def _corrected(
         self,
         states: Float[Array, "*batch modules 6"],
         outputs: Float[Array, "*batch outputs"],
+        support: Float[Array, "*batch"],
     ) -> Float[Array, "*batch modules 6"]:
-        """States of the chain with the residual of the local model."""
+        """States between those of the chain and of the local model, by its support."""
         residual = outputs.reshape(*outputs.shape[:-1], -1, 6)
-        states = self.share * states
-        positions = states[..., :3] + self.unit * residual[..., :3]
-        axes = states[..., 3:] + AXIS_UNIT * residual[..., 3:]
+        units = jnp.repeat(jnp.array([self.unit, AXIS_UNIT]), 3)
+        change = (self.share - 1.0) * states + units * residual
+        blended = states + support[..., None, None] * change
+        axes = blended[..., 3:]
         return jnp.concatenate(
-            [positions, axes / jnp.linalg.norm(axes, axis=-1, keepdims=True)], axis=-1
+            [
+                blended[..., :3],
+                axes / jnp.linalg.norm(axes, axis=-1, keepdims=True),
+            ],
+            axis=-1,
         )
 
 
@@ -269,6 +294,8 @@ class LocalOptions(ChainOptions):
     Attributes:
         points: kernel centers.
         few: centers of the predictive standard deviation.
+        calibrate: whether a second, shorter training calibrates that deviation
+            (`models.calibration`).
     """
 
     play_widths: tuple[float, ...] = (
@@ -285,6 +312,7 @@ class LocalOptions(ChainOptions):
     )
     points: int = 1536
     few: int = 64
+    calibrate: bool = True
     model: str = field(default="local", kw_only=True)
 
     def __post_init__(self):
@@ -307,12 +335,21 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain first, then its residual."""
+        """See `ForwardOptions`: the chain first, then its residual, then the errors."""
+        chain = self._chain_options(data)
+        trained, mixture = self._with_local(
+            chain.train(data, fit, key, progress), data, key
+        )
+        if not self.calibrate:
+            return trained
+        return self._calibrated(trained, mixture, data, fit, key)
+
+    def _chain_options(self, data: TrainingData) -> ChainOptions:
+        """Options of the chain, with widths of play operators for the data."""
         widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
-        chain = ChainOptions(
+        return ChainOptions(
             self.hidden, self.depth, widths, self.creep_times, self.statics
         )
-        return self._with_local(chain.train(data, fit, key, progress), data, key)
 
     def resume_training(  # type: ignore[override]
         self,
@@ -323,7 +360,7 @@ class LocalOptions(ChainOptions):
         progress: Progress = quiet,
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
-        trained = self._with_local(
+        trained, _mixture = self._with_local(
             super().resume_training(model.chain, data, fit, key, progress), data, key
         )
         error = trained.network.uncertainty.interpolation_error
@@ -348,47 +385,104 @@ class LocalOptions(ChainOptions):
         samples = hysteresis_samples(chain, babbling_data(new, babbling))
         uncertainty = self._uncertainty(adapted, samples, new)
         weights = interpolation_weights(old.module_count, new.module_count)
-        scale = new.length / old.length
-        error = jnp.asarray(weights) @ model.uncertainty.interpolation_error * scale
-        uncertainty = replace(uncertainty, interpolation_error=error)
+        scaled = jnp.asarray(weights) * new.length / old.length
+        known = model.uncertainty
+        errors = known.interpolation_error, known.speed_error, known.extrapolation_error
+        uncertainty = uncertainty.with_errors(
+            *(np.asarray(scaled @ error) for error in errors)
+        )
         return replace(adapted, uncertainty=uncertainty)
 
     def _with_local(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
-    ) -> Trained[LocalC2S]:
+    ) -> "tuple[Trained[LocalC2S], Mixture]":
         """A trained chain with the kernels that predict held-out samples best."""
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = hysteresis_samples(result.network, data)
-        known = np.isfinite(split.training.targets).any(axis=0)
-        candidates = {(1.0, 0.0): blank}  # first, so that it wins ties
-        for share in SHARES:
-            fitted = self._with_kernels(blank, split.training, share)
-            for weight in WEIGHTS:
-                candidates[share, weight] = fitted.mixed(share, weight, known)
-        (share, weight), best = min(
-            candidates.items(), key=lambda one: _loss(one[1], split.validation)
-        )
-        model = replace(best, uncertainty=self._uncertainty(best, split, data.arm))
+        choice = _Choice.of(self, blank, split)
+        mixture = choice.best()
+        model = self._mixed(blank, split.training, mixture, choice.held_out_features)
+        model = replace(model, uncertainty=self._uncertainty(model, split, data.arm))
         trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
-        if best is blank:
-            return trained
+        if mixture == CHAIN_ALONE:
+            return trained, mixture
         # fit again, with the held-out samples
-        fitted = self._with_kernels(model, _all_samples(split), share)
-        return replace(trained, network=fitted.mixed(share, weight, known))
+        final = self._mixed(
+            model, _all_samples(split), mixture, choice.held_out_features
+        )
+        return replace(trained, network=final), mixture
 
-    def _with_kernels(
-        self, blank: LocalC2S, samples: Samples, share: float
+    def _mixed(
+        self,
+        blank: LocalC2S,
+        samples: Samples,
+        mixture: "Mixture",
+        held_out: Float[np.ndarray, "samples features"],
     ) -> LocalC2S:
-        """The model with kernels fitted to what a share of the chain leaves."""
-        inputs = jnp.asarray(samples.inputs["configurations"])
-        features = np.asarray(eqx.filter_jit(blank.features)(inputs))
-        predicted = np.asarray(eqx.filter_jit(blank.chain.states)(inputs))
-        residual = samples.targets - share * predicted
-        scales = np.array([blank.unit] * 3 + [AXIS_UNIT] * 3, residual.dtype)
-        outputs = (residual / scales).reshape(len(residual), -1)
-        kinds = self._kinds(blank.chain)
-        kernels = fit_kernels(features, outputs, kinds, self.points)
-        return replace(blank, kernels=kernels)
+        """A mixture of chain and kernels, which are fitted to samples."""
+        if mixture == CHAIN_ALONE:
+            return blank
+        features = _features(blank, samples)
+        targets = _residual(blank, samples, mixture.share)
+        fit = KernelFit.of(features, targets, self._kinds(blank.chain))
+        if fit is None:
+            return blank
+        kernels = fit.kernels(self.points).with_usual_closeness(held_out)
+        known = np.isfinite(samples.targets).any(axis=0)
+        return replace(blank, kernels=kernels).mixed(*mixture, known)
+
+    def _calibrated(
+        self,
+        trained: Trained[LocalC2S],
+        mixture: "Mixture",
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+    ) -> Trained[LocalC2S]:
+        """The model with errors of another one that does not see parts of the data."""
+        groups = calibration.held_out_groups(data)
+        seen = calibration.hidden(data, groups)
+        epochs = max(1, round(CALIBRATION_EPOCHS * fit.max_epochs))
+        short = replace(fit, max_epochs=epochs, patience=epochs)
+        chain = self._chain_options(data).train(seen, short, key)
+        blank = replace(self.untrained(data.arm, key), chain=chain.network)
+        split = hysteresis_samples(chain.network, seen)
+        held_out = _features(blank, split.validation)
+        probe = self._mixed(blank, split.training, mixture, held_out)
+        probe = replace(probe, uncertainty=self._uncertainty(probe, split, data.arm))
+        errors = self._errors(probe, data, groups)
+        network = trained.network
+        uncertainty = calibration.calibrated(
+            network.uncertainty, probe.uncertainty, errors
+        )
+        network = replace(network, uncertainty=uncertainty)
+        tip_errors = {
+            name: group.tip_error
+            for name, group in errors.items()
+            if group.is_large_enough
+        }
+        return replace(trained, network=network, errors=tip_errors)
+
+    def _errors(
+        self,
+        probe: LocalC2S,
+        data: TrainingData,
+        groups: dict[str, calibration.Mask],
+    ) -> dict[str, calibration.Errors]:
+        """Errors of a model on validation samples, and on groups that it has not seen."""
+        bends = bends_from_configurations(jnp.asarray(data.sensed))
+        speeds = calibration.bend_speeds(np.asarray(bends))
+        inputs = hysteresis_inputs(probe.chain, data)
+        places = probe.place(jnp.asarray(inputs[:, :, :, 0]))
+        extrapolation = np.asarray(probe.uncertainty.extrapolation(places))
+        differences = self.predictions(probe, data) - data.states
+        distances = np.linalg.norm(differences[..., :3], axis=-1)
+        seen = calibration.hidden(data, groups)
+        inside = validation_samples(seen.states, seen.lengths)
+        return {
+            name: calibration.Errors(distances[mask], speeds[mask], extrapolation[mask])
+            for name, mask in {calibration.INSIDE: inside, **groups}.items()
+        }
 
     def _uncertainty(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Uncertainty:
         """Predictive standard deviation from the held-out samples."""
@@ -407,6 +501,128 @@ class LocalOptions(ChainOptions):
             np.arange(places * seen), (modules, seen, 3)
         )
         return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
+
+
+class Mixture(NamedTuple):
+    """How the local model is mixed from chain and kernels.
+
+    Attributes:
+        share: of the chain whose residual the kernels are fitted to.
+        weight: of the kernels.
+    """
+
+    share: float
+    weight: float
+
+
+CHAIN_ALONE = Mixture(1.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)  # holds arrays
+class _Choice:
+    """Choice of a mixture by errors on held-out samples and in held-out regions.
+
+    Attributes:
+        options: of the model.
+        blank: the trained chain without kernels.
+        split: samples.
+        regions: masks of the training samples.
+        held_out_features: of the validation samples.
+    """
+
+    options: LocalOptions
+    blank: LocalC2S
+    split: Split
+    regions: list[Bool[np.ndarray, " samples"]]
+    held_out_features: Float[np.ndarray, "samples features"]
+
+    @classmethod
+    def of(cls, options: LocalOptions, blank: LocalC2S, split: Split) -> "_Choice":
+        """The choice for a trained chain."""
+        regions = _regions(_place(blank, split.training))
+        features = _features(blank, split.validation)
+        return cls(options, blank, split, regions, features)
+
+    def best(self) -> Mixture:
+        """The mixture with the least errors; the chain alone if nothing is better."""
+        parts = self._parts(None, CHAIN_ALONE.share)
+        losses = {CHAIN_ALONE: self._loss(parts, CHAIN_ALONE)}
+        training = self.split.training
+        for share in SHARES:
+            targets = _residual(self.blank, training, share)
+            kinds = self.options._kinds(self.blank.chain)
+            fit = KernelFit.of(_features(self.blank, training), targets, kinds)
+            if fit is None:
+                break
+            parts = self._parts(fit, share)
+            for weight in WEIGHTS:
+                mixture = Mixture(share, weight)
+                losses[mixture] = self._loss(parts, mixture)
+        return min(losses, key=lambda mixture: losses[mixture])
+
+    def _parts(
+        self, fit: KernelFit | None, share: float
+    ) -> list[tuple[LocalC2S, Samples]]:
+        """Models of all samples, and of those outside each region, with their tests."""
+        training = self.split.training
+        parts = [(self._model(fit, None), self.split.validation)]
+        for region in self.regions:
+            parts.append((self._model(fit, ~region), _rows(training, region)))
+        return parts
+
+    def _model(self, fit: KernelFit | None, used: np.ndarray | None) -> LocalC2S:
+        if fit is None:
+            return self.blank
+        count = self.options.points if used is None else REGION_POINTS
+        kernels = fit.kernels(min(count, self.options.points), used)
+        kernels = kernels.with_usual_closeness(self.held_out_features)
+        return replace(self.blank, kernels=kernels)
+
+    def _loss(self, parts: list[tuple[LocalC2S, Samples]], mixture: Mixture) -> float:
+        """Logarithm of the validation loss, plus the mean of those of the regions."""
+        known = np.isfinite(self.split.training.targets).any(axis=0)
+        losses = [
+            np.log(_loss(model.mixed(*mixture, known), samples))
+            for model, samples in parts
+        ]
+        return float(losses[0] + np.mean(losses[1:] or [0.0]))
+
+
+def _regions(
+    places: Float[np.ndarray, "samples features"],
+) -> list[Bool[np.ndarray, " samples"]]:
+    """Regions of the training samples: the largest bends, and those around some samples."""
+    centered = places - places.mean(axis=0)
+    sizes = -np.linalg.norm(centered, axis=-1)
+    random = np.random.default_rng(0)
+    seeds = random.integers(len(places), size=REGIONS - 1)
+    measures = [sizes]
+    for seed in seeds:
+        measures.append(np.linalg.norm(places - places[seed], axis=-1))
+    return [values <= np.quantile(values, REGION_SHARE) for values in measures]
+
+
+def _rows(samples: Samples, rows: Bool[np.ndarray, " samples"]) -> Samples:
+    inputs = {name: values[rows] for name, values in samples.inputs.items()}
+    return Samples(inputs, samples.targets[rows])
+
+
+def _features(
+    model: LocalC2S, samples: Samples
+) -> Float[np.ndarray, "samples features"]:
+    inputs = jnp.asarray(samples.inputs["configurations"])
+    return np.asarray(eqx.filter_jit(model.features)(inputs))
+
+
+def _residual(
+    model: LocalC2S, samples: Samples, share: float
+) -> Float[np.ndarray, "samples outputs"]:
+    """What a share of the chain leaves, in units of the outputs."""
+    inputs = jnp.asarray(samples.inputs["configurations"])
+    predicted = np.asarray(eqx.filter_jit(model.chain.states)(inputs))
+    residual = samples.targets - share * predicted
+    scales = np.array([model.unit] * 3 + [AXIS_UNIT] * 3, residual.dtype)
+    return (residual / scales).reshape(len(residual), -1)
 
 
 def _reach(data: TrainingData) -> float:

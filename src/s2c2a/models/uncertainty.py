@@ -1,9 +1,13 @@
-"""Uncertainty of a forward model: its error on validation data, more in extrapolation.
+"""Uncertainty of a forward model: more on fast motion and in extrapolation.
 
 The posterior variance of a Gaussian process on inducing points (`kernels.matern`;
 Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 8.3),
 relative to its prior variance, measures the distance from the data. Values as on the
-validation data count as interpolation; beyond, the uncertainty grows up to a limit.
+validation data count as interpolation. The standard deviation of an end is
+
+    sqrt(interpolation^2 + (speed error * speed)^2 + (extrapolation error * extrapolation)^2)
+
+with errors that `models.calibration` fits to data that a model has not seen.
 """
 
 from dataclasses import replace
@@ -20,7 +24,7 @@ NOISE = 0.01  # variance of samples, relative to the kernel's
 JITTER = 1e-4  # variance of inducing points, relative to the kernel's
 INTERPOLATION_SHARE = 0.95  # of validation samples that count as interpolation
 MIN_WIDTH = 0.1  # of the widest feature; a constant feature is known at one value only
-PRIOR_STD = 0.3  # of the arm's length: uncertainty far from all data
+PRIOR_STD = 0.3  # of the arm's length: error of the tip far from all data, uncalibrated
 
 
 class Uncertainty(Fixed):
@@ -32,8 +36,9 @@ class Uncertainty(Fixed):
         points: inducing points in scaled features, shape (points, features).
         root: square root of inv(K) - inv(K + data), shape (points, points).
         interpolation_variance: largest relative posterior variance that counts as interpolation.
-        interpolation_error: root mean square error on validation data [m], shape (modules,).
-        prior_std: uncertainty far from all data [m].
+        interpolation_error: of slow motion near the data [m], shape (modules,).
+        speed_error: per speed [m per rad in a control step], shape (modules,).
+        extrapolation_error: far from all data [m], shape (modules,).
     """
 
     center: Float[Array, " features"]
@@ -42,7 +47,8 @@ class Uncertainty(Fixed):
     root: Float[Array, "points points"]
     interpolation_variance: Float[Array, ""]
     interpolation_error: Float[Array, " modules"]
-    prior_std: Float[Array, ""]
+    speed_error: Float[Array, " modules"]
+    extrapolation_error: Float[Array, " modules"]
 
     @classmethod
     def none(cls, features: int, points: int, modules: int) -> "Uncertainty":
@@ -54,8 +60,36 @@ class Uncertainty(Fixed):
             root=jnp.zeros((points, points)),
             interpolation_variance=jnp.zeros(()),
             interpolation_error=jnp.zeros(modules),
-            prior_std=jnp.zeros(()),
+            speed_error=jnp.zeros(modules),
+            extrapolation_error=jnp.zeros(modules),
         )
+
+    def with_errors(
+        self,
+        interpolation: Float[np.ndarray, " modules"],
+        speed: Float[np.ndarray, " modules"],
+        extrapolation: Float[np.ndarray, " modules"],
+    ) -> "Uncertainty":
+        """The same distances from the data, with other errors."""
+        return replace(
+            self,
+            interpolation_error=jnp.asarray(interpolation, jnp.float32),
+            speed_error=jnp.asarray(speed, jnp.float32),
+            extrapolation_error=jnp.asarray(extrapolation, jnp.float32),
+        )
+
+    def std(
+        self, extrapolation: Float[Array, "*batch"], speed: Float[Array, "*batch"]
+    ) -> Float[Array, "*batch modules"]:
+        """Standard deviation of module ends [m].
+
+        Args:
+            extrapolation: from zero near the data to one.
+            speed: change of bends [rad per control step].
+        """
+        moving = self.speed_error * jnp.asarray(speed)[..., None]
+        beyond = self.extrapolation_error * jnp.asarray(extrapolation)[..., None]
+        return jnp.sqrt(self.interpolation_error**2 + moving**2 + beyond**2)
 
     def extrapolation(
         self, features: Float[Array, "*batch features"]
@@ -75,8 +109,8 @@ class Uncertainty(Fixed):
     def meters(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
-        """Uncertainty of module ends from extrapolation [m]."""
-        return self.prior_std * self.extrapolation(features) ** 2
+        """Uncertainty of the tip from extrapolation [m]."""
+        return self.extrapolation_error[-1] * self.extrapolation(features)
 
 
 def fit_uncertainty(
@@ -110,7 +144,8 @@ def fit_uncertainty(
     finite = np.isfinite(distances)
     squares = np.sum(distances**2, axis=0, where=finite)
     error = np.sqrt(squares / np.maximum(finite.sum(axis=0), 1))
-    arrays = center, rates, inducing, root, 0.0, error, PRIOR_STD * length
+    far = PRIOR_STD * length * np.arange(1, len(error) + 1) / len(error)
+    arrays = center, rates, inducing, root, 0.0, error, 0.0 * error, far
     uncertainty = Uncertainty(*(jnp.asarray(array, jnp.float32) for array in arrays))
     variances = uncertainty.relative_variance(jnp.asarray(held_out, jnp.float32))
     largest_usual = jnp.minimum(jnp.quantile(variances, INTERPOLATION_SHARE), 0.9)

@@ -27,7 +27,7 @@ from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
 from s2c2a.files import write_atomically
 from s2c2a.training import FromArm
 
-SCHEMA = 3
+SCHEMA = 4
 METADATA = "s2c2a"
 DIGEST = "digest"
 NO_DIGEST = "0" * 64
@@ -61,6 +61,7 @@ class Metadata(BaseModel):
     recipe: dict
     seed: Annotated[int, Field(ge=-(2**63), lt=2**63)]
     percent: Mapping[str, tuple[float, float]]
+    errors: Mapping[str, Mapping[str, float]] = {}
 
 
 def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:

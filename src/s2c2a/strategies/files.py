@@ -60,6 +60,7 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         recipe=asdict(recipe),
         seed=networks.seed,
         percent=networks.percent,
+        errors=networks.errors,
     )
     arrays = learned(networks.networks)
     for name, curve in networks.curves.items():
@@ -105,6 +106,7 @@ def load_strategy(
         curves,
         metadata.strategy,
         metadata.strategy_options,
+        metadata.errors,
     )
 
 

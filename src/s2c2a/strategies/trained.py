@@ -26,6 +26,8 @@ class TrainedNetworks:
         curves: network -> rows of epoch, training loss, validation loss.
         strategy: name of the strategy.
         strategy_options: numbers of its options class.
+        errors: network -> mean errors of the tip on samples that a second training has
+            not seen [m], by the kind of these samples (`models.calibration`).
     """
 
     arm: ArmSpec
@@ -36,6 +38,7 @@ class TrainedNetworks:
     curves: Mapping[str, np.ndarray]
     strategy: str = "s2c2a"
     strategy_options: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -56,12 +59,20 @@ class TrainedNetworks:
         networks = dict(self.networks)
         percent = dict(self.percent)
         curves = dict(self.curves)
+        errors = dict(self.errors)
         for name, result in trained.items():
             networks[name] = result.network
             percent[name] = result.percent
             curves[name] = result.curve
+            if result.errors:
+                errors[name] = result.errors
         return replace(
-            self, recipe=recipe, networks=networks, percent=percent, curves=curves
+            self,
+            recipe=recipe,
+            networks=networks,
+            percent=percent,
+            curves=curves,
+            errors=errors,
         )
 
     @property

@@ -58,6 +58,7 @@ def transferred(
         networks=_without_sensors({**networks.networks, "C2S": c2s, "C2A": c2a}),
         percent=_without_sensors(networks.percent),
         curves=_without_sensors(networks.curves),
+        errors={},
     )
 
 

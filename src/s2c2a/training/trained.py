@@ -1,7 +1,7 @@
 """Training data, and trained models with their errors on test samples."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -53,9 +53,12 @@ class Trained(FitResult[Model]):
         curve: rows of epoch, training loss, validation loss.
         percent: mean and standard deviation of the test error, in percent of the full
             range.
+        errors: mean errors of the tip on samples that a second training has not seen
+            [m], by the kind of these samples; empty if there was none.
     """
 
     percent: tuple[float, float]
+    errors: Mapping[str, float] = field(default_factory=dict)
 
 
 def train(
