@@ -96,5 +96,5 @@ def test_errors_are_plain_language():
         map_from_toml(text)
     message = str(caught.value)
     assert "arm.modules: write a whole number (got 'three')" in message
-    assert "arm.control_rate: write 0.5 or more" in message
+    assert "arm.control_rate: write 0.01 or more" in message
     assert "Input" not in message

@@ -91,6 +91,11 @@ class Rows(Frozen):
     broken_rows: Literal["refuse", "gap"] = Field(
         default="refuse", description="whether an unreadable row is an error or a gap"
     )
+    outliers: Literal["exclude", "keep"] = Field(
+        default="exclude",
+        description="whether poses that cannot be true, such as marker jumps, become "
+        "unknown",
+    )
 
     @property
     def settled(self) -> bool:
@@ -264,7 +269,7 @@ class KnownArm(Frozen):
     name: str = Field(pattern=NAME, description="name of the arm")
     description: str = Field("", description="description in one line")
     modules: int = Field(ge=1, le=MAX_MODULES, description="number of modules")
-    control_rate: Number = Field(ge=0.5, le=1000, description="control rate [Hz]")
+    control_rate: Number = Field(ge=0.01, le=1000, description="control rate [Hz]")
     length: Number | None = Field(
         None,
         ge=0.005,

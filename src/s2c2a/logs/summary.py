@@ -83,11 +83,14 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
     broken = ""
     if imported.broken_rows:
         broken = f"; {imported.broken_rows} unreadable rows are gaps"
-    return [
+    lines = [
         f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
         f"{imported.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
+    if imported.excluded.count:
+        lines.append(str(imported.excluded))
+    return lines
 
 
 def _describe_ends(episodes: Iterable[Episode]) -> str:
