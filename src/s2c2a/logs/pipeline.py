@@ -300,7 +300,9 @@ def _register(segments: Sequence[Session], log_map: LogMap) -> Registration:
     """Estimate the base frame, and check the drives against the arm's length."""
     positions = np.concatenate([segment.positions for segment in segments])
     registration = estimate_registration(positions, log_map)
-    columns = np.concatenate([effective_drives(segment, log_map) for segment in segments])
+    columns = np.concatenate(
+        [effective_drives(segment, log_map) for segment in segments]
+    )
     _check_travel(columns, float(registration.lengths.sum()), log_map)
     return registration
 
