@@ -31,6 +31,7 @@ from s2c2a.logs.rig import (
     transform_states,
 )
 from s2c2a.logs.session import Session, build_session, effective_drives
+from s2c2a.logs.session_change import SessionChange, find_change
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.spaces import POSITION
 
@@ -157,6 +158,7 @@ class ImportedSession:
         episodes: episodes, base frame.
         rig: rig of the first session.
         similar: rows whose cables are most similar to those of the first session.
+        change: what explains the difference from the first session.
         at_rest: whether every row is a pose at rest.
         broken_rows: number of unreadable rows.
         rows: number of rows that were read.
@@ -166,6 +168,7 @@ class ImportedSession:
     episodes: tuple[Episode, ...]
     rig: Rig
     similar: SimilarRows
+    change: SessionChange
     at_rest: bool
     broken_rows: int
     rows: int
@@ -191,13 +194,17 @@ def import_session(
     states = _measured_states(segments.sessions, log_map)
     episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
     _check_reach(episodes, first.arm)
+    cables, positions = _cables_and_ends(episodes)
+    first_cables, first_positions = _cables_and_ends(first.episodes)
     similar = find_similar_rows(
-        *_cables_and_tips(episodes), *_cables_and_tips(first.episodes)
+        cables, positions[:, -1], first_cables, first_positions[:, -1]
     )
+    change = find_change(cables, positions, first_cables, first_positions, first.arm)
     return ImportedSession(
         episodes,
         rig,
         similar,
+        change,
         _is_at_rest(log_map),
         segments.broken_rows,
         segments.rows,
@@ -205,10 +212,10 @@ def import_session(
     )
 
 
-def _cables_and_tips(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:
+def _cables_and_ends(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:
     cables = np.concatenate([episode.sensor("cables") for episode in episodes])
     states = np.concatenate([episode.sensor("states") for episode in episodes])
-    return cables, states[:, -1, POSITION]
+    return cables, states[..., POSITION]
 
 
 def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
