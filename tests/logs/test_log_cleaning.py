@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
+from s2c2a.data import outliers
 from s2c2a.logs import import_logs, map_from_toml, summary
 from s2c2a.logs.cleaning import exclude_outliers
 from s2c2a.logs.errors import LogError
@@ -61,12 +62,15 @@ def test_the_frame_does_not_tilt_with_marker_jumps(recording, tmp_path):
     assert any(line.startswith("excluded 3 of") for line in summary.summary(imported))
 
 
-def test_too_many_outliers_are_refused_unless_the_map_keeps_them(recording, tmp_path):
+def test_too_many_outliers_are_refused_unless_the_map_keeps_them(
+    recording, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(outliers, "MAX_SHARE", 0.005)
     log = write_log(tmp_path, recording, tip_only=True)
-    damaged = with_jumps(log.path, np.arange(0, 500, 4), 2)
+    damaged = with_jumps(log.path, [12, 40, 77, 300], 2)
     log_map = map_from_toml(log.map)
     sessions = _read_sessions([damaged], log_map)
-    with pytest.raises(LogError, match=r"25 % of the poses .* module 2 .*keep"):
+    with pytest.raises(LogError, match=r"1 % of the poses .* module 2 .*keep"):
         exclude_outliers(sessions, log_map)
     keep = map_from_toml(log.map.replace("[rows]", '[rows]\noutliers = "keep"'))
     kept, excluded = exclude_outliers(sessions, keep)

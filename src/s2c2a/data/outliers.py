@@ -20,6 +20,10 @@ MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""
 ERROR_RATIO = 8.0
 """Error of an outlier, over the usual error in rows with similar drives."""
+DENSE_RATIO = 5.0
+"""The same where rows are dense in time, so that their order is evidence, too."""
+DENSE_STEP = 0.6
+"""Median step of the error, over the median error, below which rows are dense."""
 STEP_RATIO = 4.0
 """Step of the error into and out of an outlier, over the usual step."""
 BREAK_RATIO = 0.5
@@ -36,7 +40,7 @@ quartile."""
 
 _ITERATIONS = 20
 _TUKEY = 6.0  # median errors from which a row has no weight
-_ROWS_PER_FEATURE = 10
+_ROWS_PER_FEATURE = 5
 _MIN_ROWS = 20
 _REFERENCES = 2000  # rows among which similar ones are sought
 _SIMILAR = 16
@@ -221,7 +225,10 @@ def _find_jumps(
         return is_jump
     residuals = (values - _predict(ends, values))[known]
     errors, scales = _unexplained(_normalize(ends.drives[known]), residuals)
-    is_candidate = errors > np.maximum(ERROR_RATIO * scales, least)
+    steps = np.linalg.norm(np.diff(residuals, axis=0), axis=1)
+    is_dense = np.median(steps) < DENSE_STEP * np.median(errors)
+    ratio = DENSE_RATIO if is_dense else ERROR_RATIO
+    is_candidate = errors > np.maximum(ratio * scales, least)
     is_border = np.diff(ends.stretches[known]) != 0
     places = values[known]
     pieces = _Pieces.of(is_border | _breaks(places, residuals, errors))
