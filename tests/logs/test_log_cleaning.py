@@ -61,7 +61,8 @@ def test_the_first_frame_does_not_tilt_with_marker_jumps(recording, tmp_path):
         sessions, _ = exclude_outliers(_read_sessions([path], log_map), log_map)
         frames.append(estimate_registration(sessions[0].positions, log_map).axes)
     cosines = np.sum(frames[0] * frames[1], axis=0)
-    assert np.rad2deg(np.arccos(cosines.clip(-1, 1))).max() < 0.2
+    # a first guess from medians of rows, which the fit of the cables refines
+    assert np.rad2deg(np.arccos(cosines.clip(-1, 1))).max() < 0.5
 
 
 def test_too_many_outliers_are_refused_unless_the_map_keeps_them(
