@@ -85,7 +85,7 @@ def arms(draw):
         gravity_direction=draw(
             st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])
         ),
-        control_rate=draw(between(0.5, 1000)),
+        control_rate=draw(between(0.01, 1000)),
         motor=draw(
             st.builds(
                 Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24)

@@ -61,7 +61,32 @@ def test_a_short_map_is_enough():
         (
             "[[ends]]",
             "[frame]\nalong = 3\n[[ends]]",
-            "frame.along: write text, in quotes, or write a list, in brackets (got 3",
+            "frame.along: 3 is no direction; write x, y, z, -x, -y or -z, in quotes",
+        ),
+        (
+            "[[ends]]",
+            '[frame]\nx = "down"\n[[ends]]',
+            "x, y and z are the first, second and third column of `position`",
+        ),
+        (
+            "[[ends]]",
+            "[frame]\nalong = [0, 0, 0]\n[[ends]]",
+            "frame.along: [0, 0, 0] is no direction",
+        ),
+        (
+            "[[ends]]",
+            "[frame]\nalong = [0, 1]\n[[ends]]",
+            "frame.along: [0, 1] is no direction",
+        ),
+        (
+            'unit = "mm"\n[[ends]]',
+            'unit = "mm"\n[[ends]]\nalong = "up"',
+            "ends.0.along: 'up' is no direction",
+        ),
+        (
+            "[rows]",
+            '[rows]\noutliers = "hide"',
+            "rows.outliers: write 'exclude' or 'keep'",
         ),
         ("[[ends]]", "[frame]\nstr = 3\n[[ends]]", "frame.str: no such key"),
         ("[rows]", "[rows", "not valid TOML"),
@@ -88,6 +113,17 @@ def test_the_documented_map_fits_the_documented_log():
     assert map_from_toml(text).number_columns <= set(log.splitlines()[0].split(";"))
 
 
+@pytest.mark.parametrize("along", ['"-y"', '"+x"', "[0, 0, 1]", "[0.0, -0.6, 0.8]"])
+def test_directions_are_signed_axes_or_vectors(along):
+    log_map = map_from_toml(f"{VALID}along = {along}\n[frame]\nalong = {along}\n")
+    assert log_map.frame.along == log_map.ends[0].along
+
+
+def test_a_slow_log_is_allowed():
+    slow = map_from_toml(VALID.replace("control_rate = 10", "control_rate = 0.01"))
+    assert slow.arm.control_rate == 0.01
+
+
 def test_errors_are_plain_language():
     text = VALID.replace("modules = ", "modules = 'three' # ").replace(
         "control_rate = ", "control_rate = -"
@@ -96,5 +132,5 @@ def test_errors_are_plain_language():
         map_from_toml(text)
     message = str(caught.value)
     assert "arm.modules: write a whole number (got 'three')" in message
-    assert "arm.control_rate: write 0.5 or more" in message
+    assert "arm.control_rate: write 0.01 or more" in message
     assert "Input" not in message

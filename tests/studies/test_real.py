@@ -1,5 +1,6 @@
 """Forward models on recordings: held-out samples are hidden, every model predicts."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from s2c2a.studies.real import (
     real_rows,
     split_blocks,
     split_end,
+    split_largest,
     split_rows,
 )
 
@@ -49,6 +51,46 @@ def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
 def test_more_last_rows_than_the_episode_has_are_rejected(recording):
     with pytest.raises(RecordingError, match="600"):
         split_end(recording, 600)
+
+
+def test_the_last_rows_of_every_episode_are_held_out(recording):
+    episode = recording.episodes[0]
+    columns = {name: column[:50] for name, column in episode.columns.items()}
+    several = replace(
+        recording, episodes=(episode, Episode(recording.arm, columns), episode)
+    )
+    held_out = split_end(several, 20).held_out
+    np.testing.assert_array_equal(held_out.sum(axis=1), [20, 20, 20])
+    assert held_out[1, 30:50].all()
+    with pytest.raises(RecordingError, match="episode 2 has 50 rows; give 1 to 49"):
+        split_end(several, 50)
+
+
+def test_the_largest_pulls_are_held_out_as_stretches(recording):
+    split = split_largest(recording, 0.15)
+    assert split.name == "largest 15 %"
+    held_out = split.held_out[0]
+    cables = recording.episodes[0].sensor("cables").reshape(600, -1)
+    pulls = np.linalg.norm(cables, axis=1)
+    assert 0.05 < held_out.mean() <= 0.15
+    assert held_out[np.argmax(pulls)]
+    # a stretch ends at 0.9 of the threshold that it reaches
+    assert pulls[held_out].min() > 0.85 * np.quantile(pulls, 0.85)
+    assert np.abs(np.diff(held_out.astype(int))).sum() < 30
+
+
+@pytest.mark.parametrize("share", [-0.1, 0.6, float("nan")])
+def test_a_share_out_of_range_is_rejected(recording, share):
+    with pytest.raises(RecordingError, match=r"above 0 and at most 0\.5"):
+        split_largest(recording, share)
+
+
+def test_equal_pulls_cannot_be_split(recording):
+    episode = recording.episodes[0]
+    columns = {**episode.columns, "sensor.cables": np.ones((600, 1, 3))}
+    constant = replace(recording, episodes=(Episode(recording.arm, columns),))
+    with pytest.raises(RecordingError, match="give a larger share"):
+        split_largest(constant, 0.15)
 
 
 @pytest.mark.parametrize("name", ["kernels", "kernels with plays", "pcc-fitted"])

@@ -248,7 +248,7 @@ class ArmSpec(Frozen):
             "0] none"
         ),
     )
-    control_rate: Number = between(0.5, 1000, "Hz", "control steps a second", 10.0)
+    control_rate: Number = between(0.01, 1000, "Hz", "control steps a second", 10.0)
     step_limit_deg: Number = between(
         0.01,
         90,

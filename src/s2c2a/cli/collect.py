@@ -101,7 +101,7 @@ def collect(
 
 
 def _print_summary(recording, out: Path) -> None:
-    from s2c2a import evaluation, viz
+    from s2c2a import data, evaluation, viz
 
     sensors = ", ".join(recording.sensors)
     text = f"{recording.time.size} samples of {sensors}: {out}"
@@ -111,6 +111,8 @@ def _print_summary(recording, out: Path) -> None:
         text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
         if lost := evaluation.describe_lost_states(states):
             text += f"; {lost}"
+        if excluded := data.describe_excluded(recording):
+            text += f"; {excluded}"
     else:
         text += "; without true states (tracking), no networks can be trained from it"
     print(text)

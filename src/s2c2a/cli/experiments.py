@@ -327,6 +327,7 @@ def real(
     unseen: tuple[Path, ...] = (),
     block: int = 25,
     last: int = 0,
+    largest: float = 0.0,
     models: tuple[str, ...] = (),
     seeds: int = 1,
     folder: Folder = NEW_FOLDER,
@@ -341,19 +342,23 @@ def real(
         unseen: other recordings of the same arm, used for testing only.
         block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
             none if zero.
-        last: hold out so many last rows, in a separate training; none if zero.
+        last: hold out so many last rows of every episode, in a separate training; none
+            if zero.
+        largest: hold out this share of the rows, those with the largest pulls, in a
+            separate training, such as 0.15; none if zero.
         models: names of models; all by default.
         seeds: number of training seeds, from zero.
         folder: run directory.
     """
     from s2c2a.studies.real import EXPERIMENT, RealComparison, real_rows
 
-    study = RealComparison.of(recording, unseen, block, last, models)
+    study = RealComparison.of(recording, unseen, block, last, models, largest)
     options = {
         "recording": str(recording),
         "unseen": [str(path) for path in unseen],
         "block": block,
         "last": last,
+        "largest": largest,
         "models": models,
         "seeds": seeds,
     }

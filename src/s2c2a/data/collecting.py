@@ -15,6 +15,7 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions, fastest
+from s2c2a.data.outliers import MeasuredEnds, find_outliers
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
@@ -23,12 +24,13 @@ from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime import CommandLimits, Loop, StepRecord, StepRequest, build_episode
-from s2c2a.spaces import Actions, Reading, Stage
+from s2c2a.spaces import AXIS, POSITION, Actions, Reading, Stage
 
 MAX_EPISODES = 100_000
 MAX_SAMPLES = 100_000
 MAX_SEED = 2**63
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
+EXCLUDED = "excluded_poses"  # option of an episode
 STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
 MakeRobot = Callable[[int], Robot]
 
@@ -240,7 +242,49 @@ def _run_episode(
     columns = _without_gaps(episode, player.sensors)
     # without computing times, the file is identical on any machine
     columns.pop("tick_time", None)
-    return replace(episode, columns=columns)
+    metadata = dict(episode.options)
+    if not robot.own_time:
+        metadata[EXCLUDED] = _exclude_outliers(columns)
+    return replace(episode, columns=columns, options=metadata)
+
+
+def _exclude_outliers(columns: dict[str, np.ndarray]) -> int:
+    """Replace measured states that cannot be true by NaN, and count them.
+
+    A tracker's check of single frames (`tracking.plausibility`) allows any shape that
+    the arm can have; here the states of an episode must also fit its cables.
+    """
+    states = columns.get(SENSOR + "states")
+    if states is None:
+        return 0
+    cables = columns.get(SENSOR + "cables", columns["actions"])
+    rows = len(states)
+    ends = MeasuredEnds(
+        cables.reshape(rows, -1),
+        states[..., POSITION],
+        states[..., AXIS],
+        np.zeros(rows, int),
+    )
+    outliers = find_outliers(ends)
+    # so many are no marker jumps: motors or cables are at fault, and `train` shows it
+    if outliers.is_excessive:
+        return 0
+    columns[SENSOR + "states"] = np.where(outliers.all[..., None], np.nan, states)
+    return outliers.count
+
+
+def describe_excluded(recording: Recording) -> str:
+    """Say how many measured poses were excluded; empty if none."""
+    counts = [episode.options.get(EXCLUDED, 0) for episode in recording.episodes]
+    total = sum(counts)
+    if not total:
+        return ""
+    first = next(number for number, count in enumerate(counts, 1) if count)
+    poses = recording.sensor("states")[..., 0].size
+    return (
+        f"excluded {total} of {poses} poses that the cables do not explain, such as "
+        f"marker jumps, the first in episode {first} (docs/real-data.md)"
+    )
 
 
 def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:

@@ -5,12 +5,14 @@ The pipeline (`pipeline.import_logs`):
 1. `tables` (with `array_files`) reads CSV, NPZ, and MAT files as named columns.
 2. `log_map` validates the map, which describes columns, units, and the frame.
 3. `session` converts the columns to SI units, in the frame of the log.
+   `cleaning` excludes poses that cannot be true.
 4. `resampling` splits sessions into segments without gaps, at the control rate.
 5. `registration` estimates the base frame and the module lengths.
 6. `cable_search` finds modules, signs, and coupling of the cables; `assignment` ranks
    candidates, and `model_fit` fits the model in `cable_model` to compare them.
 7. `arm_file` writes the identified arm with the uncertainty of each number.
 8. `rig` converts the segments to episodes; another session reuses it.
+   `session_change` tells a moved camera from a payload.
 9. `summary` describes the result.
 """
 

@@ -1,9 +1,16 @@
 """The map of a log: a TOML file that describes its columns, units, and frame."""
 
 import os
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from s2c2a.arm.spec import MAX_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
@@ -16,7 +23,35 @@ HEADING = "{count} error(s) in the map (drives, ends, and modules count from 0)"
 MAX_CABLES = 8 * MAX_MODULES
 Column = Annotated[str, Field(min_length=1, max_length=200)]
 Vector = tuple[Number, Number, Number]
-SignedAxis = Annotated[str, Field(pattern=r"^[+-]?[xyz]$")]
+SIGNED_AXES = {f"{sign}{axis}" for sign in ("", "+", "-") for axis in "xyz"}
+
+
+def _direction(axes: str) -> BeforeValidator:
+    """Validator of a signed axis or a vector; `axes` says what x, y and z mean."""
+
+    def check(value: Any) -> Any:
+        if value is None or (isinstance(value, str) and value in SIGNED_AXES):
+            return value
+        if isinstance(value, list | tuple) and len(value) == 3:
+            is_number = [type(part) in (int, float) for part in value]
+            if all(is_number) and any(value):
+                return value
+        raise ValueError(
+            f"{value!r:.100} is no direction; write x, y, z, -x, -y or -z, in quotes, "
+            f"or a vector of three numbers in brackets; {axes}"
+        )
+
+    return BeforeValidator(check)
+
+
+LogDirection = Annotated[
+    str | Vector,
+    _direction("x, y and z are the first, second and third column of `position`"),
+]
+BodyDirection = Annotated[
+    str | Vector,
+    _direction("x, y and z are the axes of the tracked frame"),
+]
 ModuleIndex = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
@@ -90,6 +125,11 @@ class Rows(Frozen):
     )
     broken_rows: Literal["refuse", "gap"] = Field(
         default="refuse", description="whether an unreadable row is an error or a gap"
+    )
+    outliers: Literal["exclude", "keep"] = Field(
+        default="exclude",
+        description="whether poses that cannot be true, such as marker jumps, become "
+        "unknown",
     )
 
     @property
@@ -213,7 +253,7 @@ class End(Frozen):
     euler_unit: Literal["deg", "rad"] = Field(
         default="deg", description="unit of the Euler angles"
     )
-    along: str | Vector = Field(
+    along: BodyDirection = Field(
         default="z",
         description="direction along the arm in the tracked frame: "
         '"z", "-y", or a vector',
@@ -243,12 +283,12 @@ class End(Frozen):
 class Frame(Frozen):
     """Frame in which positions are measured."""
 
-    along: SignedAxis | Vector | None = Field(
+    along: LogDirection | None = Field(
         default=None,
         description="direction from the base to the tip of the straight arm: "
-        '"z", "-y", or a vector; estimated by default',
+        '"z", "-y", or a vector, in the order of `position`; estimated by default',
     )
-    x: SignedAxis | Vector | None = Field(
+    x: LogDirection | None = Field(
         default=None,
         description="direction of the x axis of the base frame; an axis across the "
         "arm by default",
@@ -264,7 +304,7 @@ class KnownArm(Frozen):
     name: str = Field(pattern=NAME, description="name of the arm")
     description: str = Field("", description="description in one line")
     modules: int = Field(ge=1, le=MAX_MODULES, description="number of modules")
-    control_rate: Number = Field(ge=0.5, le=1000, description="control rate [Hz]")
+    control_rate: Number = Field(ge=0.01, le=1000, description="control rate [Hz]")
     length: Number | None = Field(
         None,
         ge=0.005,

@@ -16,6 +16,7 @@ from s2c2a.files import write_atomically
 from s2c2a.logs.arm_file import Layout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import Parameters, tilt_rotation
 from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
+from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
@@ -29,7 +30,8 @@ from s2c2a.logs.rig import (
     find_similar_rows,
     transform_states,
 )
-from s2c2a.logs.session import Session, build_session
+from s2c2a.logs.session import Session, build_session, effective_drives
+from s2c2a.logs.session_change import SessionChange, find_change
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.spaces import POSITION
 
@@ -46,11 +48,13 @@ class Segments:
         sessions: one session for each segment.
         rows: number of rows that were read.
         broken_rows: number of unreadable rows among them.
+        excluded: poses that are excluded.
     """
 
     sessions: list[Session]
     rows: int
     broken_rows: int
+    excluded: Excluded
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,7 @@ class Imported:
         ambiguities: what the log does not determine.
         broken_rows: number of unreadable rows.
         rows: number of rows that were read.
+        excluded: poses that are excluded.
     """
 
     arm: ArmSpec
@@ -84,6 +89,7 @@ class Imported:
     ambiguities: tuple[str, ...]
     broken_rows: int
     rows: int
+    excluded: Excluded
 
 
 def import_logs(
@@ -140,6 +146,7 @@ def import_logs(
         tuple(ambiguities),
         segments.broken_rows,
         segments.rows,
+        segments.excluded,
     )
 
 
@@ -151,17 +158,21 @@ class ImportedSession:
         episodes: episodes, base frame.
         rig: rig of the first session.
         similar: rows whose cables are most similar to those of the first session.
+        change: what explains the difference from the first session.
         at_rest: whether every row is a pose at rest.
         broken_rows: number of unreadable rows.
         rows: number of rows that were read.
+        excluded: poses that are excluded.
     """
 
     episodes: tuple[Episode, ...]
     rig: Rig
     similar: SimilarRows
+    change: SessionChange
     at_rest: bool
     broken_rows: int
     rows: int
+    excluded: Excluded
 
 
 def import_session(
@@ -183,23 +194,28 @@ def import_session(
     states = _measured_states(segments.sessions, log_map)
     episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
     _check_reach(episodes, first.arm)
+    cables, positions = _cables_and_ends(episodes)
+    first_cables, first_positions = _cables_and_ends(first.episodes)
     similar = find_similar_rows(
-        *_cables_and_tips(episodes), *_cables_and_tips(first.episodes)
+        cables, positions[:, -1], first_cables, first_positions[:, -1]
     )
+    change = find_change(cables, positions, first_cables, first_positions, first.arm)
     return ImportedSession(
         episodes,
         rig,
         similar,
+        change,
         _is_at_rest(log_map),
         segments.broken_rows,
         segments.rows,
+        segments.excluded,
     )
 
 
-def _cables_and_tips(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:
+def _cables_and_ends(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:
     cables = np.concatenate([episode.sensor("cables") for episode in episodes])
     states = np.concatenate([episode.sensor("states") for episode in episodes])
-    return cables, states[:, -1, POSITION]
+    return cables, states[..., POSITION]
 
 
 def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
@@ -249,8 +265,8 @@ def arm_file_of(path: str | os.PathLike) -> Path:
 
 
 def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segments:
-    """Read sessions and split them into segments."""
-    sessions = _read_sessions(paths, log_map)
+    """Read sessions, exclude outliers, and split the sessions into segments."""
+    sessions, excluded = exclude_outliers(_read_sessions(paths, log_map), log_map)
     period = 1 / log_map.arm.control_rate
     segments = []
     for session in sessions:
@@ -262,7 +278,7 @@ def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segme
         )
     rows = sum(len(session) for session in sessions)
     broken_rows = sum(session.broken_rows for session in sessions)
-    return Segments(segments, rows, broken_rows)
+    return Segments(segments, rows, broken_rows, excluded)
 
 
 def _read_sessions(
@@ -291,7 +307,9 @@ def _register(segments: Sequence[Session], log_map: LogMap) -> Registration:
     """Estimate the base frame, and check the drives against the arm's length."""
     positions = np.concatenate([segment.positions for segment in segments])
     registration = estimate_registration(positions, log_map)
-    columns = np.concatenate([_effective(segment, log_map) for segment in segments])
+    columns = np.concatenate(
+        [effective_drives(segment, log_map) for segment in segments]
+    )
     _check_travel(columns, float(registration.lengths.sum()), log_map)
     return registration
 
@@ -313,7 +331,7 @@ def _observe(
     segments: Sequence[Session], registration: Registration, log_map: LogMap
 ) -> Observations:
     return Observations(
-        np.concatenate([_effective(segment, log_map) for segment in segments]),
+        np.concatenate([effective_drives(segment, log_map) for segment in segments]),
         _measured_states(segments, log_map),
         registration.axes,
         log_map.actuation == "tension",
@@ -335,14 +353,6 @@ def _measured_states(
     states = np.full((len(ends), log_map.arm.modules, 6), np.nan)
     states[:, log_map.end_modules] = ends
     return states
-
-
-def _effective(segment: Session, log_map: LogMap) -> Float[np.ndarray, "rows drives"]:
-    """Values of the drives while each row was measured."""
-    commands = segment.commands
-    if not log_map.rows.settled:
-        commands = np.concatenate([commands[:1], commands[:-1]])
-    return np.where(np.isfinite(segment.measured), segment.measured, commands)
 
 
 def _prior_std(log_map: LogMap) -> dict[str, float]:
@@ -422,7 +432,7 @@ def _build_episode(
     columns = {
         "time": segment.time - segment.time[0],
         "actions": rig.cables(sent),
-        "sensor.cables": rig.cables(_effective(segment, log_map)),
+        "sensor.cables": rig.cables(effective_drives(segment, log_map)),
         "sensor.states": states,
     }
     label = str(segment.labels[0])

@@ -156,6 +156,16 @@ def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:
     return np.stack(values, axis=1)
 
 
+def effective_drives(
+    session: Session, log_map: LogMap
+) -> Float[np.ndarray, "rows drives"]:
+    """Values of the drives while each row was measured."""
+    commands = session.commands
+    if not log_map.rows.settled:
+        commands = np.concatenate([commands[:1], commands[:-1]])
+    return np.where(np.isfinite(session.measured), session.measured, commands)
+
+
 def drive_scale(drive: Drive, log_map: LogMap) -> float:
     """Meters or newtons per unit of a drive's columns; 1 for free units."""
     if drive.unit not in ROTATING_UNITS:

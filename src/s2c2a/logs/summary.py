@@ -7,6 +7,7 @@ import numpy as np
 from s2c2a.episodes import Episode
 from s2c2a.logs.pipeline import Imported, ImportedSession
 from s2c2a.logs.rig import SimilarRows
+from s2c2a.logs.session_change import describe_change
 
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
@@ -47,6 +48,7 @@ def session_summary(session: ImportedSession) -> list[str]:
         *_describe_episodes(session),
         "frame and cables: as in the first recording",
         _describe_offset(session.similar, session.episodes[0].arm.actuation),
+        *([describe_change(session.change)] if session.change.rows else []),
     ]
 
 
@@ -68,8 +70,7 @@ def _describe_offset(similar: SimilarRows, actuation: str) -> str:
     return (
         f"offset of the tip: in the {count} steps with the most similar cables, within "
         f"{cables:.2g} {unit} (median), the tip is {distance:.1f} mm from where it was "
-        f"then (median; {offset} mm in the base frame); if that exceeds the hysteresis "
-        "of the cables, a camera or motor has moved: import this session without --like"
+        f"then (median; {offset} mm in the base frame), with vibration and hysteresis"
     )
 
 
@@ -83,11 +84,14 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
     broken = ""
     if imported.broken_rows:
         broken = f"; {imported.broken_rows} unreadable rows are gaps"
-    return [
+    lines = [
         f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
         f"{imported.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
+    if imported.excluded.count:
+        lines.append(str(imported.excluded))
+    return lines
 
 
 def _describe_ends(episodes: Iterable[Episode]) -> str:

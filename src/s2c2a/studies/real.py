@@ -1,10 +1,12 @@
 """Forward models compared on recordings of real arms, with held-out data.
 
-Held-out samples are whole blocks, the end of a recording, or other recordings. The
+Held-out samples are whole blocks, the ends of episodes, those with the largest pulls, or
+other recordings. The
 hysteresis state follows the whole recording, as on the arm; the true states of held-out
 samples are hidden from training.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,10 +15,12 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
+from scipy.ndimage import label
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
+from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
@@ -27,6 +31,8 @@ from s2c2a.training import FitOptions, TrainingData
 
 EXPERIMENT = "real"
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
+STRETCH_END = 0.9  # of the threshold of a stretch of large pulls
+MAX_LARGEST = 0.5  # share of the rows with the largest pulls
 BEST = recipe_named("best")
 PAPER = recipe_named("paper")
 MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
@@ -82,24 +88,81 @@ def split_blocks(recording: Recording, size: int) -> Split:
 
 
 def split_end(recording: Recording, count: int) -> Split:
-    """Hold out the last samples of the last episode.
+    """Hold out the last samples of every episode.
 
     Args:
         recording: to split.
-        count: number of samples.
+        count: number of samples of an episode.
 
     Raises:
-        RecordingError: the last episode has too few samples.
+        RecordingError: an episode has too few samples.
     """
-    length = recording.lengths[-1]
-    if not 0 < count < length:
+    shortest = min(recording.lengths)
+    if not 0 < count < shortest:
+        number = list(recording.lengths).index(shortest) + 1
         raise RecordingError(
-            f"cannot hold out the last {count} rows: the last episode has {length} "
-            f"rows; give 1 to {length - 1}"
+            f"cannot hold out the last {count} rows of every episode: episode {number} "
+            f"has {shortest} rows; give 1 to {shortest - 1}"
         )
     held_out = _no_samples(recording)
-    held_out[-1, length - count : length] = True
+    for row, length in zip(held_out, recording.lengths, strict=True):
+        row[length - count : length] = True
     return Split(f"last {count}", held_out)
+
+
+def split_largest(recording: Recording, share: float) -> Split:
+    """Hold out the samples with the largest pulls, as whole stretches.
+
+    A pull is the norm of the displacements from rest [m], or tensions [N], of all
+    cables. A stretch reaches a threshold and ends where the pull falls below
+    `STRETCH_END` of it. Of all thresholds, the lowest is used whose stretches have at
+    most this share of the samples.
+
+    Args:
+        recording: to split.
+        share: largest share of the samples, above 0 and at most 0.5.
+
+    Raises:
+        RecordingError: the share is out of range, or no stretch is short enough.
+    """
+    if not 0 < share <= MAX_LARGEST:
+        raise RecordingError(
+            f"cannot hold out a share of {share:g} with the largest pulls; give a share "
+            f"above 0 and at most {MAX_LARGEST:g}, such as 0.15"
+        )
+    pulls = [_pulls(episode) for episode in recording.episodes]
+    limit = share * sum(recording.lengths)
+    thresholds = np.unique(np.concatenate(pulls))
+
+    def is_too_many(threshold: float) -> bool:
+        return sum(int(_large(one, threshold).sum()) for one in pulls) > limit
+
+    # a higher threshold holds out fewer samples
+    first = bisect_left(thresholds, True, key=lambda one: not is_too_many(one))
+    if first == len(thresholds):
+        raise RecordingError(
+            f"no stretch of the largest pulls has at most {100 * share:g} % of the rows; "
+            "give a larger share, or hold out blocks (--block)"
+        )
+    held_out = _no_samples(recording)
+    for row, one in zip(held_out, pulls, strict=True):
+        row[: len(one)] = _large(one, thresholds[first])
+    return Split(f"largest {100 * share:g} %", held_out)
+
+
+def _pulls(episode: Episode) -> Float[np.ndarray, " samples"]:
+    """Norm of the displacements or tensions of all cables."""
+    measured = "cables" in episode.sensors
+    cables = episode.sensor("cables") if measured else episode["actions"]
+    return np.linalg.norm(cables.reshape(len(cables), -1), axis=1)
+
+
+def _large(
+    pulls: Float[np.ndarray, " samples"], threshold: float
+) -> Bool[np.ndarray, " samples"]:
+    """Stretches that reach a threshold."""
+    stretches, _ = label(pulls >= STRETCH_END * threshold)
+    return np.isin(stretches, np.unique(stretches[pulls >= threshold]))
 
 
 class RealComparison(NamedTuple):
@@ -125,6 +188,7 @@ class RealComparison(NamedTuple):
         block: int,
         last: int,
         models: Sequence[str],
+        largest: float = 0.0,
     ) -> "RealComparison":
         """Load a comparison from files.
 
@@ -132,8 +196,9 @@ class RealComparison(NamedTuple):
             recording: to train on.
             unseen: other recordings.
             block: samples of a block; 0 for no held-out blocks.
-            last: held-out samples at the end; 0 for none.
+            last: held-out samples at the end of every episode; 0 for none.
             models: names of `MODELS`; all if empty.
+            largest: held-out share of the samples with the largest pulls; 0 for none.
 
         Raises:
             RecordingError: a file is no recording, is of another arm, or is too short;
@@ -158,11 +223,13 @@ class RealComparison(NamedTuple):
             splits.append(split_blocks(whole, block))
         if last:
             splits.append(split_end(whole, last))
+        if largest:
+            splits.append(split_largest(whole, largest))
         if not splits:
             if not others:
                 raise RecordingError(
-                    f"--block {block} and --last {last} hold nothing out; give a "
-                    "positive number, or --unseen RECORDING"
+                    f"--block {block}, --last {last} and --largest {largest:g} hold "
+                    "nothing out; give a positive number, or --unseen RECORDING"
                 )
             splits.append(Split("nothing", _no_samples(whole)))
         return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))

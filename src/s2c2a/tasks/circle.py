@@ -120,7 +120,7 @@ def approach_path(end: Float[np.ndarray, "3"], control_rate: float) -> Path:
     The arc ends near the height of the point; the difference is distributed over the
     approach.
     """
-    steps = round(APPROACH_TIME * control_rate)
+    steps = max(1, round(APPROACH_TIME * control_rate))
     shares = np.arange(1, steps + 1) / steps
     lateral = np.asarray(end[:2])
     distance = np.linalg.norm(lateral)
@@ -132,8 +132,8 @@ def approach_path(end: Float[np.ndarray, "3"], control_rate: float) -> Path:
 
 def _approach_and_turn(control_rate: float) -> tuple[Steps, Steps]:
     """Share of the approach and azimuth of the turn [rad], after every step."""
-    approach = round(APPROACH_TIME * control_rate)
-    turn = round(ROUND_TIME * control_rate)
+    approach = max(1, round(APPROACH_TIME * control_rate))
+    turn = max(1, round(ROUND_TIME * control_rate))
     shares = np.concatenate([np.arange(1, approach + 1) / approach, np.ones(turn)])
     angles = 2 * np.pi * np.arange(1, turn + 1) / turn
     return shares, np.concatenate([np.zeros(approach), angles])

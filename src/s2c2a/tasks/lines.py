@@ -116,7 +116,7 @@ def still(point, time: float, control_rate: float) -> Path:
 
 
 def _hand_path(rate: float) -> np.ndarray:
-    time = np.arange(1, round(WANDER_TIME * rate) + 1) / rate
+    time = np.arange(1, max(1, round(WANDER_TIME * rate)) + 1) / rate
     wander = _wander(time)
     start = _wander(np.zeros(1))[0]
     rest = np.array([0.0, 0.0, PAPER_LENGTH])

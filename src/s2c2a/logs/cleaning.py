@@ -1,0 +1,139 @@
+"""Exclusion of poses that cannot be true, before anything is identified from a log."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2c2a.data.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.session import Session, effective_drives
+
+SHOWN = 3  # rows that the summary names
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """Poses that are excluded from logs.
+
+    Attributes:
+        count: number of excluded poses; a pose is one end in one row.
+        measured: number of measured poses.
+        kinds: number of poses of each kind, in words.
+        rows: the first rows with an excluded pose, in words; they count from 0 below
+            the header.
+    """
+
+    count: int = 0
+    measured: int = 0
+    kinds: str = ""
+    rows: str = ""
+
+    def __str__(self) -> str:
+        """One sentence; empty if nothing is excluded."""
+        if not self.count:
+            return ""
+        return (
+            f"excluded {self.count} of {self.measured} poses: {self.kinds}; "
+            f"first rows {self.rows} (docs/real-data.md)"
+        )
+
+
+def exclude_outliers(
+    sessions: Sequence[Session], log_map: LogMap
+) -> tuple[list[Session], Excluded]:
+    """Replace poses that cannot be true by NaN; the drives stay.
+
+    Args:
+        sessions: rows of all logs, as they were recorded.
+        log_map: the map.
+
+    Raises:
+        LogError: more than `MAX_SHARE` of the poses of an end cannot be true.
+    """
+    if log_map.rows.outliers == "keep":
+        return list(sessions), Excluded()
+    order = np.argsort(log_map.end_modules)
+    found = find_outliers(
+        _measured_ends(sessions, log_map, order), _reaches(log_map, order)
+    )
+    excluded = Excluded(
+        found.count,
+        int(found.measured.sum()),
+        found.kinds,
+        _describe_rows(found, sessions, log_map),
+    )
+    if found.is_excessive:
+        raise LogError(_describe_excess(found, excluded, log_map, order))
+    is_excluded = np.empty_like(found.all)
+    is_excluded[:, order] = found.all
+    borders = np.cumsum([len(session) for session in sessions])[:-1]
+    parts = np.split(is_excluded, borders)
+    pairs = zip(sessions, parts, strict=True)
+    return [_without(session, part) for session, part in pairs], excluded
+
+
+def _measured_ends(
+    sessions: Sequence[Session], log_map: LogMap, order: np.ndarray
+) -> MeasuredEnds:
+    lengths = [len(session) for session in sessions]
+    drives = [effective_drives(session, log_map) for session in sessions]
+    positions = [session.positions[:, order] for session in sessions]
+    axes = [session.axes[:, order] for session in sessions]
+    return MeasuredEnds(
+        np.concatenate(drives),
+        np.concatenate(positions),
+        np.concatenate(axes),
+        np.repeat(np.arange(len(sessions)), lengths),
+    )
+
+
+def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
+    """Length of the arm between each end and the one before it [m], if it is stated."""
+    ends = np.array(log_map.end_modules)[order]
+    lengths = log_map.arm.lengths
+    if lengths is None and log_map.arm.modules == 1 and log_map.arm.length:
+        lengths = (log_map.arm.length,)
+    if lengths is None:
+        return [None] * len(ends)
+    heights = np.cumsum(lengths)[ends]
+    return [None, *np.diff(heights)]
+
+
+def _without(session: Session, is_excluded: np.ndarray) -> Session:
+    masked = is_excluded[..., None]
+    return replace(
+        session,
+        positions=np.where(masked, np.nan, session.positions),
+        axes=np.where(masked, np.nan, session.axes),
+    )
+
+
+def _describe_rows(
+    found: Outliers, sessions: Sequence[Session], log_map: LogMap
+) -> str:
+    """The first rows with an outlier, with the number of their log if there are more."""
+    rows = np.flatnonzero(found.all.any(axis=1))[:SHOWN]
+    starts = np.cumsum([0, *(len(session) for session in sessions)])
+    logs = np.searchsorted(starts, rows, side="right") - 1
+    numbers = rows - starts[logs] + log_map.rows.first_row
+    if len(sessions) == 1:
+        return ", ".join(str(number) for number in numbers)
+    pairs = zip(numbers, logs, strict=True)
+    return ", ".join(f"{number} of log {log + 1}" for number, log in pairs)
+
+
+def _describe_excess(
+    found: Outliers, excluded: Excluded, log_map: LogMap, order: np.ndarray
+) -> str:
+    shares = found.all.sum(axis=0) / np.maximum(found.measured.sum(axis=0), 1)
+    worst = int(np.argmax(shares))
+    module = np.array(log_map.end_modules)[order][worst]
+    return (
+        f"{100 * shares[worst]:.0f} % of the poses of the end of module {module} cannot "
+        f"be true ({excluded.kinds}; first rows {excluded.rows}), and at most "
+        f"{100 * MAX_SHARE:.0f} % are excluded; check the columns and units of the "
+        'ends, and the tracking of these rows, or set outliers = "keep" in [rows] to '
+        "import them as they are"
+    )
