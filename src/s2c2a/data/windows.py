@@ -21,6 +21,11 @@ class Samples:
     inputs: dict[str, np.ndarray]
     targets: np.ndarray
 
+    def rows(self, rows: Bool[np.ndarray, " samples"]) -> "Samples":
+        """Some of the samples."""
+        inputs = {name: values[rows] for name, values in self.inputs.items()}
+        return Samples(inputs, self.targets[rows])
+
 
 @dataclass(frozen=True)
 class Split:
@@ -78,6 +83,7 @@ def forward_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     states: Float[np.ndarray, "episodes samples modules 6"],
     lengths: Lengths = None,
+    hidden: Bool[np.ndarray, "episodes samples"] | None = None,
 ) -> Split:
     """Samples for C2S: sensed configuration in, true state at the same time out.
 
@@ -87,8 +93,11 @@ def forward_samples(
         configurations: sensed configurations.
         states: true states; NaN: unknown.
         lengths: number of samples of each episode, if they differ; the rest is padding.
+        hidden: samples that are kept, with unknown states.
     """
     rows = _known_rows(states, lengths)
+    if hidden is not None:
+        states = np.where(hidden[..., None, None], np.nan, states)
 
     def select(values: np.ndarray, part: list[Stretch]) -> np.ndarray:
         parts = [values[episode, rows[episode][span]] for episode, span in part]
@@ -104,7 +113,7 @@ def forward_samples(
 def validation_samples(
     states: Float[np.ndarray, "episodes samples modules 6"], lengths: Lengths = None
 ) -> Bool[np.ndarray, "episodes samples"]:
-    """Which samples `forward_samples` validates with."""
+    """Mask of the samples that `forward_samples` validates with."""
     rows = _known_rows(states, lengths)
     mask = np.zeros(states.shape[:2], bool)
     validation = stretches([len(indices) for indices in rows])[1]

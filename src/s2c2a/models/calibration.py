@@ -8,7 +8,7 @@ samples would not show this: their neighbors in time are in the training data.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -85,11 +85,9 @@ def bend_speeds(
     return np.sqrt(np.mean(np.sum(changes**2, axis=-1), axis=-1))
 
 
-def hidden(data: TrainingData, groups: Mapping[str, Mask]) -> TrainingData:
-    """The data without the true states of these groups."""
-    states = np.array(data.states)
-    states[np.any(list(groups.values()), axis=0)] = np.nan
-    return replace(data, states=states)
+def union(groups: Mapping[str, Mask]) -> Mask:
+    """Samples of any group."""
+    return np.any(list(groups.values()), axis=0)
 
 
 def calibrated(

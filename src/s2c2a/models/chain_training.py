@@ -107,8 +107,9 @@ class ChainOptions(ForwardOptions):
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
         samples = hysteresis_samples(model, data).training
-        if np.isfinite(samples.targets).all():
-            model = _with_fitted_hysteresis(model, samples)
+        known = samples.rows(np.isfinite(samples.targets).any(axis=(1, 2)))
+        if np.isfinite(known.targets).all():
+            model = _with_fitted_hysteresis(model, known)
         return _train(model, data, fit, fit_key, progress)
 
     def resume_training(  # type: ignore[override]
@@ -303,7 +304,8 @@ def _inputs_along(
 
 def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:
     """`forward_samples` with inputs of the hysteresis in place of configurations."""
-    return forward_samples(hysteresis_inputs(model, data), data.states, data.lengths)
+    inputs = hysteresis_inputs(model, data)
+    return forward_samples(inputs, data.states, data.lengths, data.hidden)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

@@ -441,7 +441,7 @@ class LocalOptions(ChainOptions):
     ) -> Trained[LocalC2S]:
         """The model with errors of another one that does not see parts of the data."""
         groups = calibration.held_out_groups(data)
-        seen = calibration.hidden(data, groups)
+        seen = replace(data, hidden=calibration.union(groups))
         epochs = max(1, round(CALIBRATION_EPOCHS * fit.max_epochs))
         short = replace(fit, max_epochs=epochs, patience=epochs)
         chain = self._chain_options(data).train(seen, short, key)
@@ -477,8 +477,8 @@ class LocalOptions(ChainOptions):
         extrapolation = np.asarray(probe.uncertainty.extrapolation(places))
         differences = self.predictions(probe, data) - data.states
         distances = np.linalg.norm(differences[..., :3], axis=-1)
-        seen = calibration.hidden(data, groups)
-        inside = validation_samples(seen.states, seen.lengths)
+        inside = validation_samples(data.states, data.lengths)
+        inside &= ~calibration.union(groups)
         return {
             name: calibration.Errors(distances[mask], speeds[mask], extrapolation[mask])
             for name, mask in {calibration.INSIDE: inside, **groups}.items()
@@ -567,7 +567,7 @@ class _Choice:
         training = self.split.training
         parts = [(self._model(fit, None), self.split.validation)]
         for region in self.regions:
-            parts.append((self._model(fit, ~region), _rows(training, region)))
+            parts.append((self._model(fit, ~region), training.rows(region)))
         return parts
 
     def _model(self, fit: KernelFit | None, used: np.ndarray | None) -> LocalC2S:
@@ -600,11 +600,6 @@ def _regions(
     for seed in seeds:
         measures.append(np.linalg.norm(places - places[seed], axis=-1))
     return [values <= np.quantile(values, REGION_SHARE) for values in measures]
-
-
-def _rows(samples: Samples, rows: Bool[np.ndarray, " samples"]) -> Samples:
-    inputs = {name: values[rows] for name, values in samples.inputs.items()}
-    return Samples(inputs, samples.targets[rows])
 
 
 def _features(

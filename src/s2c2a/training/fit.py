@@ -5,7 +5,7 @@ The type of a part determines whether it is trained and whether files keep it.
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import equinox as eqx
@@ -79,12 +79,21 @@ class FitResult(Generic[Model]):
 
 
 class _State(NamedTuple):
-    """State of the training between epochs."""
+    """State of the training between epochs.
+
+    Attributes:
+        weights: after the last epoch.
+        optimizer: its state.
+        best_weights: those of the best validation loss.
+        best_loss: that loss.
+        decay_steps: number of steps until the learning rate is zero.
+    """
 
     weights: Array
     optimizer: Array
     best_weights: Array
     best_loss: Float[Array, ""]
+    decay_steps: Float[Array, ""]
 
 
 def fit(
@@ -122,9 +131,15 @@ def fit(
             f"{options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
-    optimizer = _optimizer(options, samples)
-    run = compiled(_train_epochs, loss, rest, options)
-    state = _State(weights, optimizer.init(weights), weights, jnp.array(jnp.inf))
+    # an input of the program, so that trainings of any length share it
+    decay_steps = jnp.asarray(
+        float(options.max_epochs * (samples // options.batch_size))
+    )
+    optimizer = _optimizer(options, decay_steps)
+    run = compiled(_train_epochs, loss, rest, _of_any_length(options))
+    state = _State(
+        weights, optimizer.init(weights), weights, jnp.array(jnp.inf), decay_steps
+    )
     curve: list[np.ndarray] = []
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
@@ -143,11 +158,24 @@ def fit(
     return FitResult(eqx.combine(state.best_weights, rest), numbered)
 
 
-def _optimizer(options: FitOptions, samples: int) -> optax.GradientTransformation:
+def _of_any_length(options: FitOptions) -> FitOptions:
+    """The options that the program of an epoch depends on; the others are defaults."""
+    lengths = ("max_epochs", "patience", "epochs_per_call")
+    defaults = {name: getattr(FitOptions, name) for name in lengths}
+    return replace(options, **defaults)
+
+
+def _optimizer(
+    options: FitOptions, decay_steps: Float[Array, ""]
+) -> optax.GradientTransformation:
     if not options.decay:
         return optax.adam(options.learning_rate)
-    steps = options.max_epochs * (samples // options.batch_size)
-    return optax.adam(optax.cosine_decay_schedule(options.learning_rate, steps))
+
+    def rate(step: Array) -> Array:
+        progress = jnp.minimum(step / decay_steps, 1.0)
+        return options.learning_rate * (1.0 + jnp.cos(jnp.pi * progress)) / 2.0
+
+    return optax.adam(rate)
 
 
 def _train_epochs(
@@ -175,7 +203,7 @@ def _train_epochs(
     """
     samples = len(next(iter(training.values())))
     batches = samples // options.batch_size
-    optimizer = _optimizer(options, samples)
+    optimizer = _optimizer(options, state.decay_steps)
 
     def weights_loss(weights, batch, key):
         return loss(held(eqx.combine(weights, rest)), batch, key)
@@ -202,7 +230,12 @@ def _train_epochs(
             lambda new, old: jnp.where(better, new, old), weights, carry.best_weights
         )
         best_loss = jnp.minimum(validation_loss, carry.best_loss)
-        updated = _State(weights, optimizer_state, best, best_loss)
+        updated = carry._replace(
+            weights=weights,
+            optimizer=optimizer_state,
+            best_weights=best,
+            best_loss=best_loss,
+        )
         return updated, jnp.stack([losses.mean(), validation_loss])
 
     return jax.lax.scan(epoch, state, keys)

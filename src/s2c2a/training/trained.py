@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
@@ -34,6 +34,8 @@ class TrainingData:
         lengths: number of samples of each episode, if they differ; the rest is padding.
         displacements: displacements of the cables over their radius [rad], if cables
             also move together, which configurations do not contain.
+        hidden: samples whose states are not known to the training; they keep their
+            places, so that the training is the same program as with them.
     """
 
     arm: ArmSpec
@@ -42,6 +44,7 @@ class TrainingData:
     states: Float[np.ndarray, "episodes samples modules 6"]
     lengths: tuple[int, ...] | None = None
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
+    hidden: Bool[np.ndarray, "episodes samples"] | None = None
 
 
 @dataclass(frozen=True)
