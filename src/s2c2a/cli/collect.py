@@ -23,7 +23,8 @@ from s2c2a.errors import S2C2AError
 def collect(
     out: Path,
     arm: Arm = "twin_arm",
-    babbling: Literal["staged", "motor", "mixed"] | None = None,
+    babbling: Literal["staged", "motor", "mixed", "coverage"] | None = None,
+    active: bool = False,
     episodes: int | None = None,
     samples: int = 500,
     seed: int = 0,
@@ -42,8 +43,11 @@ def collect(
     Args:
         out: the recording, such as twin.episodes.
         arm: a preset or an arm file.
-        babbling: staged as in the paper, independent modules (motor), or a mixture of
-            both (mixed); default from the recipe.
+        babbling: staged as in the paper, independent modules (motor), a mixture of
+            both (mixed), or targets that cover the configurations of plans (coverage);
+            default from the recipe.
+        active: in the second half of the episodes, move through targets where a model
+            of the first half is unsure; needs true states (tracking).
         episodes: number of episodes, each from rest; default from the recipe.
         samples: control steps per episode.
         seed: random seed.
@@ -66,9 +70,11 @@ def collect(
 
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
-    options = strategies.recipe_from(recipe).collect_options(seed)
+    chosen = strategies.recipe_from(recipe)
+    options = chosen.collect_options(seed)
     options = replace(
         options,
+        active=active,
         babbling=babbling or options.babbling,
         episodes=options.episodes if episodes is None else episodes,
         samples=samples,
@@ -96,6 +102,7 @@ def collect(
             progress=partial(progress, f"collecting from {spec.name}"),
             resume=resume,
             overwrite=overwrite,
+            choose_targets=strategies.target_choice(chosen),
         )
     _print_summary(recording, out)
 

@@ -1,13 +1,149 @@
-"""Random exploration of an arm: staged babbling, motor babbling, and a mixture."""
+"""Random exploration of an arm: staged, motor and mixed babbling, and coverage."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.data.nominal_plans import disc_points, nominal_plans
 
 Shares = Float[np.ndarray, "modules paths"]
+Bends = Float[np.ndarray, "samples modules 2"]
 SPEEDS = (0.03, 0.22)
 """Slowest and fastest approach of a bend target: share of the full bend per step."""
+PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
+SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held
+SLOW_STEPS = (40, 100)  # shortest and longest of these stretches
+SLOWDOWN = 0.2  # of the speeds, on slow stretches
+HELD_SHARE = 0.5  # of the slow stretches that hold a configuration
+
+
+class Exploration(NamedTuple):
+    """What an episode of babbling depends on.
+
+    Attributes:
+        geometry: geometry of the arm.
+        progress: of the recording, in [0, 1).
+        samples: number of control steps.
+        random: source of the samples.
+        speeds: slowest and fastest approach of a bend target, as a share of the full
+            bend per step.
+    """
+
+    geometry: ArmGeometry
+    progress: float
+    samples: int
+    random: np.random.Generator
+    speeds: tuple[float, float]
+
+
+class Babbling(ABC):
+    """Random bends of the modules over time."""
+
+    @abstractmethod
+    def bends(self, exploration: Exploration) -> Bends:
+        """Bends of one episode, in shares of the full bend."""
+
+    @abstractmethod
+    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
+        """Largest change of a module's bend in a step, as a share of the full bend."""
+
+
+@dataclass(frozen=True)
+class MixedPaths(Babbling):
+    """Bends that mix random paths.
+
+    Attributes:
+        shares: share of each path in each module's bend, from the number of modules and
+            the progress of the recording.
+    """
+
+    shares: Callable[[int, float], Shares]
+
+    def bends(self, exploration: Exploration) -> Bends:
+        """See `Babbling`."""
+        samples, random, speeds = exploration[2:]
+        modules = len(exploration.geometry.lengths)
+        shares = self.shares(modules, exploration.progress)
+        paths = [bend_path(samples, random, speeds) for _ in range(shares.shape[1])]
+        mixed = np.einsum("mp,spk->smk", shares, np.stack(paths, axis=1))
+        return mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
+
+    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
+        """See `Babbling`; the speeds of mixed paths add up."""
+        totals = [
+            self.shares(modules, progress).sum(axis=1).max()
+            for progress in np.linspace(0.0, 1.0, 101)
+        ]
+        return speeds[1] * max(totals)
+
+
+class Coverage(Babbling):
+    """Motion through targets that cover the configurations of plans, with opposed bends.
+
+    Some targets are nominal plans for random positions of the tip, the others are
+    independent bends. Some stretches are slow, and some hold, so that creep shows.
+    """
+
+    def bends(self, exploration: Exploration) -> Bends:
+        """See `Babbling`."""
+        # more than the slowest stretches need
+        count = 2 + int(exploration.samples * exploration.speeds[1])
+        targets = coverage_targets(exploration.geometry, count, exploration.random)
+        return through(targets, exploration)
+
+    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
+        """See `Babbling`."""
+        return speeds[1]
+
+
+def coverage_targets(
+    geometry: ArmGeometry, count: int, random: np.random.Generator
+) -> Float[np.ndarray, "targets modules 2"]:
+    """Random targets of coverage, in shares of the full bend."""
+    independent = disc_points(random, (count, len(geometry.lengths)))
+    planned = nominal_plans(geometry, count, random)
+    chosen = random.uniform(size=count) < PLANNED_SHARE
+    return np.where(chosen[:, None, None], planned, independent)
+
+
+def through(
+    targets: Float[np.ndarray, "targets modules 2"], exploration: Exploration
+) -> Bends:
+    """Motion from rest along lines to targets, over and over; all modules arrive together."""
+    position = np.zeros_like(targets[0])
+    pieces: list[np.ndarray] = []
+    steps = 0
+    while steps < exploration.samples:
+        piece = _stretch(position, targets[len(pieces) % len(targets)], exploration)
+        pieces.append(piece)
+        position = piece[-1]
+        steps += len(piece)
+    return np.concatenate(pieces)[: exploration.samples]
+
+
+def _stretch(
+    start: Float[np.ndarray, "modules 2"],
+    target: Float[np.ndarray, "modules 2"],
+    exploration: Exploration,
+) -> Bends:
+    """Motion to a target at a log-uniform speed; now and then slowly, or a hold."""
+    random = exploration.random
+    speed = np.exp(random.uniform(*np.log(exploration.speeds)))
+    way = target - start
+    distance = float(np.linalg.norm(way, axis=-1).max())
+    if random.uniform() < SLOW_SHARE:
+        steps = int(random.integers(*SLOW_STEPS))
+        slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
+        way = way * min(1.0, slow * steps / max(distance, 1e-9))
+    else:
+        steps = max(1, int(np.ceil(distance / speed)))
+    shares = np.arange(1, steps + 1)[:, None, None] / steps
+    return start + way * shares
 
 
 def episode_actions(
@@ -18,6 +154,7 @@ def episode_actions(
     samples: int,
     seed: int,
     speeds: tuple[float, float] = SPEEDS,
+    targets: Float[np.ndarray, "targets modules 2"] | None = None,
 ) -> Float[np.ndarray, "samples modules cables"]:
     """Actions of one episode, from a random stream of its own.
 
@@ -30,30 +167,24 @@ def episode_actions(
         seed: seed of the whole recording.
         speeds: slowest and fastest approach of a bend target by each path, as a share
             of the full bend per step.
+        targets: chosen bends to move through instead, in shares of the full bend.
 
     Returns:
         Displacements [m] or tensions [N].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
-    shares = BABBLING[babbling](len(geometry.lengths), episode / episodes)
-    paths = [bend_path(samples, random, speeds) for _ in range(shares.shape[1])]
-    mixed = np.einsum("mp,spk->smk", shares, np.stack(paths, axis=1))
-    bends = mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
+    exploration = Exploration(geometry, episode / episodes, samples, random, speeds)
+    if targets is None:
+        bends = BABBLING[babbling].bends(exploration)
+    else:
+        bends = through(targets, exploration)
     actions = geometry.actions_at(bends)
     return np.clip(actions, geometry.action_low, geometry.action_high)
 
 
 def fastest(babbling: str, modules: int, speeds: tuple[float, float]) -> float:
-    """Largest change of a module's bend in a step, as a share of the full bend.
-
-    The speeds of mixed paths add up.
-    """
-    path_shares = BABBLING[babbling]
-    totals = [
-        path_shares(modules, progress).sum(axis=1).max()
-        for progress in np.linspace(0.0, 1.0, 101)
-    ]
-    return speeds[1] * max(totals)
+    """Largest change of a module's bend in a step, as a share of the full bend."""
+    return BABBLING[babbling].fastest(modules, speeds)
 
 
 def bend_path(
@@ -66,20 +197,13 @@ def bend_path(
     position = np.zeros(2)
     path: list[np.ndarray] = []
     while len(path) < samples:
-        target = disc_point(random)
+        target = disc_points(random, ())
         speed = np.exp(random.uniform(*np.log(speeds)))
         steps = max(1, int(np.ceil(np.linalg.norm(target - position) / speed)))
         shares = np.arange(1, steps + 1)[:, None]
         path.extend(position + (target - position) * shares / steps)
         position = target
     return np.array(path[:samples])
-
-
-def disc_point(random: np.random.Generator) -> Float[np.ndarray, "2"]:
-    """Uniform random point in the unit disc."""
-    radius = np.sqrt(random.uniform())
-    angle = random.uniform(0, 2 * np.pi)
-    return radius * np.array([np.cos(angle), np.sin(angle)])
 
 
 def _staged(modules: int, progress: float) -> Shares:
@@ -107,6 +231,10 @@ def _mixed(modules: int, progress: float) -> Shares:
     return shares / np.hypot(progress, 1.0 - progress)
 
 
-BABBLING = {"staged": _staged, "motor": _motor, "mixed": _mixed}
-"""Babbling by name: share of each random path in each module's bend, as a function of
-the number of modules and the progress of the recording in [0, 1]."""
+BABBLING: dict[str, Babbling] = {
+    "staged": MixedPaths(_staged),
+    "motor": MixedPaths(_motor),
+    "mixed": MixedPaths(_mixed),
+    "coverage": Coverage(),
+}
+"""Babbling by name."""

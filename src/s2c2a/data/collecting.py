@@ -4,14 +4,16 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions, fastest
@@ -32,7 +34,9 @@ MAX_SEED = 2**63
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
+MIN_ACTIVE = 2  # episodes
 MakeRobot = Callable[[int], Robot]
+Targets: TypeAlias = Float[np.ndarray, "targets modules 2"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,8 @@ class CollectOptions:
         speeds: slowest and fastest approach of a bend target, as a share of the full
             bend per step, for a step limit of 4 deg; they scale with the step limit, so
             that the recording covers the steps of the arm.
+        active: whether the second half of the episodes moves through chosen targets
+            (`collect`) instead of random ones.
     """
 
     babbling: str = "staged"
@@ -54,6 +60,7 @@ class CollectOptions:
     samples: int = 500
     seed: int = 0
     speeds: tuple[float, float] = SPEEDS
+    active: bool = False
 
     def __post_init__(self):
         if self.babbling not in BABBLING:
@@ -78,6 +85,21 @@ class CollectOptions:
                 f"speeds {self.speeds} are out of range; "
                 "they must rise from above 0 to at most 1 bend a step"
             )
+        if self.active and self.episodes < MIN_ACTIVE:
+            raise RecordingError(
+                f"an active collection of {self.episodes} episodes is too short; record "
+                f"at least {MIN_ACTIVE}: the first half is random"
+            )
+
+    @property
+    def random_episodes(self) -> int:
+        """Number of episodes with random targets, from the first."""
+        return self.episodes // 2 if self.active else self.episodes
+
+
+ChooseTargets = Callable[[Recording, CollectOptions], Sequence[Targets]]
+"""From the first half of a recording to the targets of each remaining episode, in shares
+of the full bend."""
 
 
 def collect(
@@ -92,6 +114,7 @@ def collect(
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    choose_targets: ChooseTargets | None = None,
 ) -> Recording:
     """Collect a recording, identical for any number of threads, stops, and resumes.
 
@@ -111,6 +134,7 @@ def collect(
         resume: whether to continue a file that has too few episodes.
         overwrite: whether to replace an existing file.
         progress: callback with the number of complete episodes and of all episodes.
+        choose_targets: chooses the targets of an active collection.
 
     Raises:
         RecordingError: the file exists and neither `resume` nor `overwrite` is set, it
@@ -121,18 +145,41 @@ def collect(
             f"{threads} threads are too few; use at least one, or omit the number for "
             "all cores"
         )
-    run_episode = partial(_run_episode, arm, make_robot, options)
     stored = _stored_options(options) | {"robot": robot}
-    with closing(_open_writer(Path(path), arm, stored, resume, overwrite)) as writer:
-        numbers = range(writer.count, options.episodes)
-        if progress:
-            progress(writer.count, options.episodes)
-        with _workers(executor, threads) as workers:
-            for episode in in_order(workers, run_episode, numbers):
+    done = progress or _no_progress
+
+    def record(stop: int, targets: Sequence[Targets], resume: bool, overwrite: bool):
+        """Record up to an episode; those after the random ones have targets."""
+        first = options.random_episodes
+        writer = _open_writer(Path(path), arm, stored, resume, overwrite)
+        with closing(writer), _workers(executor, threads) as workers:
+            done(writer.count, options.episodes)
+            requests = [
+                (number, targets[number - first] if number >= first else None)
+                for number in range(writer.count, stop)
+            ]
+            run_episode = partial(_run_episode, arm, make_robot, options)
+            for episode in in_order(workers, run_episode, requests):
                 writer.append(episode)
-                if progress:
-                    progress(writer.count, options.episodes)
+                done(writer.count, options.episodes)
+
+    record(options.random_episodes, (), resume, overwrite)
+    if options.active:
+        if choose_targets is None:
+            raise RecordingError(
+                "an active collection needs a function that chooses targets; give "
+                "choose_targets, such as strategies.target_choice(recipe)"
+            )
+        recording = load_recording(path)
+        half = replace(
+            recording, episodes=recording.episodes[: options.random_episodes]
+        )
+        record(options.episodes, choose_targets(half, options), True, False)
     return load_recording(path)
+
+
+def _no_progress(complete: int, episodes: int) -> None:
+    """Report nothing."""
 
 
 def _workers(
@@ -216,13 +263,23 @@ class Player:
 
 
 def _run_episode(
-    arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int
+    arm: ArmSpec,
+    make_robot: MakeRobot,
+    options: CollectOptions,
+    request: tuple[int, Targets | None],
 ) -> Episode:
     """Drive the arm through one episode and back to rest.
+
+    Args:
+        arm: arm to drive.
+        make_robot: function from a seed to a robot.
+        options: options of the collection.
+        request: number of the episode, and its targets unless they are random.
 
     Raises:
         RecordingError: a sensor failed; the arm is at rest, and the episode is dropped.
     """
+    number, targets = request
     actions = episode_actions(
         ArmGeometry.of(arm),
         options.babbling,
@@ -231,6 +288,7 @@ def _run_episode(
         options.samples,
         options.seed,
         _speeds(arm, options),
+        targets,
     )
     seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
     robot = make_robot(int(seed))

@@ -6,6 +6,7 @@ with it.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import resources
 from typing import Any
 
@@ -16,8 +17,10 @@ from jaxtyping import PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
+from s2c2a.data.collecting import ChooseTargets
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import EstimationSettings, StateEstimator
+from s2c2a.models.active import choose_targets
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.recipe import Recipe
@@ -29,6 +32,8 @@ from s2c2a.training import Trained, TrainingData
 WEIGHTS = resources.files("s2c2a.strategies").joinpath("weights")
 COMMON_MOTION = 0.05
 """Share of the cables' motion that they make together; a smaller one is noise."""
+TARGET_DISTANCE = 1.0
+"""Typical distance between targets of an active collection, in full bends."""
 SENSOR_KEY = 2
 """Derives the random key of sensor training from the seed."""
 
@@ -177,6 +182,29 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
         recording.lengths,
         common_displacements(recording, arm),
     )
+
+
+def target_choice(recipe: Recipe) -> ChooseTargets:
+    """The choice of targets of an active collection for a recipe (`models.active`).
+
+    Raises (when called):
+        RecordingError: the first half lacks true states or sensed configurations.
+    """
+    return partial(_choose_targets, recipe)
+
+
+def _choose_targets(
+    recipe: Recipe, recording: Recording, options: CollectOptions
+) -> list[np.ndarray]:
+    """Targets of each episode after the random ones, in random order."""
+    half = replace(recording, options={})
+    data = training_data(half, recipe)
+    episodes = options.episodes - options.random_episodes
+    speed = np.sqrt(options.speeds[0] * options.speeds[1])
+    per_episode = 1 + int(options.samples * speed / TARGET_DISTANCE)
+    targets = choose_targets(data, episodes * per_episode, options.seed)
+    order = np.random.default_rng(options.seed).permutation(len(targets))
+    return np.split(targets[order], episodes)
 
 
 def common_displacements(recording: Recording, arm: ArmSpec) -> np.ndarray | None:

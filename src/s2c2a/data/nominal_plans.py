@@ -1,0 +1,127 @@
+"""Configurations that a planner would choose for random positions of the tip.
+
+They are solutions of the nominal inverse kinematics (arcs of constant curvature) with
+small differences between neighboring modules, from random starts. An arm that loses
+motion reaches a position only with larger commanded bends; so the full bend counts as a
+random part of itself.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmGeometry
+from s2c2a.kinematics import states_from_bends
+from s2c2a.kinematics.bends import squared_norm
+from s2c2a.spaces import POSITION
+
+ITERATIONS = 25
+DAMPING = 1e-3
+LARGEST_STEP = 0.5  # shares of the full bend
+EVENNESS = 0.03  # weight of bend differences [1/rad]
+LIMIT_WEIGHT = 3.0  # of bends beyond the full bend
+UNIT = 0.4  # of the arm's length: a position error of one
+TOLERANCE = 0.03  # of the position error of a solution
+LEAST_GAIN = 0.7  # smallest part of the full bend that an arm reaches
+CANDIDATES = 20  # positions of which one is chosen
+CELL = 0.05  # of the arm's length: cells of positions that are equally likely
+
+
+def disc_points(
+    random: np.random.Generator, shape: tuple[int, ...]
+) -> Float[np.ndarray, "*shape 2"]:
+    """Uniform random points in the unit disc."""
+    radius = np.sqrt(random.uniform(size=shape))
+    angle = random.uniform(0, 2 * np.pi, size=shape)
+    return radius[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def nominal_plans(
+    geometry: ArmGeometry, count: int, random: np.random.Generator
+) -> Float[np.ndarray, "count modules 2"]:
+    """Plans for positions of the tip that are spread over the workspace.
+
+    Positions that are not reached from a random start are replaced by independent
+    bends.
+
+    Returns:
+        Bends, in shares of the full bend.
+    """
+    modules = len(geometry.lengths)
+    lengths = jnp.asarray(geometry.lengths, jnp.float32)
+    gains = random.uniform(LEAST_GAIN, 1.0, (count, 1))
+    full = jnp.asarray(gains * geometry.action_bends, jnp.float32)
+    positions = _spread_positions(geometry, gains, random)
+    starts = disc_points(random, (count, modules)) / 2.0
+    bends, errors = _solve(jnp.asarray(starts, jnp.float32), positions, lengths, full)
+    planned = np.asarray(bends, np.float64)
+    planned /= np.maximum(np.linalg.norm(planned, axis=-1, keepdims=True), 1.0)
+    independent = disc_points(random, (count, modules))
+    reached = np.asarray(errors) < TOLERANCE
+    return np.where(reached[:, None, None], planned, independent)
+
+
+def _spread_positions(
+    geometry: ArmGeometry,
+    gains: Float[np.ndarray, "count 1"],
+    random: np.random.Generator,
+) -> Float[Array, "count 3"]:
+    """Reachable positions of the tip [m], with equal density over the workspace."""
+    count = len(gains)
+    modules = len(geometry.lengths)
+    shares = disc_points(random, (CANDIDATES, count, modules))
+    bends = shares * (gains * geometry.action_bends)[..., None]
+    states = states_from_bends(
+        jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32)
+    )
+    positions = np.asarray(states)[..., -1, POSITION]
+    cells = np.floor(positions / (CELL * geometry.lengths.sum())).reshape(-1, 3)
+    _cells, members, sizes = np.unique(
+        cells, axis=0, return_inverse=True, return_counts=True
+    )
+    weights = 1.0 / sizes[members.ravel()].reshape(CANDIDATES, count)
+    cumulated = np.cumsum(weights / weights.sum(axis=0), axis=0)
+    chosen = (cumulated < random.uniform(size=count)).sum(axis=0)
+    chosen = np.minimum(chosen, CANDIDATES - 1)
+    return jnp.asarray(positions[chosen, np.arange(count)], jnp.float32)
+
+
+@jax.jit
+def _solve(
+    starts: Float[Array, "count modules 2"],
+    positions: Float[Array, "count 3"],
+    lengths: Float[Array, " modules"],
+    full: Float[Array, "count modules"],
+) -> tuple[Float[Array, "count modules 2"], Float[Array, " count"]]:
+    """Damped Gauss-Newton steps; bends in shares of the full bend, and position errors."""
+    unit = UNIT * jnp.sum(lengths)
+
+    def residuals(flat: Array, position: Array, full: Array) -> Array:
+        shares = flat.reshape(-1, 2)
+        bends = shares * full[:, None]
+        tip = states_from_bends(bends, lengths)[-1, :3]
+        excess = jnp.sqrt(squared_norm(shares) + 1e-9) - 1.0
+        parts = (
+            (tip - position) / unit,
+            EVENNESS * jnp.diff(bends, axis=0).ravel(),
+            LIMIT_WEIGHT * jnp.maximum(excess, 0.0),
+        )
+        return jnp.concatenate(parts)
+
+    def solve(start: Array, position: Array, full: Array) -> tuple[Array, Array]:
+        damping = DAMPING * jnp.eye(start.size)
+
+        def iterate(_: int, flat: Array) -> Array:
+            error = residuals(flat, position, full)
+            slopes = jax.jacfwd(residuals)(flat, position, full)
+            normal = slopes.T @ slopes + damping
+            step = jnp.linalg.solve(normal, -slopes.T @ error)
+            largest = jnp.max(jnp.abs(step)) + 1e-9
+            return flat + step * jnp.minimum(1.0, LARGEST_STEP / largest)
+
+        flat = jax.lax.fori_loop(0, ITERATIONS, iterate, start.ravel())
+        error = residuals(flat, position, full)[:3]
+        return flat.reshape(start.shape), jnp.linalg.norm(error)
+
+    return jax.vmap(solve)(starts, positions, full)
