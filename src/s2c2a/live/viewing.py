@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
+from s2c2a.estimation import MODAL_MODEL
+from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
 from s2c2a.live.snapshot import straight
@@ -67,17 +69,26 @@ def view_training(networks: TrainedNetworks, port: int) -> Window:
     gui.add_markdown(
         f"**{arm.name}** · recipe {networks.recipe.name} · seed {networks.seed}"
     )
+    for line in describe_unseen_errors(networks):
+        gui.add_markdown(line)
     for name, rows in networks.curves.items():
-        mean, std = networks.percent[name]
-        gui.add_markdown(
-            f"{name}: {len(rows)} epochs; error on held-out data "
-            f"{mean:.2f} ± {std:.2f} % of the full range"
-        )
+        gui.add_markdown(_training_text(networks, name))
         logarithms = np.log10(np.maximum(rows[:, 1:], 1e-12))
         values = (rows[:, 0], *logarithms.T)
         add_chart(gui, f"{name}: log10 of the loss", CURVES, values, label="epoch")
     window.scene.draw_cloud(workspace(arm))
     return window.open(port)
+
+
+def _training_text(networks: TrainedNetworks, name: str) -> str:
+    """Length of a training and its error, of the modal model in its own words."""
+    if name == MODAL_MODEL:
+        return describe_modal_model(networks)
+    mean, std = networks.percent[name]
+    return (
+        f"{name}: {len(networks.curves[name])} epochs; error on held-out data "
+        f"{mean:.2f} ± {std:.2f} % of the full range"
+    )
 
 
 def view_recording(episodes: Sequence[Episode], port: int) -> Window:
