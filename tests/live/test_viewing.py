@@ -68,9 +68,12 @@ def test_sliders_bend_an_arm(twin, shown):
     assert tab.errors == []
 
 
-def test_a_recording_shows_its_workspace_on_a_phone(recording, shown):
+def test_a_recording_shows_its_workspace_and_coverage_on_a_phone(recording, shown):
     tab = shown(view_recording(recording.episodes, 0), TALL)
     tab.page.get_by_role("button", name="Pause").wait_for()
+    tab.page.get_by_text("Coverage").wait_for()
+    image = tab.page.locator("img[src^='blob:']")
+    until(lambda: image.count() == 1, what="the image")
     time.sleep(2.0)
     tab.keep("tall-recording")
     assert tab.errors == []

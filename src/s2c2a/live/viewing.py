@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
+from s2c2a.errors import ReadingError
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
 from s2c2a.kinematics import PCC
@@ -19,6 +20,7 @@ from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
+from s2c2a.viz.coverage import coverage_image
 from s2c2a.viz.reconstruction import completed
 
 MAX_POINTS = 1500  # of each module in a recording's cloud
@@ -108,8 +110,19 @@ def view_recording(episodes: Sequence[Episode], port: int) -> Window:
     # (samples, modules, 3)
     window = Window(arm)
     _add_player(window, traces, "Episode", ghosts=False)
+    _add_coverage(window, episodes)
     window.scene.draw_cloud([_thinned(points) for points in np.moveaxis(ends, 1, 0)])
     return window.open(port)
+
+
+def _add_coverage(window: Window, episodes: Sequence[Episode]) -> None:
+    """Add the figure of configurations and speeds, if they were recorded."""
+    try:
+        pixels = coverage_image(episodes)
+    except ReadingError:  # such as true configurations without tracking
+        return
+    with window.server.gui.add_folder("Coverage", order=20):
+        window.server.gui.add_image(pixels, format="png")
 
 
 def _thinned(points: Float[np.ndarray, "samples 3"]) -> Float[np.ndarray, "points 3"]:
