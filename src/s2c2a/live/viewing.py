@@ -193,6 +193,7 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, time: float)
         ghost_steps = _step_at(other, time) + 1
         ghost = drawable(other.states[:ghost_steps], other.episode.arm)
     scene.draw_ghost(ghost, states)
+    scene.draw_uncertainty(trace.predicted_path[step], trace.predictive_std[step])
     axis = trace.desired_axes[step, trace.pointing_module]
     scene.draw_target(trace.desired_path[step], axis)
     scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])

@@ -111,13 +111,13 @@ class Trace:
         """Desired positions of the followed module's end [m], or NaN."""
         return self.desired_positions[:, self.followed_module]
 
-    @property
+    @cached_property
     def predicted_path(self) -> Points:
         """Positions of the followed end that the plans lead to [m], or NaN."""
         predicted = self._column("predicted", self.episode.arm.module_count, 6)
         return predicted[:, self.followed_module, POSITION]
 
-    @property
+    @cached_property
     def predictive_std(self) -> Series:
         """Predictive standard deviation of the followed end [m], or NaN."""
         deviations = self._column("predictive_std", self.episode.arm.module_count)
