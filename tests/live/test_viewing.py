@@ -1,6 +1,7 @@
 """Viewer of runs, recordings, trainings and arms."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,6 +118,17 @@ def test_a_training_shows_the_curves_of_both_networks_and_of_the_vibration(twin,
     tab.page.get_by_text("of the full range").first.wait_for()
     until(lambda: tab.page.locator(".uplot").count() == 3, what="three charts")
     tab.keep("wide-training")
+    assert tab.errors == []
+
+
+def test_a_training_shows_its_errors_on_unseen_motion(tiny_best_networks, shown):
+    errors = {"validation samples": 0.003, "faster motion": 0.009}
+    tab = shown(view_training(replace(tiny_best_networks, errors={"C2S": errors}), 0))
+    text = "validation samples 3.0 mm, faster motion 9.0"
+    tab.page.get_by_text(text).wait_for()
+    tab.page.get_by_text("record more data with fast motion").wait_for()
+    tab.page.get_by_text("modal model:").wait_for()
+    tab.keep("wide-unseen-errors")
     assert tab.errors == []
 
 

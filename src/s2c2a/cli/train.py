@@ -63,11 +63,11 @@ def train(
         for name, rows in networks.curves.items()
     }
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
-    _report(networks, begun)
+    report(networks, begun)
     print(f"weights: {out}; learning curves: {picture}")
 
 
-def _report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None:
+def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None:
     """Print the held-out errors, and what the recording does not show."""
     from s2c2a import evaluation
     from s2c2a.estimation import MODAL_MODEL
