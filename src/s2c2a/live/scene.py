@@ -36,6 +36,7 @@ from s2c2a.viz.colors import (
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
 from s2c2a.viz.mounting import Surroundings
+from s2c2a.viz.trace import STDS
 
 SHADOW = "#d9dee6"
 GHOST = "#5b6675"
@@ -45,7 +46,6 @@ NEAR_DISTANCE = 0.05  # m; clearance below which an obstacle turns amber
 REACH_TOLERANCE = 0.005  # m; a target closer to the reach counts as reachable
 WHITE_SHARE = 0.6  # of the workspace's colors
 TRAIL_POINTS = 90
-STDS = 2.0  # standard deviations in the radius of the uncertainty
 UNCERTAINTY_OPACITY = 0.3
 SUN = (1.0, -1.4, 2.0)
 # lengths in arm lengths

@@ -19,7 +19,6 @@ from s2c2a.viz.colors import darker, pale
 from s2c2a.viz.mounting import View
 from s2c2a.viz.trace import Trace
 
-STDS = 2.0
 TUBE_DISCS = 500  # that look like a tube
 BEHIND = 0.6  # zorder below lines and above the grid
 MAX_BAND = 3.0  # of the largest error: a higher band leaves the panel
@@ -29,7 +28,7 @@ LABEL = "predicted ± 2 std"
 def trace_with_band(traces: Sequence[Trace]) -> Trace | None:
     """The first run whose model predicts an uncertainty, or None."""
     for trace in traces:
-        if np.nanmax(trace.predictive_std, initial=0.0) > 0.0:
+        if trace.has_band:
             return trace
     return None
 
@@ -37,7 +36,7 @@ def trace_with_band(traces: Sequence[Trace]) -> Trace | None:
 def draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> None:
     """Shade one coordinate of the predicted end [m] over time; limits stay."""
     path = trace.predicted_path[:, axis]
-    width = STDS * trace.predictive_std
+    width = trace.band
     limits = axes.get_ylim()
     _fill(axes, trace.times, path - width, path + width, color)
     axes.plot(trace.times, path, **_line(color))
@@ -46,7 +45,7 @@ def draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> Non
 
 def draw_error_band(axes: Axes, trace: Trace, color: str) -> None:
     """Shade the errors [cm] up to twice the predictive standard deviation."""
-    width = 100.0 * STDS * trace.predictive_std
+    width = 100.0 * trace.band
     _fill(axes, trace.times, np.zeros_like(width), width, color)
     largest = 100.0 * np.nanmax(trace.position_errors, initial=0.0)
     band = min(1.05 * np.nanmax(width, initial=0.0), MAX_BAND * largest)
@@ -55,7 +54,7 @@ def draw_error_band(axes: Axes, trace: Trace, color: str) -> None:
 
 def draw_tube(axes: Axes, trace: Trace, view: View, color: str) -> None:
     """Draw a light tube around the predicted path of the followed end [m]."""
-    centers, radii = _discs(trace.predicted_path, STDS * trace.predictive_std)
+    centers, radii = _discs(trace.predicted_path, trace.band)
     points = np.stack(seen(centers, view), axis=-1)
     discs = [Circle(*disc) for disc in zip(map(tuple, points), radii, strict=True)]
     # opaque, since overlaps of translucent discs would add up
