@@ -75,7 +75,7 @@ class Chart {
     for (let k = 1; k < tube.length; k++) {
       if (!tube[k - 1] || !tube[k]) continue;
       const left = this.x(times[k - 1]),
-        right = this.x(times[k]) + 0.5;
+        right = this.x(times[k]) + 1; // no seams
       this.context.beginPath();
       this.context.moveTo(left, this.y(0));
       this.context.lineTo(left, top(tube[k - 1]));
