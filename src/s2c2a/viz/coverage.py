@@ -142,19 +142,23 @@ def _draw_pair(
     right = max(limits[0], np.max(np.abs(along), initial=0.0))
     top = max(limits[1], np.max(outer, initial=0.0))
     _draw_density(axes, along, outer, (-right, right, 0.0, top))
-    for side in (-limits[0], limits[0]):
-        axes.plot([side, side], [0.0, limits[1]], **LIMIT_LINE)
-    axes.plot([-limits[0], limits[0]], [limits[1], limits[1]], **LIMIT_LINE)
-    equal = min(limits)
-    axes.plot([0.0, equal], [0.0, equal], **EQUAL_LINE)
-    _write(axes, 0.02, "S shapes", "left")
-    _write(axes, 0.98, "equal bends: diagonal", "right")
+    _draw_pair_limits(axes, *limits)
     reached = coverage.reached_bends(slice(inner, inner + 2))
     opposed = coverage.opposed_share(inner)
     text = f"modules {names[0]} and {names[1]}: {_percent(reached)} reached"
     if np.isfinite(opposed):
         text += f", {_percent(opposed)} S"
     headline(axes, text)
+
+
+def _draw_pair_limits(axes: Axes, inner: float, outer: float) -> None:
+    """Draw the limits of plans [deg] and the diagonal of equal bends."""
+    sides = [-inner, -inner, inner, inner]
+    axes.plot(sides, [0.0, outer, outer, 0.0], **LIMIT_LINE)
+    equal = min(inner, outer)
+    axes.plot([0.0, equal], [0.0, equal], **EQUAL_LINE)
+    _write(axes, 0.02, "S shapes", "left")
+    _write(axes, 0.98, "equal bends: diagonal", "right")
 
 
 def _draw_bend_plane(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:

@@ -79,9 +79,7 @@ def run_figure(
     charts.draw_errors(error, traces, colors)
     if (predicted := predictions.trace_with_band(traces)) is not None:
         color = colors[predicted.label]
-        for axis, axes in enumerate(coordinates):
-            predictions.draw_coordinate_band(axes, predicted, axis, color)
-        predictions.draw_error_band(error, predicted, color)
+        predictions.draw_bands(coordinates, error, predicted, color)
         predictions.draw_tube(above, predicted, view, color)
     charts.draw_desired(above, traces[0].desired_path, view)
     charts.draw_lines(

@@ -33,7 +33,16 @@ def trace_with_band(traces: Sequence[Trace]) -> Trace | None:
     return None
 
 
-def draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> None:
+def draw_bands(
+    coordinates: Sequence[Axes], error: Axes, trace: Trace, color: str
+) -> None:
+    """Shade the coordinates of the predicted end, and its error, over time."""
+    for axis, axes in enumerate(coordinates):
+        _draw_coordinate_band(axes, trace, axis, color)
+    _draw_error_band(error, trace, color)
+
+
+def _draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> None:
     """Shade one coordinate of the predicted end [m] over time; limits stay."""
     path = trace.predicted_path[:, axis]
     width = trace.band
@@ -43,7 +52,7 @@ def draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> Non
     axes.set_ylim(limits)
 
 
-def draw_error_band(axes: Axes, trace: Trace, color: str) -> None:
+def _draw_error_band(axes: Axes, trace: Trace, color: str) -> None:
     """Shade the errors [cm] up to twice the predictive standard deviation."""
     width = 100.0 * trace.band
     _fill(axes, trace.times, np.zeros_like(width), width, color)
