@@ -37,13 +37,9 @@ def make_episode(**columns):
             "the planner used the fallback search in 1 of 4 steps, "
             "the planner was stuck in 2 of 4 steps",
         ),
-        (
-            {"extrapolation": np.array([0.0, 0.005, 0.007, np.nan])},
-            "the plan left the range of the training data in 1 of 4 steps",
-        ),
     ],
 )
-def test_steps_are_counted_by_outcome_and_extrapolation(columns, text):
+def test_steps_are_counted_by_outcome(columns, text):
     assert describe_plans(make_episode(**columns)) == text
 
 

@@ -1,6 +1,7 @@
 """Viewer of runs, recordings, trainings and arms."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,9 +69,12 @@ def test_sliders_bend_an_arm(twin, shown):
     assert tab.errors == []
 
 
-def test_a_recording_shows_its_workspace_on_a_phone(recording, shown):
+def test_a_recording_shows_its_workspace_and_coverage_on_a_phone(recording, shown):
     tab = shown(view_recording(recording.episodes, 0), TALL)
     tab.page.get_by_role("button", name="Pause").wait_for()
+    tab.page.get_by_text("Coverage").wait_for()
+    image = tab.page.locator("img[src^='blob:']")
+    until(lambda: image.count() == 1, what="the image")
     time.sleep(2.0)
     tab.keep("tall-recording")
     assert tab.errors == []
@@ -114,6 +118,17 @@ def test_a_training_shows_the_curves_of_both_networks_and_of_the_vibration(twin,
     tab.page.get_by_text("of the full range").first.wait_for()
     until(lambda: tab.page.locator(".uplot").count() == 3, what="three charts")
     tab.keep("wide-training")
+    assert tab.errors == []
+
+
+def test_a_training_shows_its_errors_on_unseen_motion(tiny_best_networks, shown):
+    errors = {"validation samples": 0.003, "faster motion": 0.009}
+    tab = shown(view_training(replace(tiny_best_networks, errors={"C2S": errors}), 0))
+    text = "validation samples 3.0 mm, faster motion 9.0"
+    tab.page.get_by_text(text).wait_for()
+    tab.page.get_by_text("record more data with fast motion").wait_for()
+    tab.page.get_by_text("modal model:").wait_for()
+    tab.keep("wide-unseen-errors")
     assert tab.errors == []
 
 

@@ -11,6 +11,17 @@ ROWS = [
 ]
 
 
+@pytest.fixture
+def drawn_figures(monkeypatch):
+    """Figures that are drawn instead of written."""
+    figures = []
+    monkeypatch.setattr(
+        "s2c2a.viz.figures.save_figure",
+        lambda figure, path, **_: figures.append(figure),
+    )
+    return figures
+
+
 def is_png(path) -> bool:
     content = path.read_bytes()
     return content.startswith(PNG) and len(content) > 10_000
@@ -39,6 +50,59 @@ def test_uncounted_steps_are_shaded(make_trace, arm, tmp_path, monkeypatch):
         axes.get_legend_handles_labels()[1].count("not counted") for axes in errors
     ] == [1, 0]
     assert errors[0].patches[0].get_extents().width > 0
+
+
+def predicted(make_trace, label: str, std: float, width: float = 1.0):
+    """A run whose plans lead to its desired path, with a deviation of the tip [m]."""
+    trace = make_trace(label)
+    states = trace.states.copy()
+    states[:, -1, :3] = trace.desired_path
+    deviations = np.full((len(states), 3), std)
+    deviations[: len(states) // 2] *= width
+    return make_trace(label, predicted=states, predictive_std=deviations)
+
+
+def labels_of(axes) -> list[str]:
+    return axes.get_legend_handles_labels()[1]
+
+
+def test_a_run_figure_shows_twice_the_deviation_of_the_prediction(
+    make_trace, arm, tmp_path, drawn_figures
+):
+    trace = predicted(make_trace, "s2c2a", std=0.01)
+    run_figure([make_trace("pcc"), trace], arm, tmp_path / "run.png")
+    *coordinates, error, above = drawn_figures[0].axes
+    for axes in (*coordinates, error):
+        assert labels_of(axes).count("predicted ± 2 std") == 1
+    band = error.collections[0].get_paths()[0].get_extents()
+    np.testing.assert_allclose([band.y0, band.y1], [0.0, 2.0], atol=1e-6)
+    tube = above.collections[0].get_datalim(above.transData)
+    widest = np.abs(trace.desired_path[:, 0]).max() + 0.02
+    np.testing.assert_allclose([tube.x0, tube.x1], [-widest, widest], atol=1e-3)
+
+
+def test_a_wide_band_does_not_hide_the_error(make_trace, arm, tmp_path, drawn_figures):
+    trace = predicted(make_trace, "s2c2a", std=0.01, width=100.0)
+    run_figure([trace], arm, tmp_path / "run.png")
+    largest = 100 * trace.position_errors.max()
+    assert drawn_figures[0].axes[3].get_ylim()[1] <= 3.01 * largest
+
+
+@pytest.mark.parametrize("std", [0.0, np.nan])
+def test_a_model_without_uncertainty_has_no_band(
+    make_trace, arm, tmp_path, drawn_figures, std
+):
+    run_figure([predicted(make_trace, "pcc", std)], arm, tmp_path / "run.png")
+    assert "predicted ± 2 std" not in labels_of(drawn_figures[0].axes[3])
+
+
+def test_gaps_in_predictions_leave_gaps_in_the_tube(make_trace, arm, tmp_path):
+    trace = predicted(make_trace, "s2c2a", std=0.01)
+    states = np.array(trace.episode["predicted"])
+    states[20:40] = np.nan
+    deviations = trace.episode["predictive_std"]
+    gap = make_trace("s2c2a", predicted=states, predictive_std=deviations)
+    assert is_png(run_figure([gap], arm, tmp_path / "run.png"))
 
 
 def test_a_run_with_one_step_and_a_gap_in_the_states_is_drawn(

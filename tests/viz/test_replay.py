@@ -170,6 +170,21 @@ def test_a_recording_without_goals_makes_a_page(write_page, make_trace, drawn):
     assert set(data["traces"][0]["errors"]) == {None}
 
 
+def test_a_page_has_the_tube_of_twice_the_deviation(write_page, make_trace):
+    states = make_trace().states
+    deviations = np.full((200, 3), 0.01)
+    deviations[5] = np.nan
+    trace = make_trace(predicted=states, predictive_std=deviations)
+    tube = data_of(write_page([trace]))["traces"][0]["tube"]
+    assert tube[5] is None
+    np.testing.assert_allclose(
+        np.array(tube[7][:3]) / 1e4, states[7, -1, :3], atol=1e-4
+    )
+    assert tube[7][3] == 200
+    plain = make_trace(predicted=states, predictive_std=np.zeros((200, 3)))
+    assert data_of(write_page([plain]))["traces"][0]["tube"] == []
+
+
 def test_importing_viz_imports_no_heavy_packages():
     heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy'}"
     code = (

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
@@ -18,6 +18,9 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a import data
 
 
 def collect(
@@ -38,7 +41,7 @@ def collect(
     resume: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Record random motion of an arm (babbling), and plot its workspace.
+    """Record random motion of an arm (babbling), and plot what it covers.
 
     Args:
         out: the recording, such as twin.episodes.
@@ -107,11 +110,14 @@ def collect(
     _print_summary(recording, out)
 
 
-def _print_summary(recording, out: Path) -> None:
+def _print_summary(recording: "data.Recording", out: Path) -> None:
     from s2c2a import data, evaluation, viz
+    from s2c2a.cli.console import draw_coverage
 
     sensors = ", ".join(recording.sensors)
     text = f"{recording.time.size} samples of {sensors}: {out}"
+    if coverage := draw_coverage(recording, out):
+        text += f"; coverage: {coverage}"
     if "states" in recording.sensors:
         arm = recording.arm
         states = recording.sensor("states").reshape(-1, arm.module_count, 6)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 if TYPE_CHECKING:
+    from s2c2a.data import Recording
     from s2c2a.evaluation.report import Row
     from s2c2a.progress import Progress
 
@@ -125,6 +126,24 @@ def print_results(
     for picture in pictures:
         print(f"{OUTPUT_LABELS.get(picture.suffix, 'figure')}: {picture}")
     print(f"run directory: {folder}")
+
+
+def draw_coverage(recording: "Recording", out: Path) -> Path | None:
+    """Draw the coverage of a recording beside its file.
+
+    Returns:
+        Path of the figure, or None if the recording lacks a sensor of configurations.
+
+    Raises:
+        S2C2AError: the figure cannot be written.
+    """
+    from s2c2a import viz
+    from s2c2a.errors import ReadingError
+
+    try:
+        return viz.coverage_figure(recording.episodes, Path(f"{out}.coverage.png"))
+    except ReadingError:  # such as true configurations without tracking
+        return None
 
 
 def _result_cells(row: "Row") -> tuple[str, ...]:

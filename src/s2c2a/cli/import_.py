@@ -59,11 +59,22 @@ def import_(
         repeated = import_session(logs, log_map, load_recording(like))
         save_imported(repeated, out, options)
         print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
+        _draw_coverage(out)
         return
     imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
     arm_file = save_imported(imported, out, options)
     _print_summary(imported)
     print(f"recording: {out}\narm: {arm_file}")
+    _draw_coverage(out)
+
+
+def _draw_coverage(out: Path) -> None:
+    """Draw which configurations and speeds the new recording contains."""
+    from s2c2a.cli.console import draw_coverage
+    from s2c2a.data import load_recording
+
+    if figure := draw_coverage(load_recording(out), out):
+        print(f"coverage: {figure}")
 
 
 def _check_arguments(

@@ -236,6 +236,7 @@ def _report(
     print_results(title, rows, draw_runs(directory, runs, video), directory)
     describe_all = (
         evaluation.describe_plans,
+        evaluation.describe_extrapolation,
         evaluation.describe_estimates,
         evaluation.describe_overload,
         evaluation.describe_faults,

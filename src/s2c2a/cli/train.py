@@ -63,35 +63,29 @@ def train(
         for name, rows in networks.curves.items()
     }
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
-    errors = [
-        (name, f"{mean:.2f} ± {std:.2f} %")
-        for name, (mean, std) in networks.percent.items()
-    ]
-    title = "Held-out errors, in percent of the full range"
-    if begun is not None:
-        title += f"; networks that were not trained here are those of {begun.arm.name}"
-    print_table(title, ("network", "error"), errors)
-    _report_modal_model(networks)
+    report(networks, begun)
     print(f"weights: {out}; learning curves: {picture}")
 
 
-def _report_modal_model(networks: "TrainedNetworks") -> None:
-    """Say whether the recording shows the vibration of the arm."""
+def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None:
+    """Print the held-out errors, and what the recording does not show."""
+    from s2c2a import evaluation
     from s2c2a.estimation import MODAL_MODEL
 
-    if MODAL_MODEL not in networks.percent:
-        return
-    percent, _ = networks.percent[MODAL_MODEL]
-    if percent >= 100.0:
-        print(
-            "modal model: the recording does not show the vibration; frequency and "
-            "damping are those of the arm file"
-        )
-    else:
-        print(
-            f"modal model: {100.0 - percent:.0f} % of the fast motion in the recording is "
-            "explained by vibration"
-        )
+    errors = [
+        (name, f"{mean:.2f} ± {std:.2f} %")
+        for name, (mean, std) in networks.percent.items()
+        if name != MODAL_MODEL
+    ]
+    title = "Held-out errors, in percent of the full range"
+    if start is not None:
+        title += f"; networks that were not trained here are those of {start.arm.name}"
+    print_table(title, ("network", "error"), errors)
+    for line in evaluation.describe_unseen_errors(networks):
+        print(line)
+    # a training that starts from other networks keeps their modal model
+    if start is None and (text := evaluation.describe_modal_model(networks)):
+        print(text)
 
 
 def _trained(

@@ -1,6 +1,7 @@
 """Evaluation: runs of strategies on tasks, their scores, and their reports."""
 
 from s2c2a.evaluation.estimates import describe_estimates, describe_step_estimates
+from s2c2a.evaluation.extrapolation import describe_extrapolation, is_outside_data
 from s2c2a.evaluation.metrics import (
     METRICS,
     ScoreResult,
@@ -20,3 +21,7 @@ from s2c2a.evaluation.report import (
     describe_vibrations,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout
+from s2c2a.evaluation.training_report import (
+    describe_modal_model,
+    describe_unseen_errors,
+)

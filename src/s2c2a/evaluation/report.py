@@ -95,17 +95,14 @@ def pair(mean: float, spread: float | None) -> str:
 def describe_plans(episode: Episode) -> str:
     """Describe in how many steps of a run planning was difficult; empty if in none.
 
-    Counted are steps in which the planner did not solve its problem (`outcome`), the
-    model extrapolated, or the step limit held the plan back.
+    Counted are steps in which the planner did not solve its problem (`outcome`), or
+    the step limit held the plan back.
     """
     counts: dict[str, int] = {}
     if "outcome" in episode.columns:
         outcomes = episode.ran("outcome")
         for outcome, text in PLAN_OUTCOMES.items():
             counts[f"the planner {text}"] = int((outcomes == outcome).sum())
-    if "extrapolation" in episode.columns:
-        far = episode.ran("extrapolation") > SIGNIFICANT * episode.arm.length
-        counts["the plan left the range of the training data"] = int(far.sum())
     limit_text = (
         f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back "
         "(a slower --pace avoids that)"

@@ -21,7 +21,7 @@ from s2c2a.live.scene import REACH_TOLERANCE
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
-from s2c2a.spaces import Stage
+from s2c2a.spaces import POSITION, Stage
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
@@ -203,6 +203,10 @@ class LivePage(Window):
         if self.session.view[GHOST]:
             ghost = (1 - share) * last.predicted + share * latest.predicted
         self.scene.draw_ghost(ghost, latest.states)
+        # in the planned arm's place, and shown with it
+        known = latest.predictive_std if ghost is not None else 0.0
+        tip = latest.predicted if ghost is None else ghost
+        self.scene.draw_uncertainty(tip[-1, POSITION], known)
 
     def _draw_goal(self, latest: Snapshot) -> None:
         """Draw the target and the obstacles of the request and of the task."""

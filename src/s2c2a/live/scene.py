@@ -36,6 +36,7 @@ from s2c2a.viz.colors import (
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
 from s2c2a.viz.mounting import Surroundings
+from s2c2a.viz.trace import STDS
 
 SHADOW = "#d9dee6"
 GHOST = "#5b6675"
@@ -45,6 +46,7 @@ NEAR_DISTANCE = 0.05  # m; clearance below which an obstacle turns amber
 REACH_TOLERANCE = 0.005  # m; a target closer to the reach counts as reachable
 WHITE_SHARE = 0.6  # of the workspace's colors
 TRAIL_POINTS = 90
+UNCERTAINTY_OPACITY = 0.3
 SUN = (1.0, -1.4, 2.0)
 # lengths in arm lengths
 SAME_POSE = 0.015  # a ghost closer to the arm is hidden
@@ -107,6 +109,9 @@ class ArmScene:
         self._target = _add_ball(scene, "/target", radius, TARGET)
         self._pointer = _add_ball(scene, "/pointer", 0.6 * radius, TARGET)
         self._payload = _add_ball(scene, "/payload", 1.0, INK)
+        self._uncertainty = _add_ball(
+            scene, "/uncertainty", 1.0, REAL, opacity=UNCERTAINTY_OPACITY
+        )
         self._gap_label = scene.add_label(
             "/far", "", visible=False, anchor="bottom-center"
         )
@@ -138,6 +143,21 @@ class ArmScene:
         self._ghost.visible = bool(distance >= SAME_POSE * self._size)
         if states is not None and self._ghost.visible:
             self._ghost.vertices = self._mesh.outline(self._mesh.vertices(states))
+
+    def draw_uncertainty(self, tip: Vector, predictive_std: float) -> None:
+        """Draw a ball of twice the predictive standard deviation around the tip.
+
+        It is hidden where the model has no uncertainty (zero or NaN).
+
+        Args:
+            tip: predicted position [m].
+            predictive_std: of this position [m].
+        """
+        radius = STDS * predictive_std
+        self._uncertainty.visible = bool(0.0 < radius < np.inf)
+        if self._uncertainty.visible:
+            self._uncertainty.position = tip
+            self._uncertainty.scale = radius
 
     def draw_target(self, position: Desired, axis: Desired, gap: float = 0.0) -> None:
         """Draw the tip's desired position and axis.

@@ -9,6 +9,9 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
+from s2c2a.errors import ReadingError
+from s2c2a.estimation import MODAL_MODEL
+from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
 from s2c2a.live.snapshot import straight
@@ -17,6 +20,7 @@ from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
+from s2c2a.viz.coverage import coverage_image
 from s2c2a.viz.reconstruction import completed
 
 MAX_POINTS = 1500  # of each module in a recording's cloud
@@ -67,17 +71,26 @@ def view_training(networks: TrainedNetworks, port: int) -> Window:
     gui.add_markdown(
         f"**{arm.name}** · recipe {networks.recipe.name} · seed {networks.seed}"
     )
+    for line in describe_unseen_errors(networks):
+        gui.add_markdown(line)
     for name, rows in networks.curves.items():
-        mean, std = networks.percent[name]
-        gui.add_markdown(
-            f"{name}: {len(rows)} epochs; error on held-out data "
-            f"{mean:.2f} ± {std:.2f} % of the full range"
-        )
+        gui.add_markdown(_training_text(networks, name))
         logarithms = np.log10(np.maximum(rows[:, 1:], 1e-12))
         values = (rows[:, 0], *logarithms.T)
         add_chart(gui, f"{name}: log10 of the loss", CURVES, values, label="epoch")
     window.scene.draw_cloud(workspace(arm))
     return window.open(port)
+
+
+def _training_text(networks: TrainedNetworks, name: str) -> str:
+    """Length of a training and its error, of the modal model in its own words."""
+    if name == MODAL_MODEL:
+        return describe_modal_model(networks)
+    mean, std = networks.percent[name]
+    return (
+        f"{name}: {len(networks.curves[name])} epochs; error on held-out data "
+        f"{mean:.2f} ± {std:.2f} % of the full range"
+    )
 
 
 def view_recording(episodes: Sequence[Episode], port: int) -> Window:
@@ -97,8 +110,19 @@ def view_recording(episodes: Sequence[Episode], port: int) -> Window:
     # (samples, modules, 3)
     window = Window(arm)
     _add_player(window, traces, "Episode", ghosts=False)
+    _add_coverage(window, episodes)
     window.scene.draw_cloud([_thinned(points) for points in np.moveaxis(ends, 1, 0)])
     return window.open(port)
+
+
+def _add_coverage(window: Window, episodes: Sequence[Episode]) -> None:
+    """Add the figure of configurations and speeds, if they were recorded."""
+    try:
+        pixels = coverage_image(episodes)
+    except ReadingError:  # such as true configurations without tracking
+        return
+    with window.server.gui.add_folder("Coverage", order=20):
+        window.server.gui.add_image(pixels, format="png")
 
 
 def _thinned(points: Float[np.ndarray, "samples 3"]) -> Float[np.ndarray, "points 3"]:
@@ -169,6 +193,7 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, time: float)
         ghost_steps = _step_at(other, time) + 1
         ghost = drawable(other.states[:ghost_steps], other.episode.arm)
     scene.draw_ghost(ghost, states)
+    scene.draw_uncertainty(trace.predicted_path[step], trace.predictive_std[step])
     axis = trace.desired_axes[step, trace.pointing_module]
     scene.draw_target(trace.desired_path[step], axis)
     scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])

@@ -13,6 +13,8 @@ from s2c2a.viz.trace import Trace
 
 _MATPLOTLIB_MODULES = {
     "arm_figure": "arm_drawing",
+    "coverage_figure": "coverage",
+    "coverage_image": "coverage",
     "learning_curves": "figures",
     "recording_figure": "figures",
     "run_figure": "figures",

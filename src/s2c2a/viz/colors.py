@@ -43,6 +43,11 @@ def darker(color: str) -> str:
     return _hex(value // 2 for value in rgb(color))
 
 
+def pale(color: str, share: float = 0.8) -> str:
+    """A color mixed with a share of white."""
+    return _hex(round(value + share * (255 - value)) for value in rgb(color))
+
+
 def module_colors(count: int) -> list[str]:
     """Colors of the modules, interpolated from blue (base) over green to red (tip)."""
     knots = range(len(_BASE_TO_TIP))

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import States
-from s2c2a.viz import charts
+from s2c2a.viz import charts, predictions
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colors import DESIRED, INK, MUTED, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
@@ -50,7 +50,8 @@ def run_figure(
     """Draw the actual and desired path of the followed module's end, and the error.
 
     The figure shows each coordinate and the error [cm] over time, and the path from
-    above. Colors are those of figure 6 of the paper.
+    above. Colors are those of figure 6 of the paper. A band, and a tube in the view,
+    show twice the predictive standard deviation around the predicted path.
 
     Args:
         traces: runs of the same task, base frame.
@@ -76,6 +77,10 @@ def run_figure(
     for axis, axes in enumerate(coordinates):
         draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
+    if (predicted := predictions.trace_with_band(traces)) is not None:
+        color = colors[predicted.label]
+        predictions.draw_bands(coordinates, error, predicted, color)
+        predictions.draw_tube(above, predicted, view, color)
     charts.draw_desired(above, traces[0].desired_path, view)
     charts.draw_lines(
         above, traces, colors, lambda trace: seen(trace.followed_path, view)

@@ -140,12 +140,20 @@ def _trace_data(trace: Trace, color: str) -> dict:
         "frames": _rows(frames.reshape(trace.times.size, -1)),
         "desired": _goal_data(trace.desired_positions),
         "axes": _goal_data(trace.desired_axes),
+        "tube": _tube_data(trace),
         "obstacles": _integers(obstacles),
         "errors": _integers(trace.position_errors, PER_ERROR),
         "meanError": float(errors.mean()) if errors.size else None,
         "uncounted": np.round(trace.uncounted_spans, 4),
         "axisErrors": _integers(trace.axis_errors, PER_ERROR),
     }
+
+
+def _tube_data(trace: Trace) -> list:
+    """Predicted position and radius of the tube at each step; empty without band."""
+    if not trace.has_band:
+        return []
+    return _rows(np.column_stack([trace.predicted_path, trace.band]))
 
 
 def _goal_data(desired: np.ndarray) -> dict[str, list]:

@@ -13,6 +13,8 @@ from s2c2a.errors import S2C2AError
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import Goals, Points, Series, Spheres
 
+STDS = 2.0  # standard deviations in the band and the tube around a prediction
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -110,6 +112,28 @@ class Trace:
     def desired_path(self) -> Points:
         """Desired positions of the followed module's end [m], or NaN."""
         return self.desired_positions[:, self.followed_module]
+
+    @cached_property
+    def predicted_path(self) -> Points:
+        """Positions of the followed end that the plans lead to [m], or NaN."""
+        predicted = self._column("predicted", self.episode.arm.module_count, 6)
+        return predicted[:, self.followed_module, POSITION]
+
+    @cached_property
+    def predictive_std(self) -> Series:
+        """Predictive standard deviation of the followed end [m], or NaN."""
+        deviations = self._column("predictive_std", self.episode.arm.module_count)
+        return deviations[:, self.followed_module]
+
+    @property
+    def band(self) -> Series:
+        """Twice the predictive standard deviation of the followed end [m], or NaN."""
+        return STDS * self.predictive_std
+
+    @property
+    def has_band(self) -> bool:
+        """Whether the model predicts an uncertainty."""
+        return bool(np.nanmax(self.band, initial=0.0) > 0.0)
 
     def spheres(self, step: int) -> Spheres:
         """Center and radius of the obstacles present at a step [m]."""

@@ -1,5 +1,6 @@
 // The error of every strategy over time, with a cursor.
 
+const MAX_BAND = 3; // of the largest error: a higher band leaves the chart
 const EDGE = { left: 30, right: 6, top: 8, bottom: 22 };
 
 class Chart {
@@ -7,6 +8,8 @@ class Chart {
     Object.assign(this, { canvas, run, context: canvas.getContext("2d") });
     this.highest = Math.max(...run.traces.flatMap((trace) => trace.errors.filter((error) => error !== null))) * 100;
     this.empty = !Number.isFinite(this.highest);
+    const radii = run.traces.flatMap((trace) => trace.tube.map((ball) => (ball ? ball.radius : 0)));
+    this.highest = Math.max(this.highest, Math.min(100 * Math.max(0, ...radii), MAX_BAND * this.highest));
   }
 
   resize() {
@@ -34,6 +37,7 @@ class Chart {
     const { context } = this;
     context.clearRect(0, 0, ...this.size);
     this.shade(this.run.traces[chosen].uncounted);
+    this.drawBand(this.run.traces[chosen]);
     this.drawFrame();
     this.run.traces.forEach((trace, k) => k !== chosen && this.drawCurve(trace, 1.3, 0.75));
     this.drawCurve(this.run.traces[chosen], 2.3, 1);
@@ -61,6 +65,23 @@ class Chart {
     this.context.fillStyle = this.run.colors.uncounted;
     for (const [start, end] of spans) {
       this.context.fillRect(this.x(start), EDGE.top, this.x(end) - this.x(start), this.y(0) - EDGE.top);
+    }
+  }
+
+  // Shade the errors up to twice the predictive standard deviation, between steps that have one.
+  drawBand({ times, tube, color }) {
+    this.context.fillStyle = tint(color, 0.2, [255, 255, 255]);
+    const top = (ball) => Math.max(this.y(100 * ball.radius), EDGE.top);
+    for (let k = 1; k < tube.length; k++) {
+      if (!tube[k - 1] || !tube[k]) continue;
+      const left = this.x(times[k - 1]),
+        right = this.x(times[k]) + 1; // no seams
+      this.context.beginPath();
+      this.context.moveTo(left, this.y(0));
+      this.context.lineTo(left, top(tube[k - 1]));
+      this.context.lineTo(right, top(tube[k]));
+      this.context.lineTo(right, this.y(0));
+      this.context.fill();
     }
   }
 

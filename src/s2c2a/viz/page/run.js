@@ -22,15 +22,15 @@ function readTrace(trace) {
     frames: trace.frames.map(readFrames),
     desired: overModules(trace.desired),
     axes: overModules(trace.axes),
-    obstacles: trace.obstacles.map((step) =>
-      step.filter(isPresent).map((o) => ({ center: point(o.slice(0, 3)), radius: o[3] / PER_UNIT })),
-    ),
+    tube: trace.tube.map((row) => row && readBall(row)),
+    obstacles: trace.obstacles.map((step) => step.filter(isPresent).map(readBall)),
     errors: trace.errors.map(small),
     axisErrors: trace.axisErrors.map(small),
   };
 }
 
 const point = (p) => (p === null ? null : scaled(p, 1 / PER_UNIT));
+const readBall = (row) => ({ center: point(row.slice(0, 3)), radius: row[3] / PER_UNIT });
 const isPresent = (obstacle) => obstacle.every((value) => value !== null) && obstacle[3] > 0;
 
 const BASE = { position: [0, 0, 0], x: [1, 0, 0], z: [0, 0, 1] };

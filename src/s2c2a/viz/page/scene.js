@@ -39,6 +39,7 @@ class Scene {
     context.lineJoin = context.lineCap = "round";
     paintSky(context, camera.size);
     paintGround(context, camera, run);
+    paintTube(context, camera, run.traces[chosen].tube, run.traces[chosen].color);
     const light = lightOf(camera),
       things = [],
       moment = moments[chosen],

@@ -91,6 +91,19 @@ function pushObstacles(things, camera, obstacles, color) {
   }
 }
 
+// The tube around the predicted path: one fill, since overlaps of translucent discs would add up.
+function paintTube(context, camera, balls, color) {
+  context.beginPath();
+  for (const ball of balls) {
+    if (!ball) continue;
+    const { x, y, scale } = camera.project(ball.center);
+    context.moveTo(x + ball.radius * scale, y);
+    context.arc(x, y, ball.radius * scale, 0, 2 * Math.PI);
+  }
+  context.fillStyle = veil(color, 0.16);
+  context.fill();
+}
+
 function paintDot(context, place, radius, fill) {
   context.beginPath();
   context.arc(place.x, place.y, radius, 0, 2 * Math.PI);

@@ -1,0 +1,195 @@
+"""Coverage of a recording: which bends, speeds and tip positions it contains.
+
+Bends are sensed ones, as the forward model gets them (`ConfigurationMap`). An arm with
+the same tip position can have many shapes, so a recording may cover the workspace and
+yet lack S shapes, where neighboring modules bend in opposite directions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.episodes import Episode
+from s2c2a.estimation import configuration_map_for
+from s2c2a.kinematics import bends_from_configurations, states_from_bends
+from s2c2a.spaces import POSITION, Reading
+
+HOLD = 0.01  # of the step limit; slower motion counts as a hold
+NEAR_BEND = 0.25  # of each module's limit
+NEAR_TIP = 0.05  # of the arm's length
+MIN_BEND = 0.1  # of the limit; smaller bends have no shape together
+RANDOM_SHAPES = 1000
+MAX_SAMPLES = 20_000  # that are compared with random shapes
+
+Bends = Float[np.ndarray, "samples modules 2"]
+
+
+@dataclass(frozen=True, eq=False)  # holds arrays
+class Coverage:
+    """Bends, speeds and tip positions of a recording.
+
+    Attributes:
+        arm: the recorded arm.
+        bends: sensed bends [rad], module frames.
+        speeds: largest change of a module's bend [rad/s], shape (steps,).
+        tips: measured tip positions [m], base frame, shape (tips, 3); empty without
+            tracking.
+    """
+
+    arm: ArmSpec
+    bends: Bends
+    speeds: Float[np.ndarray, " steps"]
+    tips: Float[np.ndarray, "tips 3"]
+
+    @classmethod
+    def of(cls, episodes: Sequence[Episode]) -> "Coverage":
+        """Coverage of the episodes of one arm.
+
+        Raises:
+            ReadingError: an episode lacks a sensor that configurations need.
+        """
+        arm = episodes[0].arm
+        bends = [_sensed_bends(episode) for episode in episodes]
+        pairs = zip(bends, episodes, strict=True)
+        speeds = [_speeds(values, episode["time"]) for values, episode in pairs]
+        return cls(
+            arm,
+            _finite_rows(np.concatenate(bends)),
+            _finite_rows(np.concatenate(speeds)),
+            _finite_rows(np.concatenate([_tips(episode) for episode in episodes])),
+        )
+
+    @property
+    def limits(self) -> Float[np.ndarray, " modules"]:
+        """Largest sensed bend of a plan [rad]."""
+        return ArmGeometry.of(self.arm).planned_bends
+
+    @property
+    def hold_speed(self) -> float:
+        """Speed below which the arm counts as held [rad/s]."""
+        return HOLD * self.fastest
+
+    @property
+    def fastest(self) -> float:
+        """The step limit as a speed [rad/s]."""
+        return ArmGeometry.of(self.arm).step_limit * self.arm.control_rate
+
+    @property
+    def hold_share(self) -> float:
+        """Share of the steps in which the arm is held."""
+        return _share(self.speeds < self.hold_speed)
+
+    def pair(
+        self, inner: int
+    ) -> tuple[Float[np.ndarray, " samples"], Float[np.ndarray, " samples"]]:
+        """Bends of two neighbors in the direction of the outer one [rad].
+
+        Equal bends have equal values; in an S shape the first is negative.
+
+        Args:
+            inner: index of the inner module.
+
+        Returns:
+            b_i . b_o / |b_o| and |b_o|, with the bends of the inner and outer module.
+        """
+        outer = self.bends[:, inner + 1]
+        sizes = np.linalg.norm(outer, axis=-1)
+        products = np.sum(self.bends[:, inner] * outer, axis=-1)
+        along = np.divide(products, sizes, out=np.zeros_like(sizes), where=sizes > 0)
+        return along, sizes
+
+    def opposed_share(self, inner: int) -> float:
+        """Share of S shapes among samples in which both neighbors bend in one plane.
+
+        Args:
+            inner: index of the inner module.
+        """
+        along, outer = self.pair(inner)
+        bent = np.abs(along) > MIN_BEND * self.limits[inner]
+        bent &= outer > MIN_BEND * self.limits[inner + 1]
+        return _share(along[bent] < 0.0)
+
+    def reached_bends(self, modules: slice = slice(None)) -> float:
+        """Share of random bends of some modules that the recording has nearly.
+
+        Bends are uniform within the limits of plans. One is reached if some sample has
+        every module's bend within `NEAR_BEND` of its limit, in both directions.
+        """
+        limits = self.limits[modules, None]
+        wanted = random_bends(self.limits)[:, modules] / limits
+        samples = _thinned(self.bends)[:, modules] / limits
+        return _reached(wanted, samples, NEAR_BEND, np.inf)
+
+    def reached_tips(self) -> float:
+        """Share of the nominal workspace that the measured tips reach; NaN without.
+
+        The nominal workspace are tips of arcs with random true bends within the limits.
+        One is reached if some measured tip is within `NEAR_TIP` of the arm's length.
+        """
+        geometry = ArmGeometry.of(self.arm)
+        bends = jnp.asarray(random_bends(geometry.bend_limits))
+        states = np.asarray(states_from_bends(bends, jnp.asarray(geometry.lengths)))
+        wanted = states[:, -1, POSITION]
+        return _reached(wanted, _thinned(self.tips), NEAR_TIP * self.arm.length, 2.0)
+
+
+def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:
+    """Bends [rad], uniform in discs whose radii are the limits."""
+    random = np.random.default_rng(seed)
+    shape = RANDOM_SHAPES, len(limits)
+    sizes = limits * np.sqrt(random.uniform(size=shape))
+    directions = random.uniform(0.0, 2.0 * np.pi, shape)
+    vectors = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+    return sizes[..., None] * vectors
+
+
+def _sensed_bends(episode: Episode) -> Bends:
+    values = {name: episode.sensor(name) for name in episode.sensors}
+    readings = Reading(0.0, values)
+    configurations = configuration_map_for(episode.arm).configurations(readings)
+    return np.asarray(bends_from_configurations(configurations), float)
+
+
+def _speeds(
+    bends: Bends, times: Float[np.ndarray, " samples"]
+) -> Float[np.ndarray, " steps"]:
+    changes = np.linalg.norm(np.diff(bends, axis=0), axis=-1)
+    return changes.max(axis=-1) / np.diff(times)
+
+
+def _tips(episode: Episode) -> Float[np.ndarray, "samples 3"]:
+    if "states" not in episode.sensors:
+        return np.zeros((0, 3))
+    return episode.sensor("states")[:, -1, POSITION].astype(float)
+
+
+def _finite_rows(values: np.ndarray) -> np.ndarray:
+    axes = tuple(range(1, values.ndim))
+    return values[np.isfinite(values).all(axis=axes)]
+
+
+def _thinned(values: np.ndarray) -> np.ndarray:
+    return values[:: max(1, -(-len(values) // MAX_SAMPLES))]
+
+
+def _share(mask: np.ndarray) -> float:
+    """Share of true values; NaN without any value."""
+    return float(mask.mean()) if mask.size else float("nan")
+
+
+def _reached(
+    wanted: np.ndarray, samples: np.ndarray, distance: float, norm: float
+) -> float:
+    """Share of wanted points with a sample within a distance; NaN without samples."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415  # heavy
+
+    if not len(samples):
+        return float("nan")
+    tree = cKDTree(samples.reshape(len(samples), -1))
+    points = wanted.reshape(len(wanted), -1)
+    nearest, _ = tree.query(points, p=norm, distance_upper_bound=distance)
+    return _share(np.isfinite(nearest))

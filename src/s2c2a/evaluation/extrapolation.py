@@ -1,0 +1,62 @@
+"""Steps of a run whose plan lies outside the training data of the forward model."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from s2c2a.episodes import Episode
+
+TOLERATED = 0.1  # of the steps; a larger share outside the data is reported
+
+
+def is_outside_data(
+    predictive_std: Float[np.ndarray, "*batch modules"],
+    extrapolation: Float[np.ndarray, "*batch"],
+) -> Bool[np.ndarray, "*batch"]:
+    """Whether extrapolation is the larger part of the tip's predictive variance.
+
+    The part near the data is sqrt(s^2 - e^2), with the tip's standard deviation s and
+    its part e from extrapolation; outside the data, e is larger.
+
+    Args:
+        predictive_std: standard deviation of the predicted module ends [m].
+        extrapolation: the part of the tip's that is due to missing data [m].
+
+    Returns:
+        False where a model has no uncertainty (zero or NaN).
+    """
+    variance = np.square(predictive_std[..., -1])
+    return 2.0 * np.square(extrapolation) > variance
+
+
+def describe_extrapolation(episode: Episode) -> str:
+    """Warn that more than a tenth of a run's plans lie outside the training data.
+
+    The warning says where the first stretch of them is; empty if there is no reason
+    for it.
+    """
+    if not {"predictive_std", "extrapolation"} <= episode.columns.keys():
+        return ""
+    outside = is_outside_data(
+        episode.ran("predictive_std"), episode.ran("extrapolation")
+    )
+    if not outside.sum() > TOLERATED * len(outside):
+        return ""
+    return (
+        f"the path lies outside the training data in {outside.sum()} of "
+        f"{len(outside)} steps, first {_first_stretch(episode, outside)}; record data "
+        "there with `s2c2a collect --active` (a slower pace does not help)"
+    )
+
+
+def _first_stretch(episode: Episode, outside: Bool[np.ndarray, " steps"]) -> str:
+    """Times of the first steps outside the data in a row, and the tip's place."""
+    begin = int(np.argmax(outside))
+    inside_again = np.flatnonzero(~outside[begin:])
+    count = int(inside_again[0]) if len(inside_again) else len(outside) - begin
+    times = episode.times()
+    text = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
+    if "predicted" not in episode.columns:
+        return text
+    tip = 100.0 * episode.ran("predicted")[begin + count // 2, -1, :3]
+    place = ", ".join(f"{coordinate:.0f}" for coordinate in tip)
+    return f"{text} near ({place}) cm"

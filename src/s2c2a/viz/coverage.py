@@ -1,0 +1,233 @@
+"""Figure of the coverage of a recording: bends of neighboring modules, and speeds.
+
+The workspace of the tip does not show whether the modules bent against each other
+(`evaluation.coverage`).
+"""
+
+import io
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.image import imread
+
+from s2c2a.episodes import Episode
+from s2c2a.evaluation.coverage import NEAR_BEND, NEAR_TIP, Coverage
+from s2c2a.viz.charts import (
+    headline,
+    label_log_axis,
+    new_axes,
+    new_figure,
+    save_figure,
+    write_placeholder,
+)
+from s2c2a.viz.colors import DESIRED, INK, MUTED, REAL
+
+COLUMNS = 3
+PANEL = (3.7, 3.1)  # width and height of a panel, inches
+TEXT_HEIGHT = 0.7  # inches
+LETTERS_PER_INCH = 13.5
+MAX_COLUMNS_OF_CELLS = 44
+SPEED_BINS = 36
+SLOWEST_SHOWN = 0.6  # of the hold speed: the left edge of the bar of holds
+IMAGE_DOTS_PER_INCH = 110
+LIMIT_LINE: dict[str, Any] = {
+    "color": MUTED,
+    "linewidth": 0.9,
+    "linestyle": (0, (4, 3)),
+}
+EQUAL_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 1.2, "alpha": 0.8}
+
+
+def coverage_figure(episodes: Sequence[Episode], path: str | Path) -> Path:
+    """Draw which configurations and speeds a recording contains.
+
+    For each pair of neighboring modules, a density shows the bend of the inner module
+    along the direction of the outer one, and the bend of the outer one: equal bends lie
+    on the diagonal, S shapes at the left. An arm of one module shows its bend plane.
+    The last panel shows the speeds; texts state the shares that are reached.
+
+    Args:
+        episodes: of one arm; measured, simulated or imported, with or without states.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+
+    Returns:
+        Path of the written file.
+
+    Raises:
+        S2C2AError: the episodes lack a sensor that configurations need, or the file
+            cannot be written.
+    """
+    return save_figure(_coverage(Coverage.of(episodes), COLUMNS), path)
+
+
+def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height width 3"]:
+    """`coverage_figure` as pixels, with all panels below each other.
+
+    Raises:
+        S2C2AError: the episodes lack a sensor that configurations need.
+    """
+    figure = _coverage(Coverage.of(episodes), 1)
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=IMAGE_DOTS_PER_INCH)
+    content.seek(0)
+    pixels = imread(content, format="png")[..., :3]
+    return np.rint(255.0 * pixels).astype(np.uint8)
+
+
+def _coverage(coverage: Coverage, columns: int) -> Figure:
+    """All panels, in rows of some columns."""
+    panels = _panels(coverage)
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    width, height = PANEL
+    figure = new_figure(width * columns, height * rows + TEXT_HEIGHT)
+    grid = figure.add_gridspec(rows, columns)
+    for number, draw in enumerate(panels):
+        draw(figure, grid[divmod(number, columns)])
+    text = fill(_reached_text(coverage), round(LETTERS_PER_INCH * width * columns))
+    figure.suptitle(text, x=0.01, ha="left", fontsize=8.5, color=INK, parse_math=False)
+    return figure
+
+
+def _panels(coverage: Coverage) -> list[Callable[[Figure, SubplotSpec], None]]:
+    pairs: list[Callable[[Figure, SubplotSpec], None]] = []
+    for inner in range(coverage.arm.module_count - 1):
+        pairs.append(partial(_draw_pair, coverage, inner))
+    shapes = pairs or [partial(_draw_bend_plane, coverage)]
+    return [*shapes, partial(_draw_speeds, coverage)]
+
+
+def _reached_text(coverage: Coverage) -> str:
+    """What share of configurations and workspace is reached, and what that counts."""
+    text = (
+        f"{coverage.arm.name}, {len(coverage.bends):,} samples; darker: more (log). "
+        f"Reached: {_percent(coverage.reached_bends())} of random configurations within "
+        "the limits of plans (a sample bends every module alike, within "
+        f"{_percent(NEAR_BEND)} of its limit)"
+    )
+    share = coverage.reached_tips()
+    if not np.isfinite(share):
+        return f"{text}; the workspace is unknown without measured tips."
+    return (
+        f"{text}; {_percent(share)} of the nominal workspace (tips of random arcs with "
+        f"a measured tip within {_percent(NEAR_TIP)} of the arm's length)."
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def _draw_pair(
+    coverage: Coverage, inner: int, figure: Figure, place: SubplotSpec
+) -> None:
+    """Draw the density of the bends of two neighbors."""
+    names = inner + 1, inner + 2
+    axes = new_axes(
+        figure,
+        place,
+        f"bend of module {names[0]} along that of {names[1]} [deg]",
+        f"bend of module {names[1]} [deg]",
+    )
+    along, outer = map(np.rad2deg, coverage.pair(inner))
+    limits = np.rad2deg(coverage.limits[inner : inner + 2])
+    right = max(limits[0], np.max(np.abs(along), initial=0.0))
+    top = max(limits[1], np.max(outer, initial=0.0))
+    _draw_density(axes, along, outer, (-right, right, 0.0, top))
+    _draw_pair_limits(axes, *limits)
+    reached = coverage.reached_bends(slice(inner, inner + 2))
+    opposed = coverage.opposed_share(inner)
+    text = f"modules {names[0]} and {names[1]}: {_percent(reached)} reached"
+    if np.isfinite(opposed):
+        text += f", {_percent(opposed)} S"
+    headline(axes, text)
+
+
+def _draw_pair_limits(axes: Axes, inner: float, outer: float) -> None:
+    """Draw the limits of plans [deg] and the diagonal of equal bends."""
+    sides = [-inner, -inner, inner, inner]
+    axes.plot(sides, [0.0, outer, outer, 0.0], **LIMIT_LINE)
+    equal = min(inner, outer)
+    axes.plot([0.0, equal], [0.0, equal], **EQUAL_LINE)
+    _write(axes, 0.02, "S shapes", "left")
+    _write(axes, 0.98, "equal bends: diagonal", "right")
+
+
+def _draw_bend_plane(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:
+    """Draw the density of the bends of the only module."""
+    labels = ("bend along x [deg]", "bend along y [deg]")
+    axes = new_axes(figure, place, *labels)
+    x, y = np.rad2deg(coverage.bends[:, 0]).T
+    limit = float(np.rad2deg(coverage.limits[0]))
+    edge = max(limit, np.max(np.abs([x, y]), initial=0.0))
+    _draw_density(axes, x, y, (-edge, edge, -edge, edge))
+    around = np.linspace(0.0, 2.0 * np.pi, 91)
+    axes.plot(limit * np.cos(around), limit * np.sin(around), **LIMIT_LINE)
+    axes.set_aspect("equal")
+    headline(axes, f"module 1: {_percent(coverage.reached_bends())} reached")
+
+
+def _draw_density(
+    axes: Axes, x: np.ndarray, y: np.ndarray, extent: tuple[float, float, float, float]
+) -> None:
+    """Draw the number of samples in hexagons, darker for more, on a log scale."""
+    if not len(x):
+        write_placeholder(axes, "no configurations")
+        return
+    left, right, bottom, top = extent
+    height = (top - bottom) / (right - left)
+    cells = max(2, round(MAX_COLUMNS_OF_CELLS * height * 0.58))
+    axes.hexbin(
+        x,
+        y,
+        gridsize=(MAX_COLUMNS_OF_CELLS, cells),
+        extent=extent,
+        bins="log",
+        mincnt=1,
+        cmap="YlGnBu",
+        vmin=0.4,
+        linewidths=0.2,
+        rasterized=True,
+    )
+    margin = 0.04 * (right - left)
+    axes.set_xlim(left - margin, right + margin)
+    axes.set_ylim(bottom - (margin if bottom < 0.0 else 0.0), top + 0.14 * top)
+
+
+def _write(axes: Axes, x: float, text: str, align: str) -> None:
+    """Write a small text at the top of axes."""
+    style: dict[str, Any] = {"ha": align, "va": "top", "fontsize": 8, "color": MUTED}
+    axes.text(x, 0.985, text, transform=axes.transAxes, **style)
+
+
+def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:
+    """Draw how much time the arm spends at each speed, and in holds."""
+    axes = new_axes(figure, place, "speed of the fastest module [deg/s]", "time [%]")
+    speeds = np.rad2deg(coverage.speeds)
+    if not len(speeds):
+        write_placeholder(axes, "no motion")
+        return
+    hold = float(np.rad2deg(coverage.hold_speed))
+    fastest = float(np.rad2deg(coverage.fastest))
+    edges = np.geomspace(hold, max(1.2 * fastest, speeds.max()), SPEED_BINS + 1)
+    counts, _ = np.histogram(speeds, edges)
+    share = 100.0 / len(speeds)
+    axes.bar(
+        edges[:-1], share * counts, np.diff(edges), align="edge", color=REAL, alpha=0.8
+    )
+    left = SLOWEST_SHOWN * hold
+    holds = coverage.hold_share
+    axes.bar(left, 100.0 * holds, hold - left, align="edge", color=MUTED)
+    axes.axvline(fastest, **LIMIT_LINE)
+    label_log_axis(axes)
+    _write(axes, 0.02, "dashed: step limit", "left")
+    axes.margins(y=0.15)
+    headline(axes, f"holds below {hold:.2g} deg/s (gray): {_percent(holds)}")

@@ -1,0 +1,48 @@
+"""What `train` prints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.train import report
+from s2c2a.estimation import MODAL_MODEL
+from s2c2a.strategies import TrainedNetworks, recipe_named
+
+
+@pytest.fixture
+def networks() -> TrainedNetworks:
+    """Errors of a training, without the networks."""
+    errors = {"validation samples": 0.003, "slower motion": 0.0065}
+    return TrainedNetworks(
+        load_arm("twin_arm"),
+        recipe_named("best"),
+        0,
+        {},
+        {"C2S": (1.5, 2.0), MODAL_MODEL: (60.0, 0.0)},
+        {MODAL_MODEL: np.array([[0.0, 0.5, 0.5], [1.0, 0.3, 0.3]])},
+        errors={"C2S": errors},
+    )
+
+
+def test_errors_are_in_percent_and_in_millimeters_on_unseen_motion(networks, capsys):
+    report(networks, None)
+    output = capsys.readouterr().out
+    table, lines = output.split("C2S on motion that a second training has not seen: ")
+    assert "1.50 ± 2.00 %" in table
+    assert MODAL_MODEL not in table
+    assert lines == (
+        "validation samples 3.0 mm, slower motion 6.5\n"
+        "errors on slower motion are more than twice those on validation samples: "
+        "record more data with slow motion and holds\n"
+        "modal model: it reduces the fast part of the C2S error by 40 %\n"
+    )
+
+
+def test_the_modal_model_of_another_arm_is_not_reported(networks, capsys):
+    start = replace(networks, arm=networks.arm.model_copy(update={"name": "other"}))
+    report(networks, start)
+    output = capsys.readouterr().out
+    assert "those of other" in " ".join(output.split())
+    assert "modal model" not in output
