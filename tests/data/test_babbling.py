@@ -5,7 +5,9 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import BABBLING, episode_actions
-from s2c2a.data.babbling import SPEEDS, bend_path, disc_point, fastest
+from s2c2a.data.babbling import SPEEDS, bend_path, fastest
+from s2c2a.data.nominal_plans import disc_points, nominal_plans
+from s2c2a.kinematics import states_from_bends
 
 SAMPLES = 300
 
@@ -205,9 +207,68 @@ def test_speeds_are_mixed_evenly_on_a_logarithmic_scale():
 def test_points_of_the_disc_are_uniform():
     """Half of them lie within 1 / sqrt(2) of the center, a quarter in each quadrant."""
     random = np.random.default_rng(0)
-    points = np.array([disc_point(random) for _ in range(8000)])
+    points = disc_points(random, (8000,))
     assert np.mean(np.linalg.norm(points, axis=-1) < 0.5**0.5) == pytest.approx(
         0.5, abs=0.02
     )
     assert np.mean((points > 0).all(axis=-1)) == pytest.approx(0.25, abs=0.02)
     assert np.linalg.norm(points, axis=-1).max() <= 1
+
+
+def opposed(asked: np.ndarray) -> float:
+    """Share of the samples in which the first two modules bend in opposite directions."""
+    inner, outer = asked[:, 0], asked[:, 1]
+    product = np.sum(inner * outer, axis=-1)
+    lengths = np.linalg.norm(inner, axis=-1) * np.linalg.norm(outer, axis=-1)
+    return float(np.mean(product < -0.5 * lengths))
+
+
+def test_coverage_has_opposed_bends_from_the_first_episode_on(twin):
+    """Mixed babbling begins with equal bends of all modules."""
+    covering = [shares(twin, "coverage", episode, 18) for episode in range(3)]
+    mixed = [shares(twin, "mixed", episode, 18) for episode in range(3)]
+    assert np.mean([opposed(asked) for asked in covering]) > 0.08
+    assert np.mean([opposed(asked) for asked in mixed]) < 0.02
+
+
+def test_coverage_has_slow_stretches_and_holds(twin):
+    asked = np.concatenate(
+        [shares(twin, "coverage", number, 18) for number in range(9)]
+    )
+    speeds = np.linalg.norm(np.diff(asked, axis=0), axis=-1).max(axis=-1)
+    assert 0.02 < np.mean(speeds < 1e-9) < 0.3
+    assert 0.02 < np.mean((speeds > 1e-9) & (speeds < 0.5 * SPEEDS[0])) < 0.4
+
+
+def test_chosen_targets_are_visited_one_after_the_other(twin):
+    geometry = ArmGeometry.of(twin)
+    targets = disc_points(np.random.default_rng(3), (3, 3))
+    actions = episode_actions(
+        geometry, "coverage", 0, 1, SAMPLES, 0, (0.2, 0.3), targets
+    )
+    wanted = geometry.actions_at(targets)
+    distances = np.abs(actions[:, None] - wanted).max(axis=(-2, -1))
+    assert distances.min(axis=0).max() < 1e-9
+
+
+@pytest.mark.parametrize("modules", [1, 2, 4])
+def test_nominal_plans_reach_their_workspace_evenly(make_arm, modules):
+    geometry = ArmGeometry.of(make_arm(modules))
+    plans = nominal_plans(geometry, 200, np.random.default_rng(0))
+    assert np.linalg.norm(plans, axis=-1).max() <= 1.0 + 1e-9
+    tips = np.asarray(
+        states_from_bends(plans * geometry.action_bends[:, None], geometry.lengths)
+    )[:, -1, :3]
+    assert np.ptp(tips[:, :2], axis=0).min() > 0.3 * geometry.lengths.sum()
+
+
+def test_nominal_plans_prefer_small_differences_between_modules(make_arm):
+    geometry = ArmGeometry.of(make_arm(3))
+    random = np.random.default_rng(0)
+    plans = nominal_plans(geometry, 300, random)
+    independent = disc_points(random, (300, 3))
+
+    def unevenness(bends: np.ndarray) -> float:
+        return float(np.median(np.sum(np.diff(bends, axis=1) ** 2, axis=(1, 2))))
+
+    assert unevenness(plans) < 0.8 * unevenness(independent)
