@@ -10,12 +10,12 @@ from s2c2a.studies.transfer import ANOTHER, FULL, Transfer, of_halves, ratios
 
 def test_every_arm_starts_from_the_networks_of_the_next(twin):
     pairs = Transfer(twin, drawn=(0, 1, 2)).pairs()
-    assert [one.name for one, _ in pairs] == [
+    assert [pair.arm.name for pair in pairs] == [
         "twin_arm_50_0",
         "twin_arm_50_1",
         "twin_arm_50_2",
     ]
-    assert [one.name for _, one in pairs] == [
+    assert [pair.other.name for pair in pairs] == [
         "twin_arm_50_1",
         "twin_arm_50_2",
         "twin_arm_50_0",
