@@ -287,9 +287,10 @@ def transfer(
     halves: tuple[int, ...] = (20, 21),
     strength: float = 0.5,
     tasks: tuple[str, ...] = ("circle", "tilt-50"),
-    samples: int = 500,
+    samples: tuple[int, ...] = (0, 500),
     base: Arm = "twin_arm",
     seed: int = 0,
+    prior: int = 24,
     work: Work = ALL_CORES,
 ) -> None:
     """Transfer of networks to a similar arm or another module count (docs/transfer.md).
@@ -304,16 +305,18 @@ def transfer(
         halves: seeds of randomized arms with these module counts.
         strength: magnitude of the mismatch.
         tasks: names of tasks.
-        samples: length of a short recording.
+        samples: lengths of short recordings, such as 0 100 500 2000; 0 for none.
         base: a preset or an arm file.
         seed: random seed of data, training and start.
+        prior: number of further randomized arms that a prior is learned from; 0 for no
+            prior.
         work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_rows
     from s2c2a.studies.transfer import EXPERIMENT, Transfer, transfer_rows
 
     study = Transfer(
-        load_arm(base), drawn, counts, halves, strength, tasks, samples, seed
+        load_arm(base), drawn, counts, halves, strength, tasks, samples, seed, prior
     )
     options = asdict(study) | {"base": base}
     with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):

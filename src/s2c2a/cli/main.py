@@ -16,6 +16,7 @@ from s2c2a.cli import (
     import_,
     live,
     motors,
+    pretrain,
     reproduce,
     run,
     sweep,
@@ -29,6 +30,7 @@ from s2c2a.errors import S2C2AError
 FAULT = 2  # exit code
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
+    "pretrain": "; finished recordings are kept: repeat the command to continue",
     "run": "; finished runs are kept: continue with --out and the run directory",
     "sweep": "; finished trials are kept: repeat the command to continue",
     "reproduce": "; finished work is kept: repeat the command to continue",
@@ -42,6 +44,7 @@ for command in (
     view.view,
     collect.collect,
     identify.identify,
+    pretrain.pretrain,
     train.train,
     run.run,
     sweep.sweep,

@@ -39,6 +39,7 @@ from s2c2a.jobs.job import (
     checked_seeds,
     jobs_for,
 )
+from s2c2a.jobs.prior import PriorNetworks
 from s2c2a.jobs.rows import (
     Heading,
     describe_repetitions,

@@ -12,6 +12,7 @@ from s2c2a.jobs.artifacts import (
     RecordingArtifact,
     digest_of,
 )
+from s2c2a.jobs.prior import PriorNetworks
 from s2c2a.progress import Progress
 from s2c2a.strategies import Recipe, TrainedNetworks
 
@@ -24,7 +25,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         arm: whose networks they are.
         recipe: how they are trained.
         seed: of the training.
-        start: networks of the other arm; None trains from nothing.
+        start: networks of the other arm, or a prior; None trains from nothing.
         options: of the recording to train on; None for none.
     """
 
@@ -33,7 +34,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
     arm: ArmSpec
     recipe: Recipe
     seed: int
-    start: NetworksArtifact | None
+    start: NetworksArtifact | PriorNetworks | None
     options: CollectOptions | None
 
     @property

@@ -1,6 +1,7 @@
 """Options of forward models, and the paper's C2S: configurations to states."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import equinox as eqx
@@ -17,7 +18,13 @@ from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import BiLSTM, Scaling, Size
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
-from s2c2a.training.trained import Trained, TrainingData, known_error, train
+from s2c2a.training.trained import (
+    Pretrained,
+    Trained,
+    TrainingData,
+    known_error,
+    train,
+)
 
 
 @dataclass(frozen=True)
@@ -112,10 +119,43 @@ class ForwardOptions(ABC):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: Progress = quiet,
+        spread: eqx.Module | None = None,
     ) -> Trained[ForwardModel]:
-        """Continue the training of a transferred model; see `train`."""
+        """Continue the training of a transferred model; see `train`.
+
+        Args:
+            model: transferred.
+            data: recorded episodes of the new arm.
+            fit: options of the training.
+            key: of all random numbers.
+            progress: see `train`.
+            spread: of the parameters over arms, if the model is a prior (`pretrain`).
+        """
         raise TrainingError(
             f"forward models '{self.model}' begin from nothing; train without --from"
+        )
+
+    def pretrain(
+        self,
+        arms: Sequence[TrainingData],
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Pretrained[ForwardModel]:
+        """Learn a prior over arms from recordings of several ones.
+
+        Args:
+            arms: recorded episodes of each arm; episodes have the same shape.
+            fit: options of the training.
+            key: of all random numbers.
+            progress: see `train`.
+
+        Raises:
+            TrainingError: this kind of model has no prior, or training failed.
+        """
+        raise TrainingError(
+            f"forward models '{self.model}' have no prior; choose a recipe with "
+            "model = 'chain' or 'local', such as best"
         )
 
 

@@ -1,5 +1,6 @@
 """Options and training of the chain: hysteresis by least squares, then all together."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,11 +19,27 @@ from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.chain import OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.prior import mean_and_spread, pooled
 from s2c2a.models.statics import Equilibrium
 from s2c2a.models.transfer import babbling_data, states_under_gravity, transfer_chain
 from s2c2a.models.trunk import Trunk
-from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
-from s2c2a.training.trained import Trained, TrainingData, known_error, train
+from s2c2a.training.fit import (
+    Batch,
+    FitOptions,
+    FitResult,
+    Progress,
+    check_limits,
+    parameters,
+    quiet,
+)
+from s2c2a.training.trained import (
+    Pretrained,
+    Trained,
+    TrainingData,
+    evaluated,
+    known_error,
+    train,
+)
 
 NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: a position error of one
@@ -30,6 +47,14 @@ AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
 DELAY = 0.1  # s; time constant of the delay filter
 PULL = 3e-3
 """Weight of the squared change of parameters when training continues another model."""
+PRIOR_PULL = 1e-5
+"""The same, of changes over the spread of a prior: the negative log of its density."""
+ARM_PULL = 1e-3
+"""Weight of the squared change from the joint model to that of one arm of a prior."""
+JOINT_EPOCHS = 1 / 6
+"""Of the training, for the joint model of a prior: its epochs have more batches."""
+ARM_EPOCHS = 1 / 2
+"""Of the training, from the joint model to that of one arm."""
 REHEARSED = FitOptions(
     learning_rate=2e-3, max_epochs=20, patience=20, epochs_per_call=10, decay=True
 )
@@ -119,12 +144,46 @@ class ChainOptions(ForwardOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: Progress = quiet,
+        spread: ChainC2S | None = None,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`: trains all parameters with a penalty on their change.
 
-        Few samples do not determine all parameters.
+        Few samples do not determine all parameters. With the spread of a prior the
+        penalty is that of a normal distribution.
         """
-        return _train(model, data, fit, key, progress, PULL)
+        penalty = _Penalty.of(model, PULL)
+        if spread is not None:
+            penalty = _Penalty.of(model, PRIOR_PULL, spread)
+        return _train(model, data, fit, key, progress, penalty)
+
+    def pretrain(
+        self,
+        arms: Sequence[TrainingData],
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Pretrained[ChainC2S]:
+        """See `ForwardOptions`: a joint chain, then one of every arm from it."""
+        together = pooled(arms)
+        joint_fit = _shortened(fit, JOINT_EPOCHS)
+        arm_fit = _shortened(fit, ARM_EPOCHS)
+        epochs = joint_fit.max_epochs + len(arms) * arm_fit.max_epochs
+
+        def joint_progress(epoch: int, _epochs: int, loss: float) -> None:
+            progress(epoch, epochs, loss)
+
+        joint = self.train(together, joint_fit, key, joint_progress)
+        penalty = _Penalty.of(joint.network, ARM_PULL)
+        chains = []
+        for number, data in enumerate(arms, start=1):
+            trained = _train(joint.network, data, arm_fit, key, quiet, penalty)
+            chains.append(trained.network)
+            done = joint_fit.max_epochs + number * arm_fit.max_epochs
+            progress(done, epochs, float(trained.curve[:, 2].min()))
+        mean, spread = mean_and_spread(chains)
+        result = FitResult(mean, joint.curve)
+        samples = hysteresis_samples(mean, together)
+        return Pretrained(evaluated(result, predicted_targets, samples), spread)
 
     def adapted(  # type: ignore[override]
         self,
@@ -194,6 +253,35 @@ class ChainOptions(ForwardOptions):
         )
 
 
+class _Penalty(eqx.Module):
+    """Penalty on the change of parameters: pull sum ((p - p_initial) / spread)^2.
+
+    Attributes:
+        pull: weight.
+        initial: parameters before the training.
+        spread: unit of each parameter's change; empty for one.
+    """
+
+    pull: float
+    initial: list[Array]
+    spread: list[Array]
+
+    @classmethod
+    def of(
+        cls, model: ChainC2S, pull: float, spread: ChainC2S | None = None
+    ) -> "_Penalty":
+        """The penalty on changes of a model."""
+        units = [] if spread is None else parameters(spread)
+        return cls(pull, parameters(model), units)
+
+    def __call__(self, model: ChainC2S) -> Float[Array, ""]:
+        changes = jax.tree.map(jnp.subtract, parameters(model), self.initial)
+        if self.spread:
+            changes = jax.tree.map(jnp.divide, changes, self.spread)
+        squares = [jnp.sum(change**2) for change in changes]
+        return self.pull * sum(squares, jnp.zeros(()))
+
+
 class _ChainLoss(eqx.Module):
     """Mean squared error of states, with a penalty on the change of parameters.
 
@@ -201,14 +289,12 @@ class _ChainLoss(eqx.Module):
 
     Attributes:
         unit: of position errors [m].
-        pull: weight of the penalty.
-        initial: parameters before the training; None without a penalty.
+        penalty: on the change of parameters; None for none.
         frozen: chain of which only the network is trained; None if all is.
     """
 
     unit: float
-    pull: float
-    initial: ChainC2S | None = None
+    penalty: _Penalty | None = None
     frozen: ChainC2S | None = None
 
     def __call__(
@@ -220,15 +306,9 @@ class _ChainLoss(eqx.Module):
         error = known_error(predicted_targets(trained, batch), batch["targets"])
         positions = jnp.mean((error[..., :3] / self.unit) ** 2)
         mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
-        if key is None or self.initial is None:
+        if key is None or self.penalty is None:
             return mean
-        return mean + self.pull * self._squared_change(model)
-
-    def _squared_change(self, model: ChainC2S) -> Float[Array, ""]:
-        parameters = eqx.filter(model, eqx.is_inexact_array)
-        changes = jax.tree.map(jnp.subtract, parameters, self.initial)
-        squares = [jnp.sum(change**2) for change in jax.tree.leaves(changes)]
-        return sum(squares, jnp.zeros(()))
+        return mean + self.penalty(model)
 
 
 def _train(
@@ -237,24 +317,29 @@ def _train(
     fit: FitOptions,
     key: PRNGKeyArray,
     progress: Progress,
-    pull: float = 0.0,
+    penalty: _Penalty | None = None,
     frozen: ChainC2S | None = None,
 ) -> Trained[ChainC2S]:
-    """Train on true states, with a penalty `pull` on the change of parameters.
+    """Train on true states, with a penalty on the change of parameters, if any.
 
     The loss depends on the network alone if the other parameters are `frozen`.
     """
     unit = LENGTH_UNIT * data.arm.length
-    initial = eqx.filter(model, eqx.is_inexact_array) if pull else None
     return train(
         model,
-        _ChainLoss(unit, pull, initial, frozen),
+        _ChainLoss(unit, penalty, frozen),
         predicted_targets,
         hysteresis_samples(model, data),
         fit,
         key,
         progress,
     )
+
+
+def _shortened(fit: FitOptions, share: float) -> FitOptions:
+    """Training options with a share of the epochs."""
+    epochs = max(1, round(share * fit.max_epochs))
+    return replace(fit, max_epochs=epochs, patience=epochs)
 
 
 def _senses_pulling_cables(arm: ArmSpec) -> bool:

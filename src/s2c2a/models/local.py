@@ -5,6 +5,7 @@ the chain from the displacements, their hysteresis, and their lag. Away from the
 fades out, so that the chain predicts alone. `Uncertainty` estimates the errors of both.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -32,10 +33,11 @@ from s2c2a.models.chain_training import (
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.kernels import KernelFit, Kernels
+from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
-from s2c2a.training.trained import Trained, TrainingData, evaluated
+from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 
 # scales of the outputs, in parts of the arm's length and of axes
 UNIT = 0.4
@@ -383,15 +385,34 @@ class LocalOptions(ChainOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: Progress = quiet,
+        spread: ChainC2S | None = None,
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
-        trained, _mixture = self._with_local(
-            super().resume_training(model.chain, data, fit, key, progress), data, key
-        )
+        chain = super().resume_training(model.chain, data, fit, key, progress, spread)
+        trained, _mixture = self._with_local(chain, data, key)
         error = trained.network.uncertainty.interpolation_error
         uncertainty = replace(model.uncertainty, interpolation_error=error)
         network = replace(trained.network, uncertainty=uncertainty)
         return replace(trained, network=network)
+
+    def pretrain(  # type: ignore[override]
+        self,
+        arms: Sequence[TrainingData],
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Pretrained[LocalC2S]:
+        """See `ForwardOptions`: of the chain alone; kernels belong to one arm."""
+        together = pooled(arms)
+        options = self._chain_options(together)
+        chain = options.pretrain(arms, fit, key, progress)
+        model = self.untrained(together.arm, key)
+        model = replace(model, chain=chain.mean.network)
+        samples = hysteresis_samples(model.chain, together)
+        uncertainty = self._uncertainty(model, samples, together.arm)
+        model = replace(model, uncertainty=uncertainty)
+        mean = Trained(model, chain.mean.curve, chain.mean.percent)
+        return Pretrained(mean, chain.spread)
 
     def adapted(  # type: ignore[override]
         self,

@@ -1,6 +1,7 @@
 """Files of trained networks: what they hold. `checkpoint` defines their form."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -30,10 +31,13 @@ from s2c2a.strategies.options import StrategyOptions
 from s2c2a.strategies.recipe import Recipe, recipe_in
 from s2c2a.strategies.registry import STRATEGIES
 from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training.fit import parameters
 
 OPTIONAL = (MODAL_MODEL, PREFIX)
 """Beginnings of the names of networks that a file may lack."""
 CURVE = "curve."
+SPREAD = "spread"
+"""Beginning of the names of arrays that only a prior has."""
 
 
 def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
@@ -63,6 +67,8 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         errors=networks.errors,
     )
     arrays = learned(networks.networks)
+    if networks.spread is not None:
+        arrays |= learned({SPREAD: networks.spread})
     for name, curve in networks.curves.items():
         arrays[f"{CURVE}{name}"] = np.asarray(curve)
     write(path, metadata, arrays)
@@ -94,6 +100,7 @@ def load_strategy(
         strategy = TypeAdapter(kind).validate_python(metadata.strategy_options)
         blanks = _blanks(strategy, recipe, trained_for, metadata)
         networks = filled(blanks, trained_for, arrays)
+        spread = _spread(blanks, trained_for, arrays)
         curves = _curves(arrays)
         if not set(networks) == set(curves) == set(metadata.percent):
             raise StrategyError("networks, curves and errors differ in their names")
@@ -107,6 +114,7 @@ def load_strategy(
         metadata.strategy,
         metadata.strategy_options,
         metadata.errors,
+        spread,
     )
 
 
@@ -150,6 +158,18 @@ def _recipe(table: dict[str, Any]) -> Recipe:
 def _arm(metadata: Metadata, path: str | os.PathLike) -> ArmSpec:
     with damaged(path):
         return arm_from_toml(metadata.arm, f"arm in {path}")
+
+
+def _spread(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> Any:
+    """Spread of the parameters over arms; None unless the file holds a prior."""
+    if not any(name.startswith(SPREAD) for name in arrays):
+        return None
+    model = blanks["C2S"]
+    spread = filled({SPREAD: getattr(model, "chain", model)}, arm, arrays)[SPREAD]
+    positive = [bool((leaf > 0).all()) for leaf in parameters(spread)]
+    if not all(positive):
+        raise StrategyError("the spread of a parameter is not positive")
+    return spread
 
 
 def _curves(arrays: Arrays) -> dict[str, np.ndarray]:

@@ -114,7 +114,8 @@ def train_s2c2a(
         recipe: sizes and options.
         seed: of everything random.
         progress: called with network, epoch, number of epochs, validation loss.
-        start: networks of another arm of the same make; then a short recording will do.
+        start: networks of another arm of the same make, or a prior over arms
+            (`pretrain_s2c2a`); then a short recording will do.
 
     Raises:
         RecordingError: episodes are missing or too short, or without true states.
@@ -138,8 +139,10 @@ def train_s2c2a(
     if start is not None:
         check_same_training(start, recipe)
         begun = transferred(start, recording.arm, seed)
+        # own forward models need not know of spreads
+        prior = {} if begun.spread is None else {"spread": begun.spread}
         c2s = recipe.c2s.resume_training(
-            begun.c2s, data, longer(recipe.c2s_fit), c2s_key, c2s_progress
+            begun.c2s, data, longer(recipe.c2s_fit), c2s_key, c2s_progress, **prior
         )
         # controller and modal model stay those of the other arm
         return begun.with_trained({"C2S": c2s, **sensors}, recipe)

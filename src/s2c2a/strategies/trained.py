@@ -27,7 +27,6 @@ class TrainedNetworks:
         strategy: name of the strategy.
         strategy_options: numbers of its options class.
         errors: network -> mean errors of the tip on samples that a second training has
-            not seen [m], by the kind of these samples (`models.calibration`).
     """
 
     arm: ArmSpec
@@ -39,6 +38,7 @@ class TrainedNetworks:
     strategy: str = "s2c2a"
     strategy_options: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    spread: Any = None
 
     @classmethod
     def of(
@@ -55,7 +55,7 @@ class TrainedNetworks:
     def with_trained(
         self, trained: Mapping[str, Trained], recipe: Recipe
     ) -> "TrainedNetworks":
-        """The same, with some networks trained by a recipe."""
+        """The same, with some networks trained by a recipe; no longer a prior."""
         networks = dict(self.networks)
         percent = dict(self.percent)
         curves = dict(self.curves)
@@ -73,6 +73,7 @@ class TrainedNetworks:
             percent=percent,
             curves=curves,
             errors=errors,
+            spread=None,
         )
 
     @property

@@ -34,6 +34,7 @@ def transferred(
     With the same number of modules, only what follows from the arm file changes. With
     another number, each module starts with what was learned at the same place along the
     arm (docs/transfer.md). Held-out errors and learning curves stay those of the old arm.
+    A prior stays one with the same number of modules.
 
     Args:
         networks: trained.
@@ -51,6 +52,7 @@ def transferred(
     babbling = recipe.collect_options(seed)
     c2s = recipe.c2s.adapted(networks.c2s, old, new, babbling, jax.random.key(seed))
     c2a = recipe.c2a.for_arm(networks.c2a, new)
+    same_count = old.module_count == new.module_count
     return replace(
         networks,
         arm=arm,
@@ -59,6 +61,7 @@ def transferred(
         percent=_without_sensors(networks.percent),
         curves=_without_sensors(networks.curves),
         errors={},
+        spread=networks.spread if same_count else None,
     )
 
 

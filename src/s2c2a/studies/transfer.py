@@ -1,13 +1,14 @@
 """Transfer of networks between arms of one kind: other mismatch, other module counts.
 
-Each randomized arm learns from a whole recording, from a short one, and from a short
-one or none with the networks of another arm as the starting point. Recordings come from
-new arms, runs from the same arms aged (docs/protocol.md).
+Each randomized arm learns from a whole recording, and from a short one or none: from
+scratch, from the networks of another arm, and from a prior over further arms.
+Recordings come from new arms, runs from the same arms aged (docs/protocol.md).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import NamedTuple
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, Module, randomized_arm
@@ -25,11 +26,41 @@ HALF_BEND_DEG = 30.0
 FULL = "whole recording"
 SCRATCH = "from scratch"
 ANOTHER = "from another"
-NOTHING = "nothing recorded"
-METHODS = (FULL, SCRATCH, ANOTHER, NOTHING)
+PRIOR = "from a prior"
+STARTS = (SCRATCH, ANOTHER, PRIOR)
 
-ArmPair = tuple[ArmSpec, ArmSpec]
-"""The new arm, and the arm whose networks it starts from."""
+
+class ArmPair(NamedTuple):
+    """An arm of the study and what its training starts from.
+
+    Attributes:
+        arm: the new arm.
+        other: the arm whose networks it starts from.
+        nominal: the arm that the new one is a variant of, for the prior.
+    """
+
+    arm: ArmSpec
+    other: ArmSpec
+    nominal: ArmSpec
+
+
+class Method(NamedTuple):
+    """What networks learn from.
+
+    Attributes:
+        start: `FULL` or one of `STARTS`.
+        samples: of the short recording; 0 for none.
+    """
+
+    start: str
+    samples: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name in the result rows."""
+        if self.start == FULL:
+            return FULL
+        return f"{self.start}, {self.samples} samples"
 
 
 @dataclass(frozen=True)
@@ -43,8 +74,9 @@ class Transfer:
         halves: seeds of arms of either count.
         strength: of the mismatch.
         tasks: names.
-        samples: of a short recording.
+        samples: of the short recordings; 0 for none.
         seed: of data, training and start.
+        prior: arms of the prior; 0 for no prior.
     """
 
     base: ArmSpec
@@ -53,39 +85,50 @@ class Transfer:
     halves: tuple[int, ...] = (20, 21)
     strength: float = 0.5
     tasks: tuple[str, ...] = ("circle", "tilt-50")
-    samples: int = 500
+    samples: tuple[int, ...] = (0, 500)
     seed: int = 0
+    prior: int = 24
 
     def __post_init__(self):
         """Validate the options."""
-        if len(self.drawn) == 1 or not self.tasks or self.samples < EPISODE:
+        too_short = [count for count in self.samples if count % EPISODE or count < 0]
+        if len(self.drawn) == 1 or not self.tasks or too_short:
             raise S2C2AError(
                 f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} "
-                "samples; give no arm or at least two, at least one task, and at "
-                f"least {EPISODE} samples"
+                "samples; give no arm or at least two, at least one task, and "
+                f"multiples of {EPISODE} samples, or 0"
             )
 
     @property
-    def short(self) -> CollectOptions:
+    def methods(self) -> list[Method]:
+        """All methods; nothing is learned from scratch without a recording."""
+        starts = STARTS if self.prior else (SCRATCH, ANOTHER)
+        methods = [Method(start, count) for start in starts for count in self.samples]
+        return [Method(FULL), *(m for m in methods if m != Method(SCRATCH))]
+
+    def short(self, samples: int) -> CollectOptions:
         """Options of a short recording: motor babbling, as stages need more samples."""
-        episodes = self.samples // EPISODE
+        episodes = samples // EPISODE
         return CollectOptions("motor", episodes, EPISODE, self.seed, BEST.speeds)
 
     def pairs(self) -> list[ArmPair]:
         """Arms of the same module count."""
         arms = [randomized_arm(self.base, seed, self.strength) for seed in self.drawn]
-        return list(zip(arms, arms[1:] + arms[:1], strict=True))
+        others = arms[1:] + arms[:1]
+        return [
+            ArmPair(arm, other, self.base)
+            for arm, other in zip(arms, others, strict=True)
+        ]
 
     def longer(self) -> list[ArmPair]:
         """Arms of other module counts."""
         old, new = (of_halves(self.base, count) for count in self.counts)
-        return [
-            (
-                randomized_arm(new, seed, self.strength),
-                randomized_arm(old, seed, self.strength),
-            )
-            for seed in self.halves
-        ]
+        pairs = []
+        for seed in self.halves:
+            arm = randomized_arm(new, seed, self.strength)
+            other = randomized_arm(old, seed, self.strength)
+            pairs.append(ArmPair(arm, other, new))
+        return pairs
 
 
 def of_halves(arm: ArmSpec, count: int) -> ArmSpec:
@@ -132,7 +175,7 @@ def transfer_rows(study: Transfer, make: jobs.Make) -> list[Row]:
         rows_of_arms = _rows_of_arms(study, pairs, make)
         if not rows_of_arms:
             continue
-        modules = f"{pairs[0][0].module_count} modules"
+        modules = f"{pairs[0].arm.module_count} modules"
         summary = [
             replace(row, arm=f"{row.arm}, {modules}")
             for row in over_arms(rows_of_arms, study.strength)
@@ -146,22 +189,25 @@ def _rows_of_arms(
 ) -> list[list[Row]]:
     """Rows of each pair and method; none where training from scratch fails."""
     groups = [
-        (method, _jobs(study, pair, method)) for pair in pairs for method in METHODS
+        (method, _jobs(study, pair, method))
+        for pair in pairs
+        for method in study.methods
     ]
     # first all runs that must succeed, together, so that they can run in parallel
-    make([job for method, group in groups if method != SCRATCH for job in group])
+    required = [group for method, group in groups if method.start != SCRATCH]
+    make(list(chain.from_iterable(required)))
     rows = []
     for method, group in groups:
         try:
             runs = make(group)
         except S2C2AError:
-            if method != SCRATCH:
+            if method.start != SCRATCH:
                 raise
             continue  # too few samples to train from scratch
         scores = jobs.score_rows(EXPERIMENT, runs)
         rows.append(
             [
-                replace(row, strategy=method, paper_mean=None, paper_std=None)
+                replace(row, strategy=method.name, paper_mean=None, paper_std=None)
                 for row in scores
             ]
         )
@@ -184,17 +230,32 @@ def ratios(rows: Sequence[Row]) -> list[Row]:
     return ratio_rows
 
 
-def _jobs(study: Transfer, pair: ArmPair, method: str) -> list[jobs.Job]:
+def _jobs(study: Transfer, pair: ArmPair, method: Method) -> list[jobs.Job]:
     """Runs of one arm with the networks of one method."""
-    arm, other = pair
     weights = None
-    if method != FULL:
-        start = jobs.NetworksArtifact(BEST.planning_arm(other), BEST, study.seed)
+    if method.start != FULL:
+        options = study.short(method.samples) if method.samples else None
         weights = jobs.TransferredNetworks(
-            BEST.planning_arm(arm),
+            BEST.planning_arm(pair.arm),
             BEST,
             study.seed,
-            None if method == SCRATCH else start,
-            None if method == NOTHING else study.short,
+            _start(study, pair, method),
+            options,
         )
-    return jobs.jobs_for(study.tasks, arm, ["s2c2a"], [study.seed], BEST, AGED, weights)
+    return jobs.jobs_for(
+        study.tasks, pair.arm, ["s2c2a"], [study.seed], BEST, AGED, weights
+    )
+
+
+def _start(
+    study: Transfer, pair: ArmPair, method: Method
+) -> jobs.NetworksArtifact | jobs.PriorNetworks | None:
+    """Networks that a training starts from; None from scratch."""
+    if method.start == ANOTHER:
+        return jobs.NetworksArtifact(BEST.planning_arm(pair.other), BEST, study.seed)
+    if method.start == PRIOR:
+        nominal = BEST.training_arm(pair.nominal)
+        return jobs.PriorNetworks(
+            nominal, BEST, study.seed, study.prior, study.strength
+        )
+    return None

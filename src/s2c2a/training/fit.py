@@ -264,14 +264,21 @@ class FromArm(Fixed):
 def held(model: Network) -> Network:
     """Model without gradients of its fixed parts."""
     return jax.tree.map(
-        lambda part: jax.lax.stop_gradient(part) if _is_fixed(part) else part,
+        lambda part: jax.lax.stop_gradient(part) if is_fixed(part) else part,
         model,
-        is_leaf=_is_fixed,
+        is_leaf=is_fixed,
     )
 
 
-def _is_fixed(part) -> bool:
+def is_fixed(part: Any) -> bool:
+    """Whether a part of a model is not trained."""
     return isinstance(part, Fixed)
+
+
+def parameters(model: eqx.Module) -> list[Array]:
+    """All trained arrays of a model."""
+    parts = jax.tree.leaves(model, is_leaf=is_fixed)
+    return [part for part in parts if eqx.is_inexact_array(part)]
 
 
 def check_limits(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Generic
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -62,6 +63,19 @@ class Trained(FitResult[Model]):
 
     percent: tuple[float, float]
     errors: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Pretrained(Generic[Model]):
+    """Prior over the parameters of arms: independent normal distributions.
+
+    Attributes:
+        mean: model with the mean parameters, and its errors on all arms together.
+        spread: model whose parameters are the standard deviations over arms.
+    """
+
+    mean: Trained[Model]
+    spread: eqx.Module
 
 
 def train(

@@ -1,0 +1,80 @@
+"""Command `s2c2a pretrain`: a prior over randomized arms."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.console import Arm, RecipeName, print_table, progress_bar
+from s2c2a.cli.execution import Address, make_executor
+from s2c2a.errors import StrategyError
+from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.files import write_atomically
+
+if TYPE_CHECKING:
+    from s2c2a.strategies import TrainedNetworks
+
+
+def pretrain(
+    out: Path,
+    arm: Arm = "twin_arm",
+    arms: int = 24,
+    strength: float = 0.5,
+    episodes: int = 4,
+    samples: int = 500,
+    recipe: RecipeName = "best",
+    seed: int = 0,
+    jobs: int | None = None,
+    cluster: Address = None,
+    overwrite: bool = False,
+) -> None:
+    """Learn a prior over randomized variants of an arm, from simulation alone.
+
+    Then `s2c2a train short.episodes --from prior.safetensors` needs few samples of the
+    arm itself, and `s2c2a train --from prior.safetensors --arm mine.toml` none
+    (docs/transfer.md). Repeat the command to continue an interrupted one.
+
+    Args:
+        out: weight file to write, such as prior.safetensors.
+        arm: a preset or an arm file: the nominal arm, whose mismatch is randomized.
+        arms: number of randomized arms.
+        strength: magnitude of the mismatch, as in `s2c2a arm random`.
+        episodes: number of episodes of each arm.
+        samples: control steps per episode.
+        recipe: how to train; use the same one in `train`.
+        seed: random seed of the training.
+        jobs: parallel processes; all cores by default.
+        cluster: use the workers of a dask scheduler, see `reproduce`.
+        overwrite: replace the weight file if it exists.
+    """
+    from s2c2a import jobs as artifacts
+    from s2c2a import strategies
+
+    limit_jax_to_one_thread()
+    if out.exists() and not overwrite:
+        raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
+    chosen = strategies.recipe_from(recipe)
+    nominal = chosen.training_arm(load_arm(arm))
+    prior = artifacts.PriorNetworks(
+        nominal, chosen, seed, arms, strength, episodes, samples
+    )
+    # an impossible place is refused before the long work
+    out.parent.mkdir(parents=True, exist_ok=True)
+    cache = artifacts.Cache()
+    with make_executor(jobs, cluster) as executor, progress_bar() as progress:
+        if not prior.is_in(cache):
+            artifacts.make_all(prior.needs, cache, executor, progress)
+            # in this process, which shows the progress of the training
+            prior.make(cache, progress)
+        networks = prior.load(cache)
+    write_atomically(prior.path(cache).read_bytes(), out)
+    _print_summary(networks, arms, out)
+
+
+def _print_summary(networks: "TrainedNetworks", arms: int, out: Path) -> None:
+    errors = [
+        (name, f"{mean:.2f} ± {std:.2f} %")
+        for name, (mean, std) in networks.percent.items()
+    ]
+    title = f"Held-out errors over {arms} arms, in percent of the full range"
+    print_table(title, ("network", "error"), errors)
+    print(f"prior: {out}")

@@ -1,0 +1,101 @@
+"""Networks to start from: a prior over randomized arms."""
+
+from dataclasses import dataclass, replace
+
+from s2c2a import strategies
+from s2c2a.arm import ArmSpec, arm_to_toml, randomized_arm
+from s2c2a.data import CollectOptions
+from s2c2a.errors import S2C2AError
+from s2c2a.jobs.artifacts import Artifact, Cache, RecordingArtifact, digest_of
+from s2c2a.progress import Progress
+from s2c2a.strategies import Recipe, TrainedNetworks
+
+FIRST_SEED = 1000
+"""Of the randomized arms; evaluations use smaller ones."""
+MAX_ARMS = 1000
+MAX_STRENGTH = 2.0
+
+
+@dataclass(frozen=True)
+class PriorNetworks(Artifact[TrainedNetworks]):
+    """Prior over randomized variants of an arm (`strategies.pretrain_s2c2a`).
+
+    Attributes:
+        arm: nominal arm, as training sees it.
+        recipe: how the networks are trained.
+        seed: of the training.
+        arms: number of randomized arms, with seeds from `FIRST_SEED`.
+        strength: of their mismatch.
+        episodes: of each arm.
+        samples: of each episode.
+    """
+
+    kind = "networks"
+    arm: ArmSpec
+    recipe: Recipe
+    seed: int = 0
+    arms: int = 24
+    strength: float = 0.5
+    episodes: int = 4
+    samples: int = 500
+
+    def __post_init__(self):
+        """Validate the options.
+
+        Raises:
+            S2C2AError: too few or too many arms, or a strength out of range.
+        """
+        few = not 2 <= self.arms <= MAX_ARMS
+        if few or not 0 < self.strength <= MAX_STRENGTH:
+            raise S2C2AError(
+                f"a prior over {self.arms} arms of strength {self.strength:g} was asked "
+                f"for; give 2 to {MAX_ARMS} arms and a strength above 0, to "
+                f"{MAX_STRENGTH:g}"
+            )
+
+    @property
+    def needs(self) -> tuple[RecordingArtifact, ...]:
+        """See `Artifact`."""
+        recordings = []
+        for seed in range(FIRST_SEED, FIRST_SEED + self.arms):
+            arm = randomized_arm(self.arm, seed, self.strength)
+            options = CollectOptions(
+                self.recipe.babbling,
+                self.episodes,
+                self.samples,
+                seed,
+                self.recipe.speeds,
+            )
+            recordings.append(RecordingArtifact(arm, options))
+        return tuple(recordings)
+
+    @property
+    def file(self) -> str:
+        """See `Artifact`."""
+        files = [need.file for need in self.needs]
+        nominal = arm_to_toml(self.arm)
+        digest = digest_of("prior", *files, nominal, self.recipe.training, self.seed)
+        name = f"{self.arm.name}-{self.recipe.name}-prior-seed{self.seed}"
+        return f"{name}-{digest}.safetensors"
+
+    def make(self, cache: Cache, progress: Progress) -> None:
+        """See `Artifact`."""
+
+        def training_progress(
+            network: str, epoch: int, epochs: int, loss: float
+        ) -> None:
+            progress(f"training {network} of {self}", epoch, epochs)
+
+        recordings = [need.load(cache) for need in self.needs]
+        networks = strategies.pretrain_s2c2a(
+            recordings, self.arm, self.recipe, self.seed, training_progress
+        )
+        strategies.save_strategy(networks, self.path(cache))
+
+    def load(self, cache: Cache) -> TrainedNetworks:
+        """See `Artifact`."""
+        networks = strategies.load_strategy(self.path(cache), self.arm)
+        return replace(networks, recipe=self.recipe)
+
+    def __str__(self) -> str:
+        return f"{self.recipe.name} prior over {self.arms} variants of {self.arm.name}"

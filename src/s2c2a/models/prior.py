@@ -1,0 +1,94 @@
+"""Prior over arms: mean and spread of a model's parameters (empirical Bayes).
+
+Models of several arms, all trained from one joint model, stay comparable parameter by
+parameter. Their mean is where the training of a further arm starts. Their standard
+deviation tells which parameters differ between arms, and which an arm must not change
+because of a few samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from s2c2a.errors import TrainingError
+from s2c2a.training.fit import Network, is_fixed
+from s2c2a.training.trained import TrainingData
+
+MIN_ARMS = 2
+MIN_SPREAD = 1e-4
+"""Smallest standard deviation: few arms underestimate it."""
+
+
+def pooled(arms: Sequence[TrainingData]) -> TrainingData:
+    """The episodes of several arms, as if they were of the first one.
+
+    Args:
+        arms: training data with episodes of one shape.
+
+    Raises:
+        TrainingError: fewer than two arms, or arms of different shapes.
+    """
+    if len(arms) < MIN_ARMS:
+        raise TrainingError(
+            f"a prior over {len(arms)} arms was asked for; give at least {MIN_ARMS}"
+        )
+    shapes = {data.states.shape[1:] for data in arms}
+    if len(shapes) > 1:
+        raise TrainingError(
+            f"episodes of the shapes {sorted(shapes)} do not form one prior; record all "
+            "arms with the same options"
+        )
+    return replace(
+        arms[0],
+        sensed=np.concatenate([data.sensed for data in arms]),
+        actions=np.concatenate([data.actions for data in arms]),
+        states=np.concatenate([data.states for data in arms]),
+        lengths=_pooled_lengths(arms),
+        displacements=_pooled_displacements(arms),
+    )
+
+
+def _pooled_lengths(arms: Sequence[TrainingData]) -> tuple[int, ...]:
+    lengths: list[int] = []
+    for data in arms:
+        episodes, samples = data.states.shape[:2]
+        lengths += data.lengths or (samples,) * episodes
+    return tuple(lengths)
+
+
+def _pooled_displacements(arms: Sequence[TrainingData]) -> np.ndarray | None:
+    """Displacements of all arms; None unless every arm has them."""
+    displacements = [data.displacements for data in arms]
+    known = [values for values in displacements if values is not None]
+    return np.concatenate(known) if len(known) == len(arms) else None
+
+
+def mean_and_spread(models: Sequence[Network]) -> tuple[Network, Network]:
+    """Models whose parameters are the mean, and the standard deviation, of several.
+
+    Fixed parts are those of the first model.
+
+    Args:
+        models: of equal shapes.
+    """
+    mean = jax.tree.map(_mean, *models, is_leaf=is_fixed)
+    spread = jax.tree.map(_standard_deviation, *models, is_leaf=is_fixed)
+    return mean, spread
+
+
+def _mean(first: Any, *others: Any) -> Any:
+    if not eqx.is_inexact_array(first):
+        return first
+    return jnp.mean(jnp.stack([first, *others]), axis=0)
+
+
+def _standard_deviation(first: Any, *others: Any) -> Any:
+    if not eqx.is_inexact_array(first):
+        return first
+    deviation = jnp.std(jnp.stack([first, *others]), axis=0)
+    return jnp.maximum(deviation, MIN_SPREAD)

@@ -1,0 +1,93 @@
+"""A prior over arms of one make, from recordings of randomized ones."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import Recording
+from s2c2a.errors import StrategyError
+from s2c2a.estimation.sensor_models import PREFIX
+from s2c2a.models.prior import pooled
+from s2c2a.strategies.options import NetworkProgress
+from s2c2a.strategies.recipe import Recipe
+from s2c2a.strategies.s2c2a import training_data
+from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training import TrainingData
+
+
+def pretrain_s2c2a(
+    recordings: Sequence[Recording],
+    arm: ArmSpec,
+    recipe: Recipe,
+    seed: int,
+    progress: NetworkProgress = lambda *_: None,
+) -> TrainedNetworks:
+    """Networks to start from, with the spread of their parameters over arms.
+
+    The forward model is the mean over arms. The controller and the modal model are
+    trained on episodes of all arms together, as many as the recipe records of one.
+    Learned sensors belong to one arm and are left out.
+
+    Args:
+        recordings: of each arm, with true states and equal options.
+        arm: nominal arm that all of them are variants of.
+        recipe: sizes and options.
+        seed: of everything random.
+        progress: called with network, epoch, number of epochs, validation loss.
+
+    Raises:
+        RecordingError: episodes are missing, or without true states.
+        StrategyError: an arm has another number of modules.
+        TrainingError: the forward model has no prior, or training failed.
+    """
+    planning_arm = recipe.planning_arm(arm)
+    arms = []
+    for recording in recordings:
+        _check_modules(recording.arm, arm)
+        arms.append(replace(training_data(recording, recipe), arm=planning_arm))
+    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
+
+    def c2s_progress(epoch: int, epochs: int, loss: float) -> None:
+        progress("C2S", epoch, epochs, loss)
+
+    def c2a_progress(epoch: int, epochs: int, loss: float) -> None:
+        progress("C2A", epoch, epochs, loss)
+
+    prior = recipe.c2s.pretrain(arms, recipe.c2s_fit, c2s_key, c2s_progress)
+    some = _every_nth_episode(pooled(arms), recipe.episodes)
+    c2a = recipe.c2a.train(
+        some, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
+    )
+    predicted = recipe.c2s.predictions(prior.mean.network, some)
+    trained = {"C2S": prior.mean, "C2A": c2a}
+    for name, result in recipe.estimator_options.train(some, predicted).items():
+        if not name.startswith(PREFIX):
+            trained[name] = result
+    networks = TrainedNetworks.of(arm, recipe, seed, trained)
+    return replace(networks, spread=prior.spread)
+
+
+def _check_modules(recorded: ArmSpec, arm: ArmSpec) -> None:
+    if recorded.module_count != arm.module_count:
+        raise StrategyError(
+            f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
+            f"{arm.module_count}; record randomized variants of '{arm.name}'"
+        )
+
+
+def _every_nth_episode(data: TrainingData, count: int) -> TrainingData:
+    """At most so many episodes, from all arms in turn."""
+    step = max(1, len(data.states) // count)
+    chosen = slice(0, step * count, step)
+    lengths = data.lengths
+    displacements = data.displacements
+    return replace(
+        data,
+        sensed=data.sensed[chosen],
+        actions=data.actions[chosen],
+        states=data.states[chosen],
+        lengths=None if lengths is None else lengths[chosen],
+        displacements=None if displacements is None else displacements[chosen],
+    )

@@ -1,0 +1,111 @@
+"""A prior over two randomized arms, and networks of a third from it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from s2c2a import jobs
+from s2c2a.arm import randomized_arm
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.models import LocalOptions
+from s2c2a.strategies import (
+    load_strategy,
+    save_strategy,
+    train_s2c2a,
+    training_data,
+    transferred,
+)
+from s2c2a.training.fit import parameters
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory) -> jobs.Cache:
+    return jobs.Cache(tmp_path_factory.mktemp("prior"), threads=1)
+
+
+@pytest.fixture(scope="module")
+def prior_key(twin, tiny_best_recipe) -> jobs.PriorNetworks:
+    return jobs.PriorNetworks(twin, tiny_best_recipe, 0, 2, 0.5, 2, 100)
+
+
+@pytest.fixture(scope="module")
+def prior(prior_key, cache):
+    return jobs.make_all([prior_key], cache)[0]
+
+
+def test_arms_of_a_prior_are_not_those_of_evaluations(prior_key):
+    names = [recording.arm.name for recording in prior_key.needs]
+    assert names == ["twin_arm_50_1000", "twin_arm_50_1001"]
+
+
+def test_a_file_keeps_the_spread(prior, twin, tmp_path):
+    save_strategy(prior, tmp_path / "prior.safetensors")
+    read = load_strategy(tmp_path / "prior.safetensors", twin)
+    saved = parameters(prior.spread)
+    for mine, theirs in zip(parameters(read.spread), saved, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
+    path = tmp_path / "prior.safetensors"
+    save_strategy(prior, path)
+
+    def without_spread(_metadata, arrays):
+        arrays["spread.mixing"] = np.zeros_like(arrays["spread.mixing"])
+
+    with pytest.raises(StrategyError, match="not positive"):
+        load_strategy(forged(Path(path), without_spread))
+
+
+def test_a_prior_without_a_recording_fits_another_arm_and_stays_a_prior(prior, twin):
+    arm = randomized_arm(twin, 0, 0.5)
+    begun = transferred(prior, arm)
+    assert begun.arm == arm
+    assert begun.spread is not None
+
+
+def test_networks_trained_from_a_prior_are_no_prior(prior, recording, tiny_best_recipe):
+    trained = train_s2c2a(recording, tiny_best_recipe, 0, start=prior)
+    assert trained.spread is None
+    assert np.isfinite(trained.curves["C2S"]).all()
+
+
+def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_recipe):
+    begun = transferred(prior, recording.arm)
+    data = training_data(recording, tiny_best_recipe)
+
+    def change(factor: float) -> float:
+        numbers, rest = eqx.partition(prior.spread, eqx.is_inexact_array)
+        scaled = jax.tree.map(lambda values: factor * values, numbers)
+        trained = tiny_best_recipe.c2s.resume_training(
+            begun.c2s,
+            data,
+            tiny_best_recipe.c2s_fit,
+            jax.random.key(0),
+            spread=eqx.combine(scaled, rest),
+        )
+        pairs = zip(parameters(trained.network), parameters(begun.c2s), strict=True)
+        return sum(float(((after - before) ** 2).sum()) for after, before in pairs)
+
+    assert change(0.01) < 0.5 * change(100.0)
+
+
+def test_the_local_model_of_a_prior_has_no_kernels(prior_key, cache):
+    recipe = prior_key.recipe
+    chain = recipe.c2s
+    local = LocalOptions(
+        chain.hidden, chain.depth, chain.play_widths, chain.creep_times, points=16
+    )
+    arms = [training_data(need.load(cache), recipe) for need in prior_key.needs]
+    learned = local.pretrain(arms, recipe.c2s_fit, jax.random.key(0))
+    assert float(learned.mean.network.kernels.is_fitted) == 0.0
+
+
+@pytest.mark.parametrize("change", [{"arms": 1}, {"strength": 0.0}])
+def test_a_prior_without_variants_is_rejected(prior_key, change):
+    with pytest.raises(S2C2AError, match="was asked for"):
+        replace(prior_key, **change)
