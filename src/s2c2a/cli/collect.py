@@ -77,7 +77,7 @@ def collect(
     options = chosen.collect_options(seed)
     options = replace(
         options,
-        active=active,
+        active=active or options.active,
         babbling=babbling or options.babbling,
         episodes=options.episodes if episodes is None else episodes,
         samples=samples,

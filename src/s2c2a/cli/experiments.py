@@ -10,7 +10,7 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
-Compared = Literal["best", "best-long", "paper", "pcc", "pcc-fitted"]
+Compared = Literal["best", "best-active", "best-long", "paper", "pcc", "pcc-fitted"]
 
 TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
 
@@ -23,12 +23,12 @@ def randomized_arms(
     targets: int = 200,
     base: Arm = "twin_arm",
     seed: int = 0,
+    reachable_from: float = 0.75,
     work: Work = ALL_CORES,
 ) -> None:
     """All strategies on arms with random model mismatch (docs/protocol.md).
 
-    Data, training and tasks are repeated for each arm. From strength 0.75 on, targets
-    lie within the reach of the randomized arm. Repeat the command to continue an
+    Data, training and tasks are repeated for each arm. Repeat the command to continue an
     interrupted run.
 
     Args:
@@ -36,12 +36,14 @@ def randomized_arms(
             seeds from zero.
         strengths: magnitudes of the mismatch.
         strategies: best, best-long and paper are recipes of the paper's strategy.
-        tasks: names of tasks.
+        tasks: names of tasks, with a pace if it is not one: square@0.5.
         targets: number of targets within reach, each held for five seconds, to find
             strategies that diverge; none if zero.
         base: a preset or an arm file: modules, cables, and all that the controllers
             know.
         seed: random seed of data, training and start.
+        reachable_from: magnitude from which targets are moved within the reach of the
+            randomized arm.
         work: run directory and parallel execution.
     """
     from s2c2a.studies.randomized_arms import (
@@ -51,7 +53,14 @@ def randomized_arms(
     )
 
     study = RandomizedArmsStudy(
-        load_arm(base), arms, strengths, strategies, tasks, targets, seed
+        load_arm(base),
+        arms,
+        strengths,
+        strategies,
+        tasks,
+        targets,
+        seed,
+        reachable_from,
     )
     options = asdict(study) | {"base": base}
     with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):

@@ -206,15 +206,9 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
     Raises:
         S2C2AError: an impossible pace, or no such task.
     """
-    from s2c2a.errors import S2C2AError
-    from s2c2a.tasks import load_task, load_waypoints, unreachable_waypoints
+    from s2c2a.tasks import load_waypoints, paced_task, unreachable_waypoints
 
-    if not 0.01 <= pace <= 10:
-        raise S2C2AError(
-            f"a pace of {pace:g} was given; give 0.01 to 10, such as 0.5 for half as fast"
-        )
-    rate = spec.control_rate / pace
-    paced = load_task(task, spec.model_copy(update={"control_rate": rate}))
+    paced = paced_task(task, spec, pace)
     if task.endswith(".csv"):
         for waypoint in unreachable_waypoints(load_waypoints(task), spec):
             print(

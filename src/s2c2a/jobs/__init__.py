@@ -43,6 +43,7 @@ from s2c2a.jobs.prior import PriorNetworks
 from s2c2a.jobs.rows import (
     Heading,
     describe_repetitions,
+    prediction_rows,
     score_rows,
     tick_rows,
     training_rows,

@@ -23,7 +23,7 @@ from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
 
-REVISION = 6
+REVISION = 7
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
 so that nothing old is used."""
 
@@ -137,6 +137,7 @@ class RecordingArtifact(Artifact[Recording]):
             robot=str(SIMULATION),
             threads=cache.threads,
             progress=partial(progress, f"collecting a {self}"),
+            choose_targets=strategies.target_choice(strategies.recipe_named("best")),
         )
         try:
             collecting(resume=True)

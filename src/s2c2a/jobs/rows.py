@@ -12,6 +12,7 @@ from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
 from s2c2a.robots.simulation.modes import first_mode
+from s2c2a.spaces import POSITION
 from s2c2a.strategies import TrainedNetworks
 
 Floats = Sequence[float]
@@ -68,6 +69,14 @@ for _task, _columns in TILTS.items():
     for _strategy, _pairs in zip(("s2c2a", "pcc"), _columns, strict=True):
         _metrics = zip(("position", "tilt", "azimuth"), _pairs, strict=False)
         PRINTED[_task, "twin_arm", _strategy] = dict(_metrics)
+
+
+PREDICTION = (
+    ("model error", "cm"),
+    ("predictive std", "cm"),
+    ("errors within twice the std", "of steps"),
+)
+"""Metrics of `prediction_rows` and their units."""
 
 
 @dataclass(frozen=True)
@@ -180,6 +189,38 @@ def _spread(values: Float[np.ndarray, " steps"]) -> float:
     """Standard deviation over the steps that count; NaN if there is none."""
     counted = values[np.isfinite(values)]
     return float(counted.std()) if len(counted) else float("nan")
+
+
+def prediction_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
+    """Make rows of the error of the forward model, and of its standard deviation.
+
+    Args:
+        experiment: its name.
+        runs: under one set of conditions, with all seeds; those of strategies without
+            an uncertainty have no rows.
+    """
+    heading = Heading.of(experiment, runs)
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        if "predictive_std" in run.episode.columns:
+            groups.setdefault((run.task, run.strategy), []).append(run)
+    rows = []
+    for (task, strategy), group in groups.items():
+        columns = zip(*(_prediction(run) for run in group), strict=True)
+        for (metric, unit), values in zip(PREDICTION, columns, strict=True):
+            rows.append(heading.row(task, strategy, metric, unit, values))
+    return rows
+
+
+def _prediction(run: Run) -> tuple[float, float, float]:
+    """Mean model error [cm], mean standard deviation [cm], share within twice that."""
+    episode = run.episode
+    states = episode.after("states")[:, -1, POSITION]
+    predicted = episode.ran("predicted")[:, -1, POSITION]
+    errors = 100.0 * np.linalg.norm(states - predicted, axis=-1)
+    std = 100.0 * episode.ran("predictive_std")[:, -1]
+    within = float(np.mean(errors <= 2.0 * std))
+    return float(errors.mean()), float(std.mean()), within
 
 
 def describe_repetitions(run: Run) -> str:

@@ -27,7 +27,7 @@ SHARE = 0.08  # of the samples in each group
 PIECE_TIME = 5.0  # s; the speed is a mean over this time
 MIN_PIECE = 10  # samples
 MIN_GROUP = 30  # samples; smaller groups do not count
-COVERED = 0.9  # share of the errors of each group within twice the standard deviation
+COVERED = 0.95  # share of the errors of each group within twice the standard deviation
 MAX_FACTOR = 2.0
 
 Mask = Bool[np.ndarray, "episodes samples"]

@@ -71,6 +71,8 @@ class Recipe:
         babbling: how data explore the arm (`data.babbling.BABBLING`).
         speeds: slowest and fastest motion of the data, in parts of the full bend a step.
         episodes: number of episodes of the data.
+        active: whether the second half of them goes where a model of the first half is
+            unsure (`models.active`).
         integral_gain: part of the controller's lasting error that is integrated in every
             step; 0 for none.
         axis_weights: factors of mu_o for tasks whose names begin so.
@@ -92,6 +94,7 @@ class Recipe:
     integral_gain: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     unit_length: bool = False
+    active: bool = False
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -145,6 +148,7 @@ class Recipe:
         """All options that training depends on, and digests of the user's code."""
         unused = (
             "name",
+            "active",
             "episodes",
             "planner",
             "integral_gain",
@@ -168,7 +172,11 @@ class Recipe:
             RecordingError: the recipe's speeds are impossible.
         """
         return CollectOptions(
-            self.babbling, self.episodes, seed=seed, speeds=self.speeds
+            self.babbling,
+            self.episodes,
+            seed=seed,
+            speeds=self.speeds,
+            active=self.active,
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
@@ -236,12 +244,13 @@ _BEST = Recipe(
     unit_length=True,
 )
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
+_BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(
     "paper",
     c2s=C2SOptions(layers=4, hidden=64),
     c2a=BiLSTMController(layers=2, hidden=32),
 )
-RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_LONG, _PAPER)}
+RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
 """docs/recipe.md measures each ingredient of `best`, and the fourfold data of `best-long`."""
 
 

@@ -50,6 +50,7 @@ class RandomizedArmsStudy:
         tasks: names.
         targets: number of random targets within reach; 0 for no targets at all.
         seed: of data, training and start.
+        reachable_from: strength from which goals are moved within reach.
     """
 
     base: ArmSpec
@@ -59,6 +60,7 @@ class RandomizedArmsStudy:
     tasks: tuple[str, ...] = TASKS
     targets: int = 200
     seed: int = 0
+    reachable_from: float = REACHABLE_FROM
 
     def __post_init__(self):
         """Validate the options."""
@@ -115,6 +117,7 @@ class Trial:
         count = len(self.tasks)
         rows = jobs.score_rows(EXPERIMENT, runs[:count]) if count else []
         rows += mean_rows(rows)
+        rows += jobs.prediction_rows(EXPERIMENT, runs[:count]) if count else []
         for run, targets in zip(runs[count:], self.targets, strict=True):
             rows += target_rows(run, targets)
         return [
@@ -211,7 +214,7 @@ def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[Trial]:
     for (strength, arm), results in zip(
         randomized, jobs.in_groups(make, groups), strict=True
     ):
-        count = len(study.tasks) if strength >= REACHABLE_FROM else 0
+        count = len(study.tasks) if strength >= study.reachable_from else 0
         tasks = results[:count] or [load_task(name, arm) for name in study.tasks]
         targets = tuple(results[count:])
         for strategy in study.strategies:
@@ -224,7 +227,7 @@ def _target_artifacts(
 ) -> list[jobs.Artifact]:
     """Tasks that are moved within reach, then targets within and out of reach."""
     artifacts: list[jobs.Artifact] = []
-    if strength >= REACHABLE_FROM:
+    if strength >= study.reachable_from:
         artifacts += [ReachableTask(arm, name) for name in study.tasks]
     if study.targets:
         artifacts.append(RandomTargets(arm, study.targets))

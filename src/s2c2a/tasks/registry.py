@@ -1,6 +1,7 @@
 """Tasks by name, from a waypoint file, or from a custom function."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -39,18 +40,42 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 }
 
 
+PACE = "@"
+MIN_PACE = 0.01
+MAX_PACE = 10.0
+
+
+def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
+    """Return a task at another pace: 0.5 takes twice the time.
+
+    Raises:
+        TargetError: as `load_task`, or the pace is out of range.
+    """
+    if not MIN_PACE <= pace <= MAX_PACE:
+        raise TargetError(
+            f"a pace of {pace:g} was given; give {MIN_PACE:g} to {MAX_PACE:g}, such as "
+            "0.5 for half as fast"
+        )
+    slower = arm.model_copy(update={"control_rate": arm.control_rate / pace})
+    return load_task(name, slower)
+
+
 def load_task(name: str, arm: ArmSpec) -> Task:
     """Return a task for an arm.
 
     Args:
         name: one of `TASKS`, a waypoint file (.csv), or a custom function
-            (`file.py:function`) that takes the arm.
+            (`file.py:function`) that takes the arm; a pace may follow, such as
+            `square@0.5`.
         arm: the arm.
 
     Raises:
         TargetError: no such task, an invalid waypoint file, or a custom function that
             fails or returns no task.
     """
+    base, separator, pace = name.rpartition(PACE)
+    if separator and _is_number(pace):
+        return replace(paced_task(base, arm, float(pace)), name=name)
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
     try:
@@ -72,3 +97,11 @@ def load_task(name: str, arm: ArmSpec) -> Task:
             "Task"
         )
     return task
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
