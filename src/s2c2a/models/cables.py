@@ -34,11 +34,13 @@ class HysteresisMemory(NamedTuple):
         plays: outputs of the play operators, shape (modules, widths, cables).
         crept: outputs of the slow filters, shape (modules, times, cables).
         last: the last displacements, shape (modules, cables).
+        previous: those before, from which the speed follows.
     """
 
     plays: Float[Array, "*batch modules widths cables"]
     crept: Float[Array, "*batch modules times cables"]
     last: Float[Array, "*batch modules cables"]
+    previous: Float[Array, "*batch modules cables"]
 
 
 class Operators(Fixed):
@@ -132,7 +134,7 @@ class Hysteresis(eqx.Module):
         now = displacements[..., None, :]
         plays = jnp.repeat(now, len(self.operators.widths), axis=-2)
         crept = jnp.repeat(now, len(self.operators.shares), axis=-2)
-        return HysteresisMemory(plays, crept, displacements)
+        return HysteresisMemory(plays, crept, displacements, displacements)
 
     def advance(
         self,
@@ -146,7 +148,7 @@ class Hysteresis(eqx.Module):
         if self.engaged:
             plays = now + jax.lax.stop_gradient(plays - now)
         crept = memory.crept + self.operators.shares[:, None] * (now - memory.crept)
-        return HysteresisMemory(plays, crept, displacements)
+        return HysteresisMemory(plays, crept, displacements, memory.last)
 
     def inputs(
         self,

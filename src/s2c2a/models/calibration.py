@@ -40,7 +40,7 @@ class Errors:
     Attributes:
         distances: of true from predicted module ends [m], shape (samples, modules);
             NaN: unknown.
-        speeds: of the bends [rad per control step], shape (samples,).
+        speeds: of the sensed bends [rad per control step], shape (samples,).
         extrapolation: of the model, from zero near its data to one, shape (samples,).
     """
 

@@ -197,34 +197,9 @@ class LocalC2S(ForwardModel):
         """See `ForwardModel`."""
         displacements = self.chain.body.displacements(configurations)
         extrapolation = self.uncertainty.extrapolation(self.place(displacements))
-        speed = self._speed(memory.last, memory.crept)
+        moved = self.chain.body.bends(memory.last - memory.previous)
+        speed = jnp.sqrt(jnp.mean(squared_norm(moved), axis=-1))
         return self.uncertainty.std(extrapolation, speed)
-
-    def speeds(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Float[Array, "*batch"]:
-        """Speed of the bends at inputs of the hysteresis (`_speed`)."""
-        filters = len(self.chain.hysteresis.operators.shares)
-        first = inputs.shape[-2] - filters
-        return self._speed(inputs[..., 0, :], inputs[..., first:, :])
-
-    def _speed(
-        self,
-        last: Float[Array, "*batch modules cables"],
-        crept: Float[Array, "*batch modules times cables"],
-    ) -> Float[Array, "*batch"]:
-        """Root mean square over modules of the speed of bends [rad per control step].
-
-        The lag of the fastest creep filter is a mean of the speed over its time constant.
-        """
-        fastest = self.chain.hysteresis.delays
-        shares = self.chain.hysteresis.operators.shares
-        if len(shares) == fastest:
-            return jnp.zeros(last.shape[:-2])
-        share = shares[fastest]
-        lag = self.chain.body.bends(last - crept[..., fastest, :])
-        moved = share / (1.0 - share) * lag
-        return jnp.sqrt(jnp.mean(squared_norm(moved), axis=-1))
 
     def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
         """See `ForwardModel`."""
@@ -517,7 +492,8 @@ class LocalOptions(ChainOptions):
     ) -> dict[str, calibration.Errors]:
         """Errors of a model on validation samples, and on groups that it has not seen."""
         inputs = hysteresis_inputs(probe.chain, data)
-        speeds = np.asarray(probe.speeds(jnp.asarray(inputs)))
+        bends = bends_from_configurations(jnp.asarray(data.sensed))
+        speeds = calibration.bend_speeds(np.asarray(bends))
         places = probe.place(jnp.asarray(inputs[:, :, :, 0]))
         extrapolation = np.asarray(probe.uncertainty.extrapolation(places))
         differences = self.predictions(probe, data) - data.states
