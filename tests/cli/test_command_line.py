@@ -215,7 +215,7 @@ def test_the_recipe_sets_the_default_number_of_episodes(
             *stated,
         )
         options = load_recording(out).options
-        assert (options["episodes"], options["babbling"]) == (count, "mixed")
+        assert (options["episodes"], options["babbling"]) == (count, "coverage")
 
 
 def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):

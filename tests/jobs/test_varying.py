@@ -87,7 +87,7 @@ def test_search_spaces_are_parsed(text, expected):
             "planner.solver.iterations=0 cannot be tried: iterations = 0 was given",
         ),
         (["c2s.hidden=32,5000"], "c2s.hidden=5000 cannot be tried"),
-        (["speeds.0=0.01:0.1"], "speeds.0=0.1 cannot be tried: speeds"),
+        (["speeds.0=0.01:0.2"], "speeds.0=0.2 cannot be tried: speeds"),
     ],
 )
 def test_invalid_search_spaces_are_rejected(texts, message):
@@ -97,10 +97,10 @@ def test_invalid_search_spaces_are_rejected(texts, message):
 
 def test_values_change_their_place_only():
     changed = with_values(
-        BEST, {"planner.solver.iterations": 7, "speeds.1": 0.1, "axis_weights.0.1": 2.0}
+        BEST, {"planner.solver.iterations": 7, "speeds.1": 0.12, "axis_weights.0.1": 2.0}
     )
     assert changed.planner == replace(BEST.planner, solver=LeastSquares(7))
-    assert (changed.speeds, changed.axis_weights) == ((0.02, 0.1), (("hold-", 2.0),))
+    assert (changed.speeds, changed.axis_weights) == ((0.03, 0.12), (("hold-", 2.0),))
     assert (
         replace(
             changed,

@@ -305,17 +305,18 @@ def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
 def test_recipes_are_known_by_name_and_others_refused():
     assert [recipe_named(name).name for name in RECIPES] == [
         "best",
+        "best-active",
         "best-long",
         "paper",
     ]
-    with pytest.raises(StrategyError, match=r"'soup'.*best, best-long, paper"):
+    with pytest.raises(StrategyError, match=r"'soup'.*best, best-active, best-long, paper"):
         recipe_named("soup")
 
 
 def test_a_recipe_says_how_its_data_are_collected():
     best, long = recipe_named("best"), recipe_named("best-long")
     assert long.collect_options(3) == CollectOptions(
-        "mixed", 72, seed=3, speeds=best.speeds
+        "coverage", 72, seed=3, speeds=best.speeds
     )
     assert replace(long, name="best", episodes=18) == best
 

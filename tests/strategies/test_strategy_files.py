@@ -16,6 +16,7 @@ from s2c2a.arm import Cable
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import History
 from s2c2a.strategies import load_strategy, save_strategy
+from s2c2a.strategies.checkpoint import SCHEMA
 
 
 def outputs(networks, seed=0) -> list[np.ndarray]:
@@ -139,7 +140,7 @@ def test_the_file_tells_its_schema_version_recipe_and_errors(
     strategy_file, tiny_networks
 ):
     _, metadata = contents(strategy_file)
-    assert (metadata["schema_version"], metadata["strategy"]) == (3, "s2c2a")
+    assert (metadata["schema_version"], metadata["strategy"]) == (SCHEMA, "s2c2a")
     assert metadata["version"]
     c2s = {"model": "bilstm", "layers": 1, "hidden": 8}
     assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", c2s)
@@ -222,11 +223,11 @@ def test_a_file_of_another_program_is_refused(tmp_path):
         load_strategy(tmp_path / "other.safetensors")
 
 
-@pytest.mark.parametrize("schema", [1, 2, 4])
+@pytest.mark.parametrize("schema", [1, SCHEMA - 1, SCHEMA + 1])
 def test_another_schema_is_refused_and_how_to_make_the_file_again_said(rewrite, schema):
     with pytest.raises(
         StrategyError,
-        match=rf"schema {schema}, and this version reads 3.*`s2c2a train`",
+        match=rf"schema {schema}, and this version reads {SCHEMA}.*`s2c2a train`",
     ):
         load_strategy(rewrite({"schema_version": schema}))
 

@@ -87,8 +87,8 @@ def _without_strays(
         return positions
     centers = np.stack([_median(end) for end in np.swapaxes(positions, 0, 1)])
     distances = np.linalg.norm(positions - centers, axis=-1)
-    known = np.where(np.isfinite(distances), distances, -np.inf)
-    usual = np.quantile(known, USUAL_SHARE, axis=0)
+    # unknown ends count as near, and an end that is never known as none
+    usual = np.quantile(np.nan_to_num(distances), USUAL_SHARE, axis=0)
     return np.where(
         (distances > STRAY_RATIO * usual + MIN_LENGTH)[..., None], np.nan, positions
     )
