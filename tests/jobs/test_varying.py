@@ -97,7 +97,8 @@ def test_invalid_search_spaces_are_rejected(texts, message):
 
 def test_values_change_their_place_only():
     changed = with_values(
-        BEST, {"planner.solver.iterations": 7, "speeds.1": 0.12, "axis_weights.0.1": 2.0}
+        BEST,
+        {"planner.solver.iterations": 7, "speeds.1": 0.12, "axis_weights.0.1": 2.0},
     )
     assert changed.planner == replace(BEST.planner, solver=LeastSquares(7))
     assert (changed.speeds, changed.axis_weights) == ((0.03, 0.12), (("hold-", 2.0),))

@@ -156,6 +156,7 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
 
 
 def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
+    """They are smaller, for the deviation counts slower motion and larger bends, too."""
     data = data_of(arm, seed=3)
     straight = trained.start(data.sensed[0, 0])
     expected = np.asarray(
@@ -170,7 +171,7 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
         (SIZE.predictions(trained, data) - data.states)[0, :40, :, :3], axis=-1
     )
     assert (
-        0.2
+        0.1
         < np.sqrt((errors[:, -1] ** 2).mean()) / np.sqrt((expected[:, -1] ** 2).mean())
         < 5.0
     )

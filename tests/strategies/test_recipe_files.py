@@ -49,7 +49,9 @@ def test_names_and_files_are_told_apart(tmp_path):
     )
     with pytest.raises(StrategyError, match="rename the file"):
         recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml"))
-    with pytest.raises(StrategyError, match="choose one of best, best-active, best-long, paper"):
+    with pytest.raises(
+        StrategyError, match="choose one of best, best-active, best-long, paper"
+    ):
         recipe_from("worst")
 
 
@@ -106,7 +108,8 @@ def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
 
 def test_a_file_that_is_missing_names_the_recipes(tmp_path):
     with pytest.raises(
-        StrategyError, match=r"no recipe at .*; choose best, best-active, best-long, paper"
+        StrategyError,
+        match=r"no recipe at .*; choose best, best-active, best-long, paper",
     ):
         recipe_from(tmp_path / "none.toml")
 

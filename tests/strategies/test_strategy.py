@@ -309,7 +309,9 @@ def test_recipes_are_known_by_name_and_others_refused():
         "best-long",
         "paper",
     ]
-    with pytest.raises(StrategyError, match=r"'soup'.*best, best-active, best-long, paper"):
+    with pytest.raises(
+        StrategyError, match=r"'soup'.*best, best-active, best-long, paper"
+    ):
         recipe_named("soup")
 
 

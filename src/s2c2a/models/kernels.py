@@ -134,12 +134,11 @@ def matern(
 
 @dataclass(frozen=True, eq=False)  # holds arrays
 class KernelFit:
-    """Samples and hyperparameters, from which models of some of the samples follow.
+    """Samples and hyperparameters, from which a model follows.
 
     Attributes:
         features: of complete samples, in order of time, shape (complete, features).
         targets: known targets, normalized, shape (complete, known outputs).
-        complete: which of the samples are complete, shape (samples,).
         known: which of the outputs are known, shape (outputs,).
         mean: of the known targets.
         scale: of the known targets.
@@ -150,7 +149,6 @@ class KernelFit:
 
     features: Float[np.ndarray, "complete features"]
     targets: Float[np.ndarray, "complete known"]
-    complete: Bool[np.ndarray, " samples"]
     known: Bool[np.ndarray, " outputs"]
     mean: Float[np.ndarray, " known"]
     scale: float
@@ -192,23 +190,13 @@ class KernelFit:
         scaled = (x - center) * rates
         fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
         rates = rates * fitted.rates
-        return cls(x, normalized, complete, known, mean, scale, center, rates, fitted)
+        return cls(x, normalized, known, mean, scale, center, rates, fitted)
 
-    def kernels(
-        self, count: int, used: Bool[np.ndarray, " samples"] | None = None
-    ) -> Kernels:
-        """The regression fitted to the samples, or to those that are used.
-
-        Outputs that are always unknown stay zero.
-
-        Args:
-            count: number of inducing points.
-            used: mask of samples; all by default.
-        """
-        rows = slice(None) if used is None else used[self.complete]
+    def kernels(self, count: int) -> Kernels:
+        """The regression on so many inducing points; unknown outputs stay zero."""
         kernels = _solve_weights(
-            self.features[rows],
-            self.targets[rows],
+            self.features,
+            self.targets,
             self.center,
             self.rates,
             self.hyperparameters,

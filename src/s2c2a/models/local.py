@@ -32,7 +32,7 @@ from s2c2a.models.chain_training import (
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.kernels import KernelFit, Kernels
+from s2c2a.models.kernels import Kernels, fit_kernels
 from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
@@ -49,11 +49,6 @@ CALIBRATION_EPOCHS = 0.5  # of the training, for the model that calibrates error
 EVERY_OTHER = slice(1, None, 2)  # of the play operators are features
 SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
 WEIGHTS = 0.5, 0.75, 1.0  # of the fitted residual
-REGIONS = (
-    3  # regions of the training data that are left out, to choose share and weight
-)
-REGION_SHARE = 0.1  # of the training samples in each region
-REGION_POINTS = 384  # kernel centers of models without a region
 
 
 class Tangent(NamedTuple):
@@ -420,37 +415,53 @@ class LocalOptions(ChainOptions):
         """A trained chain with the kernels that predict held-out samples best."""
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         split = hysteresis_samples(result.network, data)
-        choice = _Choice.of(self, blank, split)
-        mixture = choice.best()
-        model = self._mixed(blank, split.training, mixture, choice.held_out_features)
-        model = replace(model, uncertainty=self._uncertainty(model, split, data.arm))
+        mixture, best = self._best_mixture(blank, split)
+        model = replace(best, uncertainty=self._uncertainty(best, split, data.arm))
         trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
         if mixture == CHAIN_ALONE:
             return trained, mixture
-        # fit again, with the held-out samples
-        final = self._mixed(
-            model, _all_samples(split), mixture, choice.held_out_features
-        )
-        return replace(trained, network=final), mixture
+        # fit again, with the held-out samples, which are near all points now
+        fitted = self._with_kernels(model, _all_samples(split), mixture.share)
+        usual = best.kernels.usual_closeness
+        kernels = replace(fitted.kernels, usual_closeness=usual)
+        final = replace(fitted, kernels=kernels)
+        return replace(trained, network=final.mixed(*mixture, _known(split))), mixture
 
-    def _mixed(
-        self,
-        blank: LocalC2S,
-        samples: Samples,
-        mixture: "Mixture",
-        held_out: Float[np.ndarray, "samples features"],
-    ) -> LocalC2S:
-        """A mixture of chain and kernels, which are fitted to samples."""
+    def _best_mixture(
+        self, blank: LocalC2S, split: Split
+    ) -> "tuple[Mixture, LocalC2S]":
+        """The mixture of chain and kernels with the least error on validation samples."""
+        candidates = {CHAIN_ALONE: blank}  # first, so that it wins ties
+        for share in SHARES:
+            fitted = self._mixed(blank, split, Mixture(share, 1.0))
+            for weight in WEIGHTS:
+                mixed = fitted.mixed(share, weight, _known(split))
+                candidates[Mixture(share, weight)] = mixed
+        losses = {
+            mixture: _loss(model, split.validation)
+            for mixture, model in candidates.items()
+        }
+        best = min(losses, key=lambda mixture: losses[mixture])
+        return best, candidates[best]
+
+    def _mixed(self, blank: LocalC2S, split: Split, mixture: "Mixture") -> LocalC2S:
+        """A mixture of chain and kernels, which are fitted to the training samples."""
         if mixture == CHAIN_ALONE:
             return blank
+        fitted = self._with_kernels(blank, split.training, mixture.share)
+        held_out = _features(blank, split.validation)
+        kernels = fitted.kernels.with_usual_closeness(held_out)
+        return replace(fitted, kernels=kernels).mixed(*mixture, _known(split))
+
+    def _with_kernels(
+        self, blank: LocalC2S, samples: Samples, share: float
+    ) -> LocalC2S:
+        """The model with kernels fitted to what a share of the chain leaves."""
         features = _features(blank, samples)
-        targets = _residual(blank, samples, mixture.share)
-        fit = KernelFit.of(features, targets, self._kinds(blank.chain))
-        if fit is None:
-            return blank
-        kernels = fit.kernels(self.points).with_usual_closeness(held_out)
-        known = np.isfinite(samples.targets).any(axis=0)
-        return replace(blank, kernels=kernels).mixed(*mixture, known)
+        targets = _residual(blank, samples, share)
+        kinds = self._kinds(blank.chain)
+        kernels = fit_kernels(features, targets, kinds, self.points)
+        return replace(blank, kernels=kernels)
 
     def _calibrated(
         self,
@@ -468,8 +479,7 @@ class LocalOptions(ChainOptions):
         chain = self._chain_options(data).train(seen, short, key)
         blank = replace(self.untrained(data.arm, key), chain=chain.network)
         split = hysteresis_samples(chain.network, seen)
-        held_out = _features(blank, split.validation)
-        probe = self._mixed(blank, split.training, mixture, held_out)
+        probe = self._mixed(blank, split, mixture)
         probe = replace(probe, uncertainty=self._uncertainty(probe, split, data.arm))
         errors = self._errors(probe, data, groups)
         network = trained.network
@@ -539,88 +549,9 @@ class Mixture(NamedTuple):
 CHAIN_ALONE = Mixture(1.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays
-class _Choice:
-    """Choice of a mixture by errors on held-out samples and in held-out regions.
-
-    Attributes:
-        options: of the model.
-        blank: the trained chain without kernels.
-        split: samples.
-        regions: masks of the training samples.
-        held_out_features: of the validation samples.
-    """
-
-    options: LocalOptions
-    blank: LocalC2S
-    split: Split
-    regions: list[Bool[np.ndarray, " samples"]]
-    held_out_features: Float[np.ndarray, "samples features"]
-
-    @classmethod
-    def of(cls, options: LocalOptions, blank: LocalC2S, split: Split) -> "_Choice":
-        """The choice for a trained chain."""
-        regions = _regions(_place(blank, split.training))
-        features = _features(blank, split.validation)
-        return cls(options, blank, split, regions, features)
-
-    def best(self) -> Mixture:
-        """The mixture with the least errors; the chain alone if nothing is better."""
-        parts = self._parts(None, CHAIN_ALONE.share)
-        losses = {CHAIN_ALONE: self._loss(parts, CHAIN_ALONE)}
-        training = self.split.training
-        for share in SHARES:
-            targets = _residual(self.blank, training, share)
-            kinds = self.options._kinds(self.blank.chain)
-            fit = KernelFit.of(_features(self.blank, training), targets, kinds)
-            if fit is None:
-                break
-            parts = self._parts(fit, share)
-            for weight in WEIGHTS:
-                mixture = Mixture(share, weight)
-                losses[mixture] = self._loss(parts, mixture)
-        return min(losses, key=lambda mixture: losses[mixture])
-
-    def _parts(
-        self, fit: KernelFit | None, share: float
-    ) -> list[tuple[LocalC2S, Samples]]:
-        """Models of all samples, and of those outside each region, with their tests."""
-        training = self.split.training
-        parts = [(self._model(fit, None), self.split.validation)]
-        for region in self.regions:
-            parts.append((self._model(fit, ~region), training.rows(region)))
-        return parts
-
-    def _model(self, fit: KernelFit | None, used: np.ndarray | None) -> LocalC2S:
-        if fit is None:
-            return self.blank
-        count = self.options.points if used is None else REGION_POINTS
-        kernels = fit.kernels(min(count, self.options.points), used)
-        kernels = kernels.with_usual_closeness(self.held_out_features)
-        return replace(self.blank, kernels=kernels)
-
-    def _loss(self, parts: list[tuple[LocalC2S, Samples]], mixture: Mixture) -> float:
-        """Logarithm of the validation loss, plus the mean of those of the regions."""
-        known = np.isfinite(self.split.training.targets).any(axis=0)
-        losses = [
-            np.log(_loss(model.mixed(*mixture, known), samples))
-            for model, samples in parts
-        ]
-        return float(losses[0] + np.mean(losses[1:] or [0.0]))
-
-
-def _regions(
-    places: Float[np.ndarray, "samples features"],
-) -> list[Bool[np.ndarray, " samples"]]:
-    """Regions of the training samples: the largest bends, and those around some samples."""
-    centered = places - places.mean(axis=0)
-    sizes = -np.linalg.norm(centered, axis=-1)
-    random = np.random.default_rng(0)
-    seeds = random.integers(len(places), size=REGIONS - 1)
-    measures = [sizes]
-    for seed in seeds:
-        measures.append(np.linalg.norm(places - places[seed], axis=-1))
-    return [values <= np.quantile(values, REGION_SHARE) for values in measures]
+def _known(split: Split) -> Bool[np.ndarray, "modules 6"]:
+    """Which outputs the data hold."""
+    return np.isfinite(split.training.targets).any(axis=0)
 
 
 def _features(
