@@ -196,8 +196,9 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, traine
                 float(np.min(plan.configurations[:, 2])),
             )
         )
+    # the cautious plan trades the distance to the goal for the expected error
     (careful, highest), (doubt, lowest) = ends
-    assert careful < 0.5 * doubt
+    assert careful < 0.65 * doubt
     assert doubt > 0.01
     assert highest > lowest + 0.05
 

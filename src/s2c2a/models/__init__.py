@@ -3,4 +3,4 @@
 from s2c2a.models.actions import C2A, C2AOptions, History, LSTMOptions
 from s2c2a.models.c2s import C2S, C2SOptions, ForwardOptions
 from s2c2a.models.chain_training import ChainOptions
-from s2c2a.models.local import LocalOptions
+from s2c2a.models.local_training import LocalOptions

@@ -29,6 +29,8 @@ MIN_PIECE = 10  # samples
 MIN_GROUP = 30  # samples; smaller groups do not count
 COVERED = 0.95  # share of the errors of each group within twice the standard deviation
 MAX_FACTOR = 2.0
+# of the error far from all data that an uncalibrated model has
+MIN_EXTRAPOLATION = 0.3
 
 Mask = Bool[np.ndarray, "episodes samples"]
 
@@ -119,9 +121,6 @@ def calibrated(
         probe, groups
     )
     return uncertainty.with_errors(*(factor * part for part in parts))
-
-
-MIN_EXTRAPOLATION = 0.3  # of the error far from all data that an uncalibrated model has
 
 
 def _coverage_factor(probe: Uncertainty, groups: list[Errors]) -> float:

@@ -1,0 +1,365 @@
+"""Training of the forward model of the recipe `best`: chain, kernels, uncertainty.
+
+The chain is trained first, then kernels are fitted to its residual. Validation samples
+choose the mixture of both, and a second training calibrates the uncertainty
+(`models.calibration`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, PRNGKeyArray
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import CollectOptions
+from s2c2a.data.windows import Samples, Split, validation_samples
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.models import calibration
+from s2c2a.models.chain import ChainC2S
+from s2c2a.models.chain_training import (
+    ChainOptions,
+    hysteresis_inputs,
+    hysteresis_samples,
+    predict_states,
+    predicted_targets,
+)
+from s2c2a.models.kernels import Kernels, fit_kernels
+from s2c2a.models.local import AXIS_UNIT, EVERY_OTHER, UNIT, LocalC2S
+from s2c2a.models.prior import pooled
+from s2c2a.models.transfer import babbling_data, interpolation_weights
+from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
+from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
+from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
+
+FULL_BEND = 0.82  # rad; bend at which `play_widths` apply
+MIN_REACH = 1e-3  # rad; for recordings with little motion
+CALIBRATION_EPOCHS = 0.5  # of the training, for the model that calibrates errors
+SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
+WEIGHTS = 0.5, 0.75, 1.0  # of the fitted residual
+
+
+class Mixture(NamedTuple):
+    """How the local model is mixed from chain and kernels.
+
+    Attributes:
+        share: of the chain whose residual the kernels are fitted to.
+        weight: of the kernels.
+    """
+
+    share: float
+    weight: float
+
+
+CHAIN_ALONE = Mixture(1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class LocalOptions(ChainOptions):
+    """Options of the chain and of the local model.
+
+    Attributes:
+        points: kernel centers.
+        few: centers of the predictive standard deviation.
+        calibrate: whether a second, shorter training calibrates that deviation
+            (`models.calibration`).
+    """
+
+    play_widths: tuple[float, ...] = (
+        0.002,
+        0.005,
+        0.011,
+        0.02,
+        0.03,
+        0.04,
+        0.052,
+        0.067,
+        0.09,
+        0.13,
+    )
+    points: int = 1536
+    few: int = 64
+    calibrate: bool = True
+    model: str = field(default="local", kw_only=True)
+
+    def __post_init__(self):
+        """Refuse impossible numbers."""
+        super().__post_init__()
+        check_limits(self, points=(8, 10_000), few=(4, 1000))
+
+    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
+        """See `ForwardOptions`: the chain before training, without kernels."""
+        chain = super().untrained(arm, key)
+        modules = arm.module_count
+        kernels = Kernels.unfitted(len(self._kinds(chain)), 6 * modules, self.points)
+        none = jnp.ones((modules, 6)), Uncertainty.none(3 * modules, self.few, modules)
+        return LocalC2S(chain, kernels, *none, UNIT * arm.length)
+
+    def train(  # type: ignore[override]
+        self,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Trained[LocalC2S]:
+        """See `ForwardOptions`: the chain first, then its residual, then the errors."""
+        chain = self._chain_options(data)
+        trained, mixture = self._with_local(
+            chain.train(data, fit, key, progress), data, key
+        )
+        if not self.calibrate:
+            return trained
+        return self._calibrated(trained, mixture, data, fit, key)
+
+    def _chain_options(self, data: TrainingData) -> ChainOptions:
+        """Options of the chain, with widths of play operators for the data."""
+        widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
+        return ChainOptions(
+            self.hidden, self.depth, widths, self.creep_times, self.statics
+        )
+
+    def resume_training(  # type: ignore[override]
+        self,
+        model: LocalC2S,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+        spread: ChainC2S | None = None,
+    ) -> Trained[LocalC2S]:
+        """See `ForwardOptions`: the chain first, then its residual."""
+        chain = super().resume_training(model.chain, data, fit, key, progress, spread)
+        trained, _mixture = self._with_local(chain, data, key)
+        error = trained.network.uncertainty.interpolation_error
+        uncertainty = replace(model.uncertainty, interpolation_error=error)
+        network = replace(trained.network, uncertainty=uncertainty)
+        return replace(trained, network=network)
+
+    def pretrain(  # type: ignore[override]
+        self,
+        arms: Sequence[TrainingData],
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: Progress = quiet,
+    ) -> Pretrained[LocalC2S]:
+        """See `ForwardOptions`: of the chain alone; kernels belong to one arm."""
+        together = pooled(arms)
+        options = self._chain_options(together)
+        chain = options.pretrain(arms, fit, key, progress)
+        model = self.untrained(together.arm, key)
+        model = replace(model, chain=chain.mean.network)
+        samples = hysteresis_samples(model.chain, together)
+        uncertainty = self._uncertainty(model, samples, together.arm)
+        model = replace(model, uncertainty=uncertainty)
+        mean = Trained(model, chain.mean.curve, chain.mean.percent)
+        return Pretrained(mean, chain.spread)
+
+    def adapted(  # type: ignore[override]
+        self,
+        model: LocalC2S,
+        old: ArmSpec,
+        new: ArmSpec,
+        babbling: CollectOptions,
+        key: PRNGKeyArray,
+    ) -> LocalC2S:
+        """See `ForwardOptions`: the chain; kernels belong to one arm alone."""
+        chain = super().adapted(model.chain, old, new, babbling, key)
+        blank = self.untrained(new, key)
+        adapted = replace(blank, chain=chain, uncertainty=model.uncertainty)
+        if old.module_count == new.module_count:
+            return adapted
+        samples = hysteresis_samples(chain, babbling_data(new, babbling))
+        uncertainty = self._uncertainty(adapted, samples, new)
+        weights = interpolation_weights(old.module_count, new.module_count)
+        scaled = jnp.asarray(weights) * new.length / old.length
+        known = model.uncertainty
+        errors = known.interpolation_error, known.speed_error, known.extrapolation_error
+        uncertainty = uncertainty.with_errors(
+            *(np.asarray(scaled @ error) for error in errors)
+        )
+        return replace(adapted, uncertainty=uncertainty)
+
+    def _with_local(
+        self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
+    ) -> tuple[Trained[LocalC2S], Mixture]:
+        """A trained chain with the kernels that predict held-out samples best."""
+        blank = replace(self.untrained(data.arm, key), chain=result.network)
+        split = hysteresis_samples(result.network, data)
+        mixture, best = self._best_mixture(blank, split)
+        model = replace(best, uncertainty=self._uncertainty(best, split, data.arm))
+        trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
+        if mixture == CHAIN_ALONE:
+            return trained, mixture
+        # fit again, with the held-out samples, which are near all points now
+        fitted = self._with_kernels(model, _all_samples(split), mixture.share)
+        usual = best.kernels.usual_closeness
+        kernels = replace(fitted.kernels, usual_closeness=usual)
+        final = replace(fitted, kernels=kernels)
+        return replace(trained, network=final.mixed(*mixture, _known(split))), mixture
+
+    def _best_mixture(self, blank: LocalC2S, split: Split) -> tuple[Mixture, LocalC2S]:
+        """The mixture of chain and kernels with the least error on validation samples."""
+        candidates = {CHAIN_ALONE: blank}  # first, so that it wins ties
+        for share in SHARES:
+            fitted = self._mixed(blank, split, Mixture(share, 1.0))
+            for weight in WEIGHTS:
+                mixed = fitted.mixed(share, weight, _known(split))
+                candidates[Mixture(share, weight)] = mixed
+        losses = {
+            mixture: _loss(model, split.validation)
+            for mixture, model in candidates.items()
+        }
+        best = min(losses, key=lambda mixture: losses[mixture])
+        return best, candidates[best]
+
+    def _mixed(self, blank: LocalC2S, split: Split, mixture: Mixture) -> LocalC2S:
+        """A mixture of chain and kernels, which are fitted to the training samples."""
+        if mixture == CHAIN_ALONE:
+            return blank
+        fitted = self._with_kernels(blank, split.training, mixture.share)
+        held_out = _features(blank, split.validation)
+        kernels = fitted.kernels.with_usual_closeness(held_out)
+        return replace(fitted, kernels=kernels).mixed(*mixture, _known(split))
+
+    def _with_kernels(
+        self, blank: LocalC2S, samples: Samples, share: float
+    ) -> LocalC2S:
+        """The model with kernels fitted to what a share of the chain leaves."""
+        features = _features(blank, samples)
+        targets = _residual(blank, samples, share)
+        kinds = self._kinds(blank.chain)
+        kernels = fit_kernels(features, targets, kinds, self.points)
+        return replace(blank, kernels=kernels)
+
+    def _calibrated(
+        self,
+        trained: Trained[LocalC2S],
+        mixture: Mixture,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+    ) -> Trained[LocalC2S]:
+        """The model with errors of another one that does not see parts of the data."""
+        groups = calibration.held_out_groups(data)
+        seen = replace(data, hidden=calibration.union(groups))
+        epochs = max(1, round(CALIBRATION_EPOCHS * fit.max_epochs))
+        short = replace(fit, max_epochs=epochs, patience=epochs)
+        chain = self._chain_options(data).train(seen, short, key)
+        blank = replace(self.untrained(data.arm, key), chain=chain.network)
+        split = hysteresis_samples(chain.network, seen)
+        probe = self._mixed(blank, split, mixture)
+        probe = replace(probe, uncertainty=self._uncertainty(probe, split, data.arm))
+        errors = self._errors(probe, data, groups)
+        network = trained.network
+        uncertainty = calibration.calibrated(
+            network.uncertainty, probe.uncertainty, errors
+        )
+        network = replace(network, uncertainty=uncertainty)
+        tip_errors = {
+            name: group.tip_error
+            for name, group in errors.items()
+            if group.is_large_enough
+        }
+        return replace(trained, network=network, errors=tip_errors)
+
+    def _errors(
+        self,
+        probe: LocalC2S,
+        data: TrainingData,
+        groups: dict[str, calibration.Mask],
+    ) -> dict[str, calibration.Errors]:
+        """Errors of a model on validation samples, and on groups that it has not seen."""
+        inputs = hysteresis_inputs(probe.chain, data)
+        bends = bends_from_configurations(jnp.asarray(data.sensed))
+        speeds = calibration.bend_speeds(np.asarray(bends))
+        places = probe.place(jnp.asarray(inputs[:, :, :, 0]))
+        extrapolation = np.asarray(probe.uncertainty.extrapolation(places))
+        differences = self.predictions(probe, data) - data.states
+        distances = np.linalg.norm(differences[..., :3], axis=-1)
+        inside = validation_samples(data.states, data.lengths)
+        inside &= ~calibration.union(groups)
+        return {
+            name: calibration.Errors(distances[mask], speeds[mask], extrapolation[mask])
+            for name, mask in {calibration.INSIDE: inside, **groups}.items()
+        }
+
+    def _uncertainty(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Uncertainty:
+        """Predictive standard deviation from the held-out samples."""
+        training = _place(model, split.training)
+        held_out = _place(model, split.validation)
+        distances = _distances(model, split.validation)
+        return fit_uncertainty(training, held_out, distances, self.few, arm.length)
+
+    def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
+        """Groups of features with a common length scale: by place, and by kind."""
+        operators = chain.hysteresis.operators
+        modules = len(chain.body.lengths)
+        places = 3 * modules
+        seen = 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
+        module, kind, axis = np.unravel_index(
+            np.arange(places * seen), (modules, seen, 3)
+        )
+        return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
+
+
+def _known(split: Split) -> Bool[np.ndarray, "modules 6"]:
+    """Which outputs the data hold."""
+    return np.isfinite(split.training.targets).any(axis=0)
+
+
+def _features(
+    model: LocalC2S, samples: Samples
+) -> Float[np.ndarray, "samples features"]:
+    inputs = jnp.asarray(samples.inputs["configurations"])
+    return np.asarray(eqx.filter_jit(model.features)(inputs))
+
+
+def _residual(
+    model: LocalC2S, samples: Samples, share: float
+) -> Float[np.ndarray, "samples outputs"]:
+    """What a share of the chain leaves, in units of the outputs."""
+    inputs = jnp.asarray(samples.inputs["configurations"])
+    predicted = np.asarray(eqx.filter_jit(model.chain.states)(inputs))
+    residual = samples.targets - share * predicted
+    scales = np.array([model.unit] * 3 + [AXIS_UNIT] * 3, residual.dtype)
+    return (residual / scales).reshape(len(residual), -1)
+
+
+def _reach(data: TrainingData) -> float:
+    """Largest displacement over the cable radius, or bend [rad]; it scales the plays."""
+    if data.displacements is not None:
+        return max(float(np.abs(data.displacements).max()), MIN_REACH)
+    return max(
+        float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0))), MIN_REACH
+    )
+
+
+def _all_samples(split: Split) -> Samples:
+    """All samples of a split."""
+    parts = split.training, split.validation, split.test
+    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
+    targets = np.concatenate([part.targets for part in parts])
+    return Samples({"configurations": inputs}, targets)
+
+
+def _place(model: LocalC2S, samples: Samples) -> Float[np.ndarray, "samples features"]:
+    """Features of the predictive standard deviation, without hysteresis."""
+    displacements = samples.inputs["configurations"][:, :, 0]
+    return np.asarray(model.place(jnp.asarray(displacements)))
+
+
+def _distances(
+    model: LocalC2S, samples: Samples
+) -> Float[np.ndarray, "samples modules"]:
+    """Distance of true from predicted end points [m]."""
+    states = predict_states(model, jnp.asarray(samples.inputs["configurations"]))
+    return np.linalg.norm(
+        np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1
+    )
+
+
+def _loss(model: LocalC2S, samples: Samples) -> float:
+    return float(np.nanmean(_distances(model, samples) ** 2))
