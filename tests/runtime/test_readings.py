@@ -133,6 +133,14 @@ def test_sensors_of_an_arm_that_hardly_moves_may_repeat_for_a_while(fault):
     assert {fault(last_change=1e-3) for _ in range(18)} == {""}
 
 
+def test_an_arm_within_its_backlash_may_rest_while_commands_change():
+    states = {"states": Sensor((6,), "m")}
+    check = PeriodicCheck(("states",), states)
+    faults = [check(None, states=np.ones(6), last_change=0.02) for _ in range(20)]
+    assert faults[:15] == [""] * 15
+    assert faults[-1] == "'states' is frozen"
+
+
 def test_one_of_two_sensors_can_be_frozen_alone():
     fault = PeriodicCheck(("bends", "flex"))
     faults = [

@@ -12,6 +12,10 @@ from s2c2a.spaces import Reading, Sensor
 MAX_AGE = 3.0  # control periods
 FROZEN_STEPS = 3  # steps with the same bits, while commands change by
 FROZEN_CHANGE = 0.02  # of the full bend
+# of the full bend, for the motion of modules; within the backlash of its cables, an
+# arm does rest
+FROZEN_CHANGE_OF_MODULES = 0.3
+OF_MODULES = "states", "configurations"
 
 
 class RepeatDetector:
@@ -62,7 +66,7 @@ class ReadingCheck:
         self._last_values: dict[str, np.ndarray] = {}
         self._repeats = RepeatDetector()
         self._repeat_counts = dict.fromkeys(self._required, 0)
-        self._change_while_repeated = 0.0
+        self._changes_while_repeated = dict.fromkeys(self._required, 0.0)
 
     def find_fault(self, reading: Reading, now: float, last_change: float) -> str:
         """Describe what is wrong with a reading; empty if it is sound.
@@ -136,16 +140,19 @@ class ReadingCheck:
     def _frozen_fault(self, reading: Reading, last_change: float) -> str:
         """Detect sensors whose values repeat for some steps while commands change."""
         counts = self._repeat_counts
+        changes = self._changes_while_repeated
+        frozen = []
         for name in self._required:
             repeated = self._repeats.is_repeated(name, reading[name])
             # repetitions of an arm at rest do not count
             suspicious = repeated and (last_change > 0 or counts[name] > 0)
             counts[name] = counts[name] + 1 if suspicious else 0
-        if any(counts.values()):
-            self._change_while_repeated += last_change
-        else:
-            self._change_while_repeated = 0.0
-        if self._change_while_repeated <= FROZEN_CHANGE:
-            return ""
-        frozen = [name for name in counts if counts[name] >= FROZEN_STEPS]
+            changes[name] = changes[name] + last_change if suspicious else 0.0
+            if counts[name] >= FROZEN_STEPS and changes[name] > _frozen_change(name):
+                frozen.append(name)
         return f"'{frozen[0]}' is frozen" if frozen else ""
+
+
+def _frozen_change(name: str) -> float:
+    """Change of commands that a sensor must show, as a fraction of the full bend."""
+    return FROZEN_CHANGE_OF_MODULES if name in OF_MODULES else FROZEN_CHANGE
