@@ -16,6 +16,7 @@ Bends = Float[np.ndarray, "samples modules 2"]
 SPEEDS = (0.03, 0.22)
 """Slowest and fastest approach of a bend target: share of the full bend per step."""
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
+FULL_SHARE = 0.5  # of the independent bends that are full
 SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held
 SLOW_STEPS = (40, 100)  # shortest and longest of these stretches
 SLOWDOWN = 0.2  # of the speeds, on slow stretches
@@ -105,10 +106,20 @@ def coverage_targets(
     geometry: ArmGeometry, count: int, random: np.random.Generator
 ) -> Float[np.ndarray, "targets modules 2"]:
     """Random targets of coverage, in shares of the full bend."""
-    independent = disc_points(random, (count, len(geometry.lengths)))
+    independent = _independent_targets(random, (count, len(geometry.lengths)))
     planned = nominal_plans(geometry, count, random)
     chosen = random.uniform(size=count) < PLANNED_SHARE
     return np.where(chosen[:, None, None], planned, independent)
+
+
+def _independent_targets(
+    random: np.random.Generator, shape: tuple[int, int]
+) -> Float[np.ndarray, "targets modules 2"]:
+    """Random bends, many of them full: plans for distant positions have such bends."""
+    bends = disc_points(random, shape)
+    full = bends / np.linalg.norm(bends, axis=-1, keepdims=True)
+    is_full = random.uniform(size=shape) < FULL_SHARE
+    return np.where(is_full[..., None], full, bends)
 
 
 def through(

@@ -2,8 +2,8 @@
 
 They are solutions of the nominal inverse kinematics (arcs of constant curvature) with
 small differences between neighboring modules, from random starts. An arm that loses
-motion reaches a position only with larger commanded bends; so the full bend counts as a
-random part of itself.
+motion reaches a position only with larger commanded bends, or not at all; so the full
+bend counts as a random part of itself. Plans for positions out of reach have full bends.
 """
 
 import jax
@@ -22,7 +22,7 @@ LARGEST_STEP = 0.5  # shares of the full bend
 EVENNESS = 0.03  # weight of bend differences [1/rad]
 LIMIT_WEIGHT = 3.0  # of bends beyond the full bend
 UNIT = 0.4  # of the arm's length: a position error of one
-TOLERANCE = 0.03  # of the position error of a solution
+TOLERANCE = 0.3  # of the position error of a plan; a larger one found no direction
 LEAST_GAIN = 0.7  # smallest part of the full bend that an arm reaches
 CANDIDATES = 20  # positions of which one is chosen
 CELL = 0.05  # of the arm's length: cells of positions that are equally likely
@@ -42,8 +42,7 @@ def nominal_plans(
 ) -> Float[np.ndarray, "count modules 2"]:
     """Plans for positions of the tip that are spread over the workspace.
 
-    Positions that are not reached from a random start are replaced by independent
-    bends.
+    Plans that end far from their positions are replaced by independent bends.
 
     Returns:
         Bends, in shares of the full bend.
@@ -52,26 +51,23 @@ def nominal_plans(
     lengths = jnp.asarray(geometry.lengths, jnp.float32)
     gains = random.uniform(LEAST_GAIN, 1.0, (count, 1))
     full = jnp.asarray(gains * geometry.action_bends, jnp.float32)
-    positions = _spread_positions(geometry, gains, random)
+    positions = _spread_positions(geometry, count, random)
     starts = disc_points(random, (count, modules)) / 2.0
     bends, errors = _solve(jnp.asarray(starts, jnp.float32), positions, lengths, full)
     planned = np.asarray(bends, np.float64)
     planned /= np.maximum(np.linalg.norm(planned, axis=-1, keepdims=True), 1.0)
     independent = disc_points(random, (count, modules))
-    reached = np.asarray(errors) < TOLERANCE
-    return np.where(reached[:, None, None], planned, independent)
+    is_near = np.asarray(errors) < TOLERANCE
+    return np.where(is_near[:, None, None], planned, independent)
 
 
 def _spread_positions(
-    geometry: ArmGeometry,
-    gains: Float[np.ndarray, "count 1"],
-    random: np.random.Generator,
+    geometry: ArmGeometry, count: int, random: np.random.Generator
 ) -> Float[Array, "count 3"]:
-    """Reachable positions of the tip [m], with equal density over the workspace."""
-    count = len(gains)
+    """Positions [m] that the nominal tip reaches, with equal density."""
     modules = len(geometry.lengths)
     shares = disc_points(random, (CANDIDATES, count, modules))
-    bends = shares * (gains * geometry.action_bends)[..., None]
+    bends = shares * geometry.action_bends[..., None]
     states = states_from_bends(
         jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32)
     )

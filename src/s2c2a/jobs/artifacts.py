@@ -23,7 +23,7 @@ from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
 
-REVISION = 7
+REVISION = 8
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
 so that nothing old is used."""
 

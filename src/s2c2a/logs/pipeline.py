@@ -367,7 +367,8 @@ def _prior_std(log_map: LogMap) -> dict[str, float]:
         "total": 0.2 if arm.length is None else 0.002,
         "stiffness": 2.0,
         "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
-        "tilt": 0.1,
+        # errors of the model repeat, so data alone would tilt the frame by degrees
+        "tilt": 0.01,
         "base": 0.1 if log_map.frame.base is None else 0.002,
     }
 
