@@ -2,21 +2,18 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from s2c2a import jobs
 from s2c2a.arm import load_arm
-from s2c2a.cli.experiments import Compared
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.strategies import recipe_named
 from s2c2a.studies import randomized_arms, true_reach
 from s2c2a.studies.randomized_arms import (
     AGED,
-    STRATEGIES,
     TASKS,
     RandomizedArmsStudy,
     over_arms,
@@ -24,7 +21,7 @@ from s2c2a.studies.randomized_arms import (
     target_rows,
 )
 from s2c2a.studies.targets import TargetSequence
-from s2c2a.tasks import Task
+from s2c2a.tasks import Task, load_task
 
 TWIN = load_arm("twin_arm")
 STEPS = 50
@@ -163,5 +160,18 @@ def test_a_whole_trial_makes_rows_of_tasks_and_of_targets(tmp_path, monkeypatch)
     assert np.isfinite([row.mean for row in rows]).all()
 
 
-def test_the_command_offers_every_strategy():
-    assert set(get_args(Compared)) == set(STRATEGIES)
+def test_strategies_are_baselines_and_recipes_by_name_or_file(tmp_path):
+    file = tmp_path / "short.toml"
+    file.write_text('based_on = "best"\nepisodes = 2\n')
+    found = {}
+    for name in ("pcc", "paper", str(file)):
+        trial = randomized_arms.Trial(0.5, TWIN, name, (load_task("circle", TWIN),), ())
+        (job,) = trial.make_jobs(seed=0)
+        found[name] = job.strategy, job.recipe.name, job.recipe.episodes
+    best = recipe_named("best")
+    paper = recipe_named("paper")
+    assert found == {
+        "pcc": ("pcc", "best", best.episodes),
+        "paper": ("s2c2a", "paper", paper.episodes),
+        str(file): ("s2c2a", "short", 2),
+    }

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Literal
+from typing import Annotated
 
 import tyro
 
@@ -10,7 +10,9 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
-Compared = Literal["best", "best-active", "best-long", "paper", "pcc", "pcc-fitted"]
+Compared = Annotated[
+    str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
+]
 
 TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
 
@@ -35,7 +37,8 @@ def randomized_arms(
         arms: number of arms at each strength, sampled as `s2c2a arm random` does, with
             seeds from zero.
         strengths: magnitudes of the mismatch.
-        strategies: best, best-long and paper are recipes of the paper's strategy.
+        strategies: pcc and pcc-fitted are baselines; the others are recipes of the
+            paper's strategy, by name or file.
         tasks: names of tasks, with a pace if it is not one: square@0.5.
         targets: number of targets within reach, each held for five seconds, to find
             strategies that diverge; none if zero.

@@ -12,11 +12,11 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import RECIPES, recipe_named
+from s2c2a.strategies import Recipe, recipe_from, recipe_named
 from s2c2a.studies.tables import mean_rows
 from s2c2a.studies.targets import RandomTargets, ReachableTask, TargetSequence
 from s2c2a.tasks import Task, load_task
@@ -24,12 +24,8 @@ from s2c2a.tasks.registry import TILTS
 
 EXPERIMENT = "randomised-arms"
 TASKS = ("circle", *TILTS, "hold-middle")
-STRATEGIES = {
-    **{name: ("s2c2a", name) for name in RECIPES},
-    "pcc": ("pcc", "best"),
-    "pcc-fitted": ("pcc-fitted", "best"),
-}
-"""Name in the result rows -> strategy and recipe."""
+BASELINES = "pcc", "pcc-fitted"
+"""Strategies other than the paper's; they are trained as the recipe `best` says."""
 STRENGTHS = (0.5, 1.0)
 REACHABLE_FROM = 0.75  # mismatch strength from which goals are moved within reach
 UNREACHABLE_COUNT = 20  # targets out of reach
@@ -46,7 +42,7 @@ class RandomizedArmsStudy:
         base: modules, cables and all that controllers know.
         arms: number of arms at each strength, with seeds from zero.
         strengths: of the model mismatch.
-        strategies: names of `STRATEGIES`.
+        strategies: of `BASELINES`, or recipes of the paper's strategy, by name or file.
         tasks: names.
         targets: number of random targets within reach; 0 for no targets at all.
         seed: of data, training and start.
@@ -64,12 +60,8 @@ class RandomizedArmsStudy:
 
     def __post_init__(self):
         """Validate the options."""
-        unknown = set(self.strategies) - set(STRATEGIES)
-        if unknown:
-            raise S2C2AError(
-                f"unknown strategy '{min(unknown)}'; "
-                f"choose among {', '.join(STRATEGIES)}"
-            )
+        for name in self.strategies:
+            _strategy_and_recipe(name)
         if self.arms < 1 or self.targets < 0 or not self.strengths:
             raise S2C2AError(
                 f"{self.arms} arms at {len(self.strengths)} strengths with "
@@ -93,7 +85,7 @@ class Trial:
     Attributes:
         strength: of the arm's mismatch.
         arm: the randomized arm.
-        strategy: its name in `STRATEGIES`.
+        strategy: of `BASELINES`, or a recipe.
         tasks: of the protocol.
         targets: random targets that are held.
     """
@@ -106,11 +98,9 @@ class Trial:
 
     def make_jobs(self, seed: int) -> list[jobs.Job]:
         """Runs of the tasks, then of the targets."""
-        strategy, recipe = STRATEGIES[self.strategy]
+        strategy, recipe = _strategy_and_recipe(self.strategy)
         tasks = [*self.tasks, *(targets.task for targets in self.targets)]
-        return jobs.jobs_for(
-            tasks, self.arm, [strategy], [seed], recipe_named(recipe), AGED
-        )
+        return jobs.jobs_for(tasks, self.arm, [strategy], [seed], recipe, AGED)
 
     def rows(self, runs: Sequence[jobs.Run]) -> list[Row]:
         """Rows of the runs of `make_jobs`, in their order."""
@@ -124,6 +114,16 @@ class Trial:
             replace(row, strategy=self.strategy, paper_mean=None, paper_std=None)
             for row in rows
         ]
+
+
+def _strategy_and_recipe(name: str) -> tuple[str, Recipe]:
+    """Strategy and recipe of a column of the results."""
+    if name in BASELINES:
+        return name, recipe_named("best")
+    try:
+        return "s2c2a", recipe_from(name)
+    except StrategyError as error:
+        raise S2C2AError(f"{error}, or {', '.join(BASELINES)}") from None
 
 
 def randomized_arms_rows(study: RandomizedArmsStudy, make: jobs.Make) -> list[Row]:
