@@ -2,8 +2,8 @@
 
 A Gaussian process with the length scales of the first half of a recording predicts what
 the nominal kinematics leave out. Of many candidates, which are distributed as plans are
-(`data.babbling.Coverage`), each next target reduces the variance at all candidates the
-most (active learning of Cohn; Seo et al., Gaussian Process Regression: Active Data
+(`data.babbling.CoverageBabbling`), each next target reduces the variance at all
+candidates the most (active learning of Cohn; Seo et al., Gaussian Process Regression: Active Data
 Selection and Test Point Rejection, 2000). The candidate with the largest variance would
 always be an extreme shape, which no plan needs.
 """
