@@ -20,7 +20,7 @@ def describe_unseen_errors(networks: TrainedNetworks) -> list[str]:
     """Describe the errors of each network by the kind of motion, and what to record.
 
     Args:
-        networks: of a training; those without a second training are left out.
+        networks: of a training; those without a second training have no line.
 
     Returns:
         A line of errors at the tip [mm] for each network; where some are much larger

@@ -82,7 +82,7 @@ class Viscoelasticity(eqx.Module):
     def from_weights(
         cls, weights: Float[Array, "*parts times cables"]
     ) -> "Viscoelasticity":
-        """The model closest to these weights; those against their sum are dropped."""
+        """A model close to these weights; those against the sign of their sum are dropped."""
         sign = jnp.sign(jnp.sum(weights, axis=-2, keepdims=True))
         magnitudes = jnp.maximum(sign * weights, 0.0)
         sums = jnp.sum(magnitudes, axis=-2, keepdims=True)

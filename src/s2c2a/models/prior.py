@@ -2,8 +2,8 @@
 
 Models of several arms, all trained from one joint model, stay comparable parameter by
 parameter. Their mean is where the training of a further arm starts. Their standard
-deviation tells which parameters differ between arms, and which an arm must not change
-because of a few samples.
+deviation states how much each parameter differs between arms, and so how far few samples
+of an arm may change it.
 """
 
 from collections.abc import Sequence
