@@ -39,7 +39,7 @@ def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
     s_shape = [[-0.3, -0.4], [0.3, 0.4]]
     across = [[-0.4, 0.3], [0.3, 0.4]]
     coverage = Coverage.of([recorded([c_shape, s_shape, across])])
-    along, outer = coverage.pair(0)
+    along, outer = coverage.neighboring_bends(0)
     np.testing.assert_allclose(along, [0.5, -0.5, 0.0], atol=1e-5)
     np.testing.assert_allclose(outer, 0.5, atol=1e-5)
     assert coverage.opposed_share(0) == 0.5
@@ -47,7 +47,7 @@ def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
 
 def test_straight_arms_have_no_share_of_s_shapes(recorded):
     coverage = Coverage.of([recorded(np.zeros((5, 3, 2)))])
-    np.testing.assert_array_equal(coverage.pair(1), 0.0)
+    np.testing.assert_array_equal(coverage.neighboring_bends(1), 0.0)
     assert np.isnan(coverage.opposed_share(1))
 
 

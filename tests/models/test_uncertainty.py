@@ -21,7 +21,7 @@ def uncertainty(reach: float = 1.0) -> Uncertainty:
 def test_near_validation_data_there_is_no_extrapolation():
     inside = np.random.default_rng(1).uniform(-0.9, 0.9, (100, 3))
     np.testing.assert_allclose(
-        uncertainty().meters(jnp.asarray(inside)), 0.0, atol=5e-3
+        uncertainty().tip_extrapolation(jnp.asarray(inside)), 0.0, atol=5e-3
     )
     np.testing.assert_allclose(
         uncertainty().interpolation_error, [1e-3, 3e-3], rtol=1e-5
@@ -31,7 +31,8 @@ def test_near_validation_data_there_is_no_extrapolation():
 def test_far_from_all_data_the_uncertainty_reaches_its_limit():
     rays = np.array([[1.0, 1.0, 1.0], [-1.0, 0.5, 0.0]])
     near, further, far = (
-        uncertainty().meters(jnp.asarray(scale * rays)) for scale in (1.5, 2.5, 40.0)
+        uncertainty().tip_extrapolation(jnp.asarray(scale * rays))
+        for scale in (1.5, 2.5, 40.0)
     )
     assert (near < further).all()
     assert (further < far).all()
@@ -41,8 +42,8 @@ def test_far_from_all_data_the_uncertainty_reaches_its_limit():
 def test_it_grows_beyond_the_reach_of_the_data():
     point = jnp.array([[0.9, 0.9, 0.9]])
     assert (
-        float(uncertainty(0.4).meters(point)[0])
-        > 5 * float(uncertainty(1.0).meters(point)[0]) + 1e-3
+        float(uncertainty(0.4).tip_extrapolation(point)[0])
+        > 5 * float(uncertainty(1.0).tip_extrapolation(point)[0]) + 1e-3
     )
 
 
@@ -63,5 +64,5 @@ def test_a_change_of_a_constant_feature_is_extrapolation():
     extrapolating = fit_uncertainty(
         features, features, np.full((300, 1), 1e-3), 30, LENGTH
     )
-    assert float(extrapolating.meters(jnp.array([0.0, 0.0]))) < 1e-3
-    assert float(extrapolating.meters(jnp.array([0.0, 1.0]))) > 0.02
+    assert float(extrapolating.tip_extrapolation(jnp.array([0.0, 0.0]))) < 1e-3
+    assert float(extrapolating.tip_extrapolation(jnp.array([0.0, 1.0]))) > 0.02

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from s2c2a.data import Recording
     from s2c2a.evaluation.report import Row
     from s2c2a.progress import Progress
+    from s2c2a.strategies import TrainedNetworks
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
 _STRATEGY = "s2c2a|pcc|pcc-fitted|lstm|s2c2a-motor|FILE.py:Class"
@@ -126,6 +127,22 @@ def print_results(
     for picture in pictures:
         print(f"{OUTPUT_LABELS.get(picture.suffix, 'figure')}: {picture}")
     print(f"run directory: {folder}")
+
+
+def print_held_out_errors(title: str, networks: "TrainedNetworks") -> None:
+    """Print the error of each network in percent of the full range.
+
+    The modal model is left out: its percent are of the fast part of the C2S error
+    (`evaluation.describe_modal_model`).
+    """
+    from s2c2a.estimation import MODAL_MODEL
+
+    errors = [
+        (name, f"{mean:.2f} ± {std:.2f} %")
+        for name, (mean, std) in networks.percent.items()
+        if name != MODAL_MODEL
+    ]
+    print_table(title, ("network", "error"), errors)
 
 
 def draw_coverage(recording: "Recording", out: Path) -> Path | None:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, RecipeName, print_table, progress_bar
+from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_bar
 from s2c2a.cli.execution import Address, make_executor
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
@@ -71,10 +71,10 @@ def pretrain(
 
 
 def _print_summary(networks: "TrainedNetworks", arms: int, out: Path) -> None:
-    errors = [
-        (name, f"{mean:.2f} ± {std:.2f} %")
-        for name, (mean, std) in networks.percent.items()
-    ]
+    from s2c2a import evaluation
+
     title = f"Held-out errors over {arms} arms, in percent of the full range"
-    print_table(title, ("network", "error"), errors)
+    print_held_out_errors(title, networks)
+    if text := evaluation.describe_modal_model(networks):
+        print(text)
     print(f"prior: {out}")

@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import RecipeName, StrategyName, print_table, progress_bar
+from s2c2a.cli.console import (
+    RecipeName,
+    StrategyName,
+    print_held_out_errors,
+    progress_bar,
+)
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
 
@@ -68,19 +73,18 @@ def train(
 
 
 def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None:
-    """Print the held-out errors, and what the recording does not show."""
-    from s2c2a import evaluation
-    from s2c2a.estimation import MODAL_MODEL
+    """Print the held-out errors, data to record, and the modal model.
 
-    errors = [
-        (name, f"{mean:.2f} ± {std:.2f} %")
-        for name, (mean, std) in networks.percent.items()
-        if name != MODAL_MODEL
-    ]
+    Args:
+        networks: that were trained.
+        start: networks that the training started from, if any.
+    """
+    from s2c2a import evaluation
+
     title = "Held-out errors, in percent of the full range"
     if start is not None:
         title += f"; networks that were not trained here are those of {start.arm.name}"
-    print_table(title, ("network", "error"), errors)
+    print_held_out_errors(title, networks)
     for line in evaluation.describe_unseen_errors(networks):
         print(line)
     # a training that starts from other networks keeps their modal model

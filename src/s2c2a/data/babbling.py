@@ -18,7 +18,7 @@ SPEEDS = (0.03, 0.22)
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
 FULL_SHARE = 0.5  # of the independent bends that are full
 SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held
-SLOW_STEPS = (40, 100)  # shortest and longest of these stretches
+SLOW_STEPS = (40, 100)  # shortest of these stretches, and one more than the longest
 SLOWDOWN = 0.2  # of the speeds, on slow stretches
 HELD_SHARE = 0.5  # of the slow stretches that hold a configuration
 
@@ -67,10 +67,12 @@ class MixedPaths(Babbling):
 
     def bends(self, exploration: Exploration) -> Bends:
         """See `Babbling`."""
-        samples, random, speeds = exploration[2:]
         modules = len(exploration.geometry.lengths)
         shares = self.shares(modules, exploration.progress)
-        paths = [bend_path(samples, random, speeds) for _ in range(shares.shape[1])]
+        paths = [
+            bend_path(exploration.samples, exploration.random, exploration.speeds)
+            for _ in range(shares.shape[1])
+        ]
         mixed = np.einsum("mp,spk->smk", shares, np.stack(paths, axis=1))
         return mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
 
@@ -83,19 +85,19 @@ class MixedPaths(Babbling):
         return speeds[1] * max(totals)
 
 
-class Coverage(Babbling):
+class CoverageBabbling(Babbling):
     """Motion through targets that cover the configurations of plans, with opposed bends.
 
     Some targets are nominal plans for random positions of the tip, the others are
-    independent bends. Some stretches are slow, and some hold, so that creep shows.
+    independent bends. Some stretches are slow, and others hold, so that creep shows.
     """
 
     def bends(self, exploration: Exploration) -> Bends:
         """See `Babbling`."""
-        # more than the slowest stretches need
+        # enough for stretches of a full bend at the highest speed; longer motions repeat
         count = 2 + int(exploration.samples * exploration.speeds[1])
         targets = coverage_targets(exploration.geometry, count, exploration.random)
-        return through(targets, exploration)
+        return motion_through(targets, exploration)
 
     def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
         """See `Babbling`."""
@@ -115,17 +117,31 @@ def coverage_targets(
 def _independent_targets(
     random: np.random.Generator, shape: tuple[int, int]
 ) -> Float[np.ndarray, "targets modules 2"]:
-    """Random bends, many of them full: plans for distant positions have such bends."""
+    """Random bends, in shares of the full bend.
+
+    Many of them are full, as in plans for distant positions.
+    """
     bends = disc_points(random, shape)
     full = bends / np.linalg.norm(bends, axis=-1, keepdims=True)
     is_full = random.uniform(size=shape) < FULL_SHARE
     return np.where(is_full[..., None], full, bends)
 
 
-def through(
+def motion_through(
     targets: Float[np.ndarray, "targets modules 2"], exploration: Exploration
 ) -> Bends:
-    """Motion from rest along lines to targets, over and over; all modules arrive together."""
+    """Motion from rest along straight lines to targets; all modules arrive together.
+
+    After the last target the first one follows. A slow stretch or a hold may end before
+    its target; the next stretch then leads to the next target.
+
+    Args:
+        targets: bends in shares of the full bend.
+        exploration: length, speeds and random numbers of the motion.
+
+    Returns:
+        Bends in shares of the full bend.
+    """
     position = np.zeros_like(targets[0])
     pieces: list[np.ndarray] = []
     steps = 0
@@ -142,19 +158,19 @@ def _stretch(
     target: Float[np.ndarray, "modules 2"],
     exploration: Exploration,
 ) -> Bends:
-    """Motion to a target at a log-uniform speed; now and then slowly, or a hold."""
+    """Motion to a target at a log-uniform speed; a few stretches are slow or hold."""
     random = exploration.random
     speed = np.exp(random.uniform(*np.log(exploration.speeds)))
-    way = target - start
-    distance = float(np.linalg.norm(way, axis=-1).max())
+    change = target - start
+    distance = float(np.linalg.norm(change, axis=-1).max())
     if random.uniform() < SLOW_SHARE:
         steps = int(random.integers(*SLOW_STEPS))
         slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
-        way = way * min(1.0, slow * steps / max(distance, 1e-9))
+        change = change * min(1.0, slow * steps / max(distance, 1e-9))
     else:
         steps = max(1, int(np.ceil(distance / speed)))
     shares = np.arange(1, steps + 1)[:, None, None] / steps
-    return start + way * shares
+    return start + change * shares
 
 
 def episode_actions(
@@ -188,7 +204,7 @@ def episode_actions(
     if targets is None:
         bends = BABBLING[babbling].bends(exploration)
     else:
-        bends = through(targets, exploration)
+        bends = motion_through(targets, exploration)
     actions = geometry.actions_at(bends)
     return np.clip(actions, geometry.action_low, geometry.action_high)
 
@@ -246,6 +262,6 @@ BABBLING: dict[str, Babbling] = {
     "staged": MixedPaths(_staged),
     "motor": MixedPaths(_motor),
     "mixed": MixedPaths(_mixed),
-    "coverage": Coverage(),
+    "coverage": CoverageBabbling(),
 }
 """Babbling by name."""

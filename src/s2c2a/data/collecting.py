@@ -134,16 +134,23 @@ def collect(
         resume: whether to continue a file that has too few episodes.
         overwrite: whether to replace an existing file.
         progress: callback with the number of complete episodes and of all episodes.
-        choose_targets: chooses the targets of an active collection.
+        choose_targets: chooses the targets of an active collection, from its first
+            half.
 
     Raises:
         RecordingError: the file exists and neither `resume` nor `overwrite` is set, it
-            was started with other options, or it cannot be written.
+            was started with other options, or it cannot be written; `threads` is below
+            one; or an active collection has no `choose_targets`.
     """
     if threads is not None and threads < 1:
         raise RecordingError(
             f"{threads} threads are too few; use at least one, or omit the number for "
             "all cores"
+        )
+    if options.active and choose_targets is None:
+        raise RecordingError(
+            "an active collection needs a function that chooses targets; give "
+            "choose_targets, such as strategies.target_choice(recipe)"
         )
     stored = _stored_options(options) | {"robot": robot}
     done = progress or _no_progress
@@ -164,12 +171,7 @@ def collect(
                 done(writer.count, options.episodes)
 
     record(options.random_episodes, (), resume, overwrite)
-    if options.active:
-        if choose_targets is None:
-            raise RecordingError(
-                "an active collection needs a function that chooses targets; give "
-                "choose_targets, such as strategies.target_choice(recipe)"
-            )
+    if choose_targets is not None and options.active:
         recording = load_recording(path)
         half = replace(
             recording, episodes=recording.episodes[: options.random_episodes]
@@ -332,7 +334,7 @@ def _exclude_outliers(columns: dict[str, np.ndarray]) -> int:
 
 
 def describe_excluded(recording: Recording) -> str:
-    """Say how many measured poses were excluded; empty if none."""
+    """Describe how many measured poses were excluded; empty if none."""
     counts = [episode.options.get(EXCLUDED, 0) for episode in recording.episodes]
     total = sum(counts)
     if not total:

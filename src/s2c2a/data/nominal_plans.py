@@ -1,9 +1,12 @@
 """Configurations that a planner would choose for random positions of the tip.
 
 They are solutions of the nominal inverse kinematics (arcs of constant curvature) with
-small differences between neighboring modules, from random starts. An arm that loses
-motion reaches a position only with larger commanded bends, or not at all; so the full
-bend counts as a random part of itself. Plans for positions out of reach have full bends.
+small differences between neighboring modules, from random starts.
+
+Backlash and elastic cables lose motion: a real arm needs larger commanded bends than the
+nominal one, and does not reach every position. Each plan therefore assumes that a full
+commanded bend results in a random share of it (`LEAST_GAIN` to one). Plans for positions
+out of this reach have full bends.
 """
 
 import jax
@@ -21,9 +24,9 @@ DAMPING = 1e-3
 LARGEST_STEP = 0.5  # shares of the full bend
 EVENNESS = 0.03  # weight of bend differences [1/rad]
 LIMIT_WEIGHT = 3.0  # of bends beyond the full bend
-UNIT = 0.4  # of the arm's length: a position error of one
-TOLERANCE = 0.3  # of the position error of a plan; a larger one found no direction
-LEAST_GAIN = 0.7  # smallest part of the full bend that an arm reaches
+UNIT = 0.4  # of the arm's length; unit of position errors
+TOLERANCE = 0.3  # of a plan's position error, in `UNIT`; a larger one failed
+LEAST_GAIN = 0.7  # smallest share of a full commanded bend that the arm bends
 CANDIDATES = 20  # positions of which one is chosen
 CELL = 0.05  # of the arm's length: cells of positions that are equally likely
 
@@ -43,6 +46,11 @@ def nominal_plans(
     """Plans for positions of the tip that are spread over the workspace.
 
     Plans that end far from their positions are replaced by independent bends.
+
+    Args:
+        geometry: geometry of the arm.
+        count: number of plans.
+        random: source of positions, starts and gains.
 
     Returns:
         Bends, in shares of the full bend.
@@ -77,8 +85,8 @@ def _spread_positions(
         cells, axis=0, return_inverse=True, return_counts=True
     )
     weights = 1.0 / sizes[members.ravel()].reshape(CANDIDATES, count)
-    cumulated = np.cumsum(weights / weights.sum(axis=0), axis=0)
-    chosen = (cumulated < random.uniform(size=count)).sum(axis=0)
+    cumulative = np.cumsum(weights / weights.sum(axis=0), axis=0)
+    chosen = (cumulative < random.uniform(size=count)).sum(axis=0)
     chosen = np.minimum(chosen, CANDIDATES - 1)
     return jnp.asarray(positions[chosen, np.arange(count)], jnp.float32)
 
@@ -90,7 +98,17 @@ def _solve(
     lengths: Float[Array, " modules"],
     full: Float[Array, "count modules"],
 ) -> tuple[Float[Array, "count modules 2"], Float[Array, " count"]]:
-    """Damped Gauss-Newton steps; bends in shares of the full bend, and position errors."""
+    """Damped Gauss-Newton steps to all positions.
+
+    Args:
+        starts: first bends, in shares of the full bend.
+        positions: of the tip [m].
+        lengths: of the modules [m].
+        full: bends of one share [rad].
+
+    Returns:
+        Bends in shares of the full bend, and position errors in `UNIT`.
+    """
     unit = UNIT * jnp.sum(lengths)
 
     def residuals(flat: Array, position: Array, full: Array) -> Array:

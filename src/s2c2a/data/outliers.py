@@ -131,12 +131,13 @@ def find_outliers(
     positions = ends.positions
     measured = np.isfinite(positions).all(axis=-1)
     least = SPREAD_RATIO * _spread(positions[:, -1])
-    predicted = np.stack([_predict(ends, one) for one in _channels(positions)], axis=1)
+    predicted = np.stack([_predict(ends, end) for end in _channels(positions)], axis=1)
     swaps = _find_swaps(positions, predicted, least)
     # a swapped body is no jump, and its neighbors in time have true steps around it
     rest = np.where(swaps[..., None], np.nan, positions)
-    jumps = [_find_jumps(ends, one, least) for one in _channels(rest)]
-    turned = [_find_jumps(ends, one, SPREAD_RATIO) for one in _channels(ends.axes)]
+    jumps = [_find_jumps(ends, end, least) for end in _channels(rest)]
+    # axes are unit vectors, so the ratio itself is their least error
+    turned = [_find_jumps(ends, axis, SPREAD_RATIO) for axis in _channels(ends.axes)]
     is_jump = np.stack(jumps, axis=1) | (np.stack(turned, axis=1) & measured & ~swaps)
     rest = np.where(is_jump[..., None], np.nan, rest)
     lengths = _find_lengths(rest, predicted, reaches or [None] * len(jumps))
@@ -149,7 +150,7 @@ def _channels(values: Float[np.ndarray, "rows ends 3"]) -> Iterator[np.ndarray]:
 
 
 def _spread(values: Float[np.ndarray, "rows 3"]) -> float:
-    """Median distance from the center."""
+    """Median distance from the center [m]; zero without known values."""
     known = values[np.isfinite(values).all(axis=1)]
     if not len(known):
         return 0.0
@@ -158,7 +159,7 @@ def _spread(values: Float[np.ndarray, "rows 3"]) -> float:
 
 
 def _known(ends: MeasuredEnds, values: np.ndarray) -> Bool[np.ndarray, " rows"]:
-    """Rows in which the drives and the values are known."""
+    """Rows in which drives and values are known; none if there are too few."""
     known = np.isfinite(values).all(axis=1) & np.isfinite(ends.drives).all(axis=1)
     return known if known.sum() >= _MIN_ROWS else np.zeros(len(values), bool)
 

@@ -13,17 +13,18 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.data.nominal_plans import disc_points
 from s2c2a.episodes import Episode
 from s2c2a.estimation import configuration_map_for
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.spaces import POSITION, Reading
 
 HOLD = 0.01  # of the step limit; slower motion counts as a hold
-NEAR_BEND = 0.25  # of each module's limit
-NEAR_TIP = 0.05  # of the arm's length
-MIN_BEND = 0.1  # of the limit; smaller bends have no shape together
+NEAR_BEND = 0.25  # of each module's limit: distance at which a bend is reached
+NEAR_TIP = 0.05  # of the arm's length: distance at which a position is reached
+MIN_BEND = 0.1  # of the limit; smaller bends are neither opposed nor equal
 RANDOM_SHAPES = 1000
-MAX_SAMPLES = 20_000  # that are compared with random shapes
+MAX_SAMPLES = 20_000  # of a recording, compared with random shapes
 
 Bends = Float[np.ndarray, "samples modules 2"]
 
@@ -34,7 +35,7 @@ class Coverage:
 
     Attributes:
         arm: the recorded arm.
-        bends: sensed bends [rad], module frames.
+        bends: sensed bends [rad], module frames, shape (samples, modules, 2).
         speeds: largest change of a module's bend [rad/s], shape (steps,).
         tips: measured tip positions [m], base frame, shape (tips, 3); empty without
             tracking.
@@ -65,7 +66,7 @@ class Coverage:
 
     @property
     def limits(self) -> Float[np.ndarray, " modules"]:
-        """Largest sensed bend of a plan [rad]."""
+        """Largest sensed bend of a plan [rad], shape (modules,)."""
         return ArmGeometry.of(self.arm).planned_bends
 
     @property
@@ -83,7 +84,7 @@ class Coverage:
         """Share of the steps in which the arm is held."""
         return _share(self.speeds < self.hold_speed)
 
-    def pair(
+    def neighboring_bends(
         self, inner: int
     ) -> tuple[Float[np.ndarray, " samples"], Float[np.ndarray, " samples"]]:
         """Bends of two neighbors in the direction of the outer one [rad].
@@ -108,16 +109,20 @@ class Coverage:
         Args:
             inner: index of the inner module.
         """
-        along, outer = self.pair(inner)
+        along, outer = self.neighboring_bends(inner)
         bent = np.abs(along) > MIN_BEND * self.limits[inner]
         bent &= outer > MIN_BEND * self.limits[inner + 1]
         return _share(along[bent] < 0.0)
 
     def reached_bends(self, modules: slice = slice(None)) -> float:
-        """Share of random bends of some modules that the recording has nearly.
+        """Share of random bends of some modules that the recording reaches.
 
-        Bends are uniform within the limits of plans. One is reached if some sample has
-        every module's bend within `NEAR_BEND` of its limit, in both directions.
+        Random bends are uniform within the limits of plans. One is reached if in some
+        sample each component of every module's bend differs by at most `NEAR_BEND` of
+        the module's limit. NaN without samples.
+
+        Args:
+            modules: that are compared.
         """
         limits = self.limits[modules, None]
         wanted = random_bends(self.limits)[:, modules] / limits
@@ -125,10 +130,11 @@ class Coverage:
         return _reached(wanted, samples, NEAR_BEND, np.inf)
 
     def reached_tips(self) -> float:
-        """Share of the nominal workspace that the measured tips reach; NaN without.
+        """Share of the nominal workspace that the measured tips reach.
 
-        The nominal workspace are tips of arcs with random true bends within the limits.
-        One is reached if some measured tip is within `NEAR_TIP` of the arm's length.
+        The nominal workspace consists of the tips of arcs with random true bends within
+        the limits. A tip is reached if some measured one is within `NEAR_TIP` of the
+        arm's length. NaN without measured tips.
         """
         geometry = ArmGeometry.of(self.arm)
         bends = jnp.asarray(random_bends(geometry.bend_limits))
@@ -140,11 +146,8 @@ class Coverage:
 def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:
     """Bends [rad], uniform in discs whose radii are the limits."""
     random = np.random.default_rng(seed)
-    shape = RANDOM_SHAPES, len(limits)
-    sizes = limits * np.sqrt(random.uniform(size=shape))
-    directions = random.uniform(0.0, 2.0 * np.pi, shape)
-    vectors = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    return sizes[..., None] * vectors
+    points = disc_points(random, (RANDOM_SHAPES, len(limits)))
+    return limits[:, None] * points
 
 
 def _sensed_bends(episode: Episode) -> Bends:
@@ -173,6 +176,7 @@ def _finite_rows(values: np.ndarray) -> np.ndarray:
 
 
 def _thinned(values: np.ndarray) -> np.ndarray:
+    """At most `MAX_SAMPLES` rows, evenly spread."""
     return values[:: max(1, -(-len(values) // MAX_SAMPLES))]
 
 
@@ -184,7 +188,14 @@ def _share(mask: np.ndarray) -> float:
 def _reached(
     wanted: np.ndarray, samples: np.ndarray, distance: float, norm: float
 ) -> float:
-    """Share of wanted points with a sample within a distance; NaN without samples."""
+    """Share of wanted points with a sample within a distance; NaN without samples.
+
+    Args:
+        wanted: points, shape (points, ...).
+        samples: shape (samples, ...).
+        distance: largest one, in the unit of both.
+        norm: order of the Minkowski norm.
+    """
     from scipy.spatial import cKDTree  # noqa: PLC0415  # heavy
 
     if not len(samples):

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.episodes import Episode
+from s2c2a.spaces import POSITION
 
 TOLERATED = 0.1  # of the steps; a larger share outside the data is reported
 
@@ -29,17 +30,18 @@ def is_outside_data(
 
 
 def describe_extrapolation(episode: Episode) -> str:
-    """Warn that more than a tenth of a run's plans lie outside the training data.
+    """Describe where the plans of a run lie outside the training data.
 
-    The warning says where the first stretch of them is; empty if there is no reason
-    for it.
+    Returns:
+        Number of these steps, with time and place of the first stretch; empty if they
+        are at most a tenth of the steps, or if the model has no uncertainty.
     """
     if not {"predictive_std", "extrapolation"} <= episode.columns.keys():
         return ""
     outside = is_outside_data(
         episode.ran("predictive_std"), episode.ran("extrapolation")
     )
-    if not outside.sum() > TOLERATED * len(outside):
+    if outside.sum() <= TOLERATED * len(outside):
         return ""
     return (
         f"the path lies outside the training data in {outside.sum()} of "
@@ -49,7 +51,7 @@ def describe_extrapolation(episode: Episode) -> str:
 
 
 def _first_stretch(episode: Episode, outside: Bool[np.ndarray, " steps"]) -> str:
-    """Times of the first steps outside the data in a row, and the tip's place."""
+    """Times of the first stretch outside the data [s], and the tip's place [cm]."""
     begin = int(np.argmax(outside))
     inside_again = np.flatnonzero(~outside[begin:])
     count = int(inside_again[0]) if len(inside_again) else len(outside) - begin
@@ -57,6 +59,7 @@ def _first_stretch(episode: Episode, outside: Bool[np.ndarray, " steps"]) -> str
     text = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
     if "predicted" not in episode.columns:
         return text
-    tip = 100.0 * episode.ran("predicted")[begin + count // 2, -1, :3]
+    middle = begin + count // 2
+    tip = 100.0 * episode.ran("predicted")[middle, -1, POSITION]
     place = ", ".join(f"{coordinate:.0f}" for coordinate in tip)
     return f"{text} near ({place}) cm"

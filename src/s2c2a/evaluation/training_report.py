@@ -6,21 +6,21 @@ from s2c2a.estimation import MODAL_MODEL
 from s2c2a.models import calibration
 from s2c2a.strategies import TrainedNetworks
 
-MANY_TIMES = 2.0  # the error on validation samples; larger errors lack data
-RECORDS = {
+LARGE_RATIO = 2.0  # of an error to that on validation samples: data are missing
+DATA_TO_RECORD = {
     calibration.SLOWER: "slow motion and holds",
     calibration.FASTER: "fast motion",
     calibration.LARGER: "bends near the limits",
     calibration.REGION: "more combinations of bends, opposed ones too",
 }
-"""What to record against large errors, by the group of samples."""
+"""Motion to record where errors are large, by the group of samples."""
 
 
 def describe_unseen_errors(networks: TrainedNetworks) -> list[str]:
     """Describe the errors of each network by the kind of motion, and what to record.
 
     Args:
-        networks: of a training; those without a second training are left out.
+        networks: of a training; those without a second training have no line.
 
     Returns:
         A line of errors at the tip [mm] for each network; where some are much larger
@@ -28,8 +28,8 @@ def describe_unseen_errors(networks: TrainedNetworks) -> list[str]:
     """
     lines = []
     for name, errors in networks.errors.items():
-        lines.append(f"{name} on motion that a second training has not seen: ")
-        lines[-1] += describe_tip_errors(errors)
+        text = describe_tip_errors(errors)
+        lines.append(f"{name} on motion that a second training has not seen: {text}")
         if advice := advise_on_data(errors):
             lines.append(advice)
     return lines
@@ -53,10 +53,14 @@ def advise_on_data(errors: Mapping[str, float]) -> str:
     usual = errors.get(calibration.INSIDE)
     if usual is None:
         return ""
-    large = [group for group in RECORDS if errors.get(group, 0.0) > MANY_TIMES * usual]
+    large = [
+        group
+        for group in DATA_TO_RECORD
+        if errors.get(group, 0.0) > LARGE_RATIO * usual
+    ]
     if not large:
         return ""
-    wanted = "; ".join(RECORDS[group] for group in large)
+    wanted = "; ".join(DATA_TO_RECORD[group] for group in large)
     return (
         f"errors on {' and '.join(large)} are more than twice those on "
         f"{calibration.INSIDE}: record more data with {wanted}"
@@ -78,7 +82,7 @@ def describe_modal_model(networks: TrainedNetworks) -> str:
             "modal model: the recording has no complete episode that is long enough, so "
             f"the vibration is unknown; {nominal}"
         )
-    if not percent < 100.0:
+    if not percent < 100.0:  # true for NaN, too
         return f"modal model: the recording does not show the vibration; {nominal}"
     return (
         f"modal model: it reduces the fast part of the C2S error by "

@@ -196,8 +196,8 @@ def prediction_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
 
     Args:
         experiment: its name.
-        runs: under one set of conditions, with all seeds; those of strategies without
-            an uncertainty have no rows.
+        runs: under one set of conditions, with all seeds; those without predictions
+            have no rows. A model without uncertainty has a standard deviation of zero.
     """
     heading = Heading.of(experiment, runs)
     groups: dict[tuple[str, str], list[Run]] = {}

@@ -27,7 +27,7 @@ SIGNED_AXES = {f"{sign}{axis}" for sign in ("", "+", "-") for axis in "xyz"}
 
 
 def _direction(axes: str) -> BeforeValidator:
-    """Validator of a signed axis or a vector; `axes` says what x, y and z mean."""
+    """Validator of a signed axis or a vector; `axes` explains x, y and z."""
 
     def check(value: Any) -> Any:
         if value is None or (isinstance(value, str) and value in SIGNED_AXES):

@@ -22,7 +22,7 @@ MIN_ROWS = 20
 MOVED_SHARE = 0.01  # of the arm's length, by which a camera has moved
 MOVED_ANGLE = np.deg2rad(1.7)
 SAG = 0.1  # least coefficient e of a payload, at the outermost end
-EXTRAPOLATED = 3.0  # distances of nearest cables in the first session
+EXTRAPOLATED = 3.0  # usual distances of neighboring cables in the first session
 _ITERATIONS = 15
 _RIGID = 6
 _LEAST = 1e-9  # m
@@ -34,7 +34,8 @@ class SessionChange(NamedTuple):
     Attributes:
         shift: of all ends [m], shape (3,).
         rotation: vector of a small rotation of all ends [rad], shape (3,).
-        sag: coefficient e of the outermost end, positive along gravity.
+        sag: coefficient e of the outermost end, positive along gravity; zero if gravity
+            is across the straight arm.
         extrapolated: share of the steps with cables unlike any of the first session.
         rows: number of compared rows; with too few, the others are zero.
         length: of the arm [m].
@@ -68,14 +69,14 @@ def find_change(
     first_positions: Float[np.ndarray, "others modules 3"],
     arm: ArmSpec,
 ) -> SessionChange:
-    """Compare a session with the first one.
+    """Compare a session with the first one, in rows with similar cables.
 
     Args:
         cables: displacements [m] or tensions [N].
         positions: of the ends [m], base frame; NaN: not measured.
         first_cables: the same of the first session.
         first_positions: the same of the first session.
-        arm: the arm.
+        arm: gives the length, and the direction of gravity.
     """
     flat = cables.reshape(len(cables), -1)
     first_flat = first_cables.reshape(len(first_cables), -1)
@@ -137,7 +138,7 @@ def _features(
 
 
 def describe_change(change: SessionChange) -> str:
-    """Say what explains the difference, and what to do."""
+    """Describe what explains the difference, and what to do."""
     angle = np.rad2deg(np.linalg.norm(change.rotation))
     shift = 1e3 * np.linalg.norm(change.shift)
     rigid = f"all ends are shifted by {shift:.1f} mm and rotated by {angle:.1f} deg"

@@ -1,9 +1,9 @@
 """Choice of targets where a local model is unsure: active collection of data.
 
-A Gaussian process with the length scales of the first half of a recording predicts what
-the nominal kinematics leave out. Of many candidates, which are distributed as plans are
-(`data.babbling.Coverage`), each next target reduces the variance at all candidates the
-most (active learning of Cohn; Seo et al., Gaussian Process Regression: Active Data
+A Gaussian process predicts the residual of the nominal kinematics, with the length scales
+that the first half of a recording shows. Of many candidates, which are distributed as plans are
+(`data.babbling.CoverageBabbling`), each next target reduces the variance at all
+candidates the most (active learning of Cohn; Seo et al., Gaussian Process Regression: Active Data
 Selection and Test Point Rejection, 2000). The candidate with the largest variance would
 always be an extreme shape, which no plan needs.
 """
@@ -21,7 +21,7 @@ from s2c2a.training.trained import TrainingData
 CANDIDATES = 1500
 SAMPLES = 1500  # of the recording, evenly spread
 NOISE = 0.02  # variance of a sample, relative to the kernel's
-MIN_RATE = 0.3  # inverse length scale per standard deviation of a feature
+MIN_RATE = 0.3  # least inverse length scale, times the feature's standard deviation
 
 
 def choose_targets(
@@ -30,7 +30,7 @@ def choose_targets(
     """Targets that teach the most about plans, the most useful one first.
 
     Args:
-        data: of the recording so far.
+        data: of the recording so far, with true states.
         count: number of targets.
         seed: of the candidates.
 
@@ -50,7 +50,7 @@ def choose_targets(
 def _seen(
     data: TrainingData,
 ) -> tuple[Float[np.ndarray, "samples bends"], Float[np.ndarray, " bends"]]:
-    """Bends of the recording [rad], and the inverse length scales of the model."""
+    """Bends of the recording [rad], and inverse length scales of the residual [1/rad]."""
     sensed = jnp.asarray(data.sensed.reshape(-1, *data.sensed.shape[2:]))
     rows = np.linspace(0, len(sensed) - 1, min(SAMPLES, len(sensed))).astype(int)
     sensed = sensed[rows]

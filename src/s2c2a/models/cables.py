@@ -23,18 +23,21 @@ from jaxtyping import Array, Float
 from s2c2a.training.fit import Fixed
 
 MAX_CREEP = 0.5  # largest sum of the weights of one cable's filters
-MAX_TOTAL = 0.95  # of that, in initial weights; the gradient vanishes at one
-MIN_SHARE = 0.02  # of every filter in initial weights
+# in initial weights: largest part of `MAX_CREEP`, near which gradients vanish, and
+# smallest share of a filter, which would otherwise never change
+MAX_TOTAL = 0.95
+MIN_SHARE = 0.02
 
 
 class HysteresisMemory(NamedTuple):
-    """Memory of the cable transmission.
+    """Memory of the cable transmission, in units of the cable radius [rad].
 
     Attributes:
         plays: outputs of the play operators, shape (modules, widths, cables).
         crept: outputs of the slow filters, shape (modules, times, cables).
         last: the last displacements, shape (modules, cables).
-        previous: those before, from which the speed follows.
+        previous: the displacements before the last ones, same shape; the difference is
+            the speed.
     """
 
     plays: Float[Array, "*batch modules widths cables"]
@@ -56,21 +59,22 @@ class Operators(Fixed):
 
 
 class Viscoelasticity(eqx.Module):
-    """Bounded weights of slow filters, all of one sign.
+    """Bounded weights of slow filters: MAX_CREEP tanh(total) softmax(spectrum).
+
+    All weights of a cable have the sign of its total.
 
     Attributes:
-        total: sum of the weights over `MAX_CREEP`, before a tanh, shape (*parts, 1,
-            cables).
-        spectrum: distribution over the time constants, before a softmax, shape (*parts,
+        total: determines the sum of the weights, shape (*parts, 1, cables).
+        spectrum: determines the distribution over the time constants, shape (*parts,
             times, cables).
     """
 
-    total: Float[Array, "*parts one cables"]
+    total: Float[Array, "*parts 1 cables"]
     spectrum: Float[Array, "*parts times cables"]
 
     @classmethod
     def none(cls, modules: int, times: int, cables: int) -> "Viscoelasticity":
-        """No creep, equally distributed."""
+        """Weights of zero; training distributes them equally at first."""
         total = jnp.zeros((modules, 1, cables))
         return cls(total, jnp.zeros((modules, times, cables)))
 
@@ -78,7 +82,7 @@ class Viscoelasticity(eqx.Module):
     def from_weights(
         cls, weights: Float[Array, "*parts times cables"]
     ) -> "Viscoelasticity":
-        """The model with these weights, of which those of the lesser sign are dropped."""
+        """A model close to these weights; those against the sign of their sum are dropped."""
         sign = jnp.sign(jnp.sum(weights, axis=-2, keepdims=True))
         magnitudes = jnp.maximum(sign * weights, 0.0)
         sums = jnp.sum(magnitudes, axis=-2, keepdims=True)
@@ -140,7 +144,7 @@ class Hysteresis(eqx.Module):
         self,
         displacements: Float[Array, "*batch modules cables"],
         memory: HysteresisMemory,
-    ):
+    ) -> HysteresisMemory:
         """Memory after one more reading."""
         now = displacements[..., None, :]
         half = self.operators.widths[:, None]

@@ -28,9 +28,8 @@ PIECE_TIME = 5.0  # s; the speed is a mean over this time
 MIN_PIECE = 10  # samples
 MIN_GROUP = 30  # samples; smaller groups do not count
 COVERED = 0.95  # share of the errors of each group within twice the standard deviation
-MAX_FACTOR = 2.0
-# of the error far from all data that an uncalibrated model has
-MIN_EXTRAPOLATION = 0.3
+MAX_FACTOR = 2.0  # by which the standard deviation is increased for that share
+MIN_EXTRAPOLATION = 0.3  # least extrapolation error, over that before the calibration
 
 Mask = Bool[np.ndarray, "episodes samples"]
 
@@ -42,7 +41,8 @@ class Errors:
     Attributes:
         distances: of true from predicted module ends [m], shape (samples, modules);
             NaN: unknown.
-        speeds: of the sensed bends [rad per control step], shape (samples,).
+        speeds: of the sensed bends (`bend_speeds`) [rad per control step], shape
+            (samples,).
         extrapolation: of the model, from zero near its data to one, shape (samples,).
     """
 
@@ -52,7 +52,7 @@ class Errors:
 
     @property
     def is_large_enough(self) -> bool:
-        """Whether the errors at the tip are known often enough."""
+        """Whether the tip's error is known in at least `MIN_GROUP` samples."""
         return int(np.isfinite(self.distances[:, -1]).sum()) >= MIN_GROUP
 
     @property
@@ -82,7 +82,10 @@ def held_out_groups(data: TrainingData) -> dict[str, Mask]:
 def bend_speeds(
     bends: Float[np.ndarray, "episodes samples modules 2"],
 ) -> Float[np.ndarray, "episodes samples"]:
-    """Root mean square over modules of the change of bends [rad per control step]."""
+    """Root mean square over modules of the change of bends [rad per control step].
+
+    The speed at the first sample of an episode is zero.
+    """
     changes = np.diff(bends, axis=1, prepend=bends[:, :1])
     return np.sqrt(np.mean(np.sum(changes**2, axis=-1), axis=-1))
 
@@ -99,42 +102,55 @@ def calibrated(
 
     Nonnegative least squares fits the squared errors of every module by a constant, the
     squared speed and the squared extrapolation; every group has the same weight. A
-    common factor then covers `COVERED` of the errors of each group.
+    common factor, at most `MAX_FACTOR`, then covers `COVERED` of the tip's errors of
+    each group. More data reduce all errors by the ratio of the errors on validation
+    samples.
 
     Args:
         uncertainty: of the model.
         seen: of the one with less data.
         errors: of that one, by group; `INSIDE` is one of them.
+
+    Returns:
+        The uncertainty with other errors; unchanged if `INSIDE` is too small.
     """
-    groups = [group for group in errors.values() if group.is_large_enough]
     if not errors[INSIDE].is_large_enough:
         return uncertainty
+    groups = [group for group in errors.values() if group.is_large_enough]
     modules = errors[INSIDE].distances.shape[1]
     fitted = [_fit_variances(groups, module) for module in range(modules)]
     constant, speed, extrapolation = np.sqrt(np.array(fitted).T)
     floor = np.asarray(uncertainty.extrapolation_error) * MIN_EXTRAPOLATION
-    parts = constant, speed, np.maximum(extrapolation, floor)
-    probe = seen.with_errors(*parts)
-    # with more data, the model is better than the other one
-    gain = np.asarray(uncertainty.interpolation_error / seen.interpolation_error)
-    factor = np.minimum(np.nan_to_num(gain, nan=1.0), 1.0) * _coverage_factor(
-        probe, groups
+    extrapolation = np.maximum(extrapolation, floor)
+    probe = seen.with_errors(constant, speed, extrapolation)
+    factor = _gain(uncertainty, seen) * _coverage_factor(probe, groups)
+    return uncertainty.with_errors(
+        factor * constant, factor * speed, factor * extrapolation
     )
-    return uncertainty.with_errors(*(factor * part for part in parts))
+
+
+def _gain(uncertainty: Uncertainty, seen: Uncertainty) -> Float[np.ndarray, " modules"]:
+    """Ratio of the errors with all and with less data, at most one; one if unknown."""
+    ratios = np.asarray(uncertainty.interpolation_error / seen.interpolation_error)
+    return np.minimum(np.nan_to_num(ratios, nan=1.0), 1.0)
 
 
 def _coverage_factor(probe: Uncertainty, groups: list[Errors]) -> float:
+    """Factor with which twice the tip's deviation covers most errors of each group."""
     factors = [1.0]
     for group in groups:
-        measures = group.extrapolation, group.speeds
-        std = np.asarray(probe.std(*map(jnp.asarray, measures)))[:, -1]
-        ratios = group.distances[:, -1] / (2.0 * std)
+        extrapolation = jnp.asarray(group.extrapolation)
+        std = probe.std(extrapolation, jnp.asarray(group.speeds))
+        ratios = group.distances[:, -1] / (2.0 * np.asarray(std)[:, -1])
         factors.append(float(np.nanquantile(ratios, COVERED)))
     return min(max(factors), MAX_FACTOR)
 
 
 def _fit_variances(groups: list[Errors], module: int) -> Float[np.ndarray, "3"]:
-    """Variance of a module's end: constant, per squared speed, per squared extrapolation."""
+    """Variance of a module's end: constant, per squared speed and extrapolation.
+
+    Zero for a module whose end is never measured.
+    """
     from scipy.optimize import nnls  # noqa: PLC0415  # heavy
 
     columns = []
@@ -166,6 +182,7 @@ def _usable(data: TrainingData) -> Mask:
 
 
 def _piece_length(data: TrainingData) -> int:
+    """Number of samples over which speeds are averaged."""
     return max(MIN_PIECE, round(PIECE_TIME * data.arm.control_rate))
 
 

@@ -45,11 +45,14 @@ NO_WEIGHT = -7.0  # before a softplus
 LENGTH_UNIT = 0.4  # of the arm's length: a position error of one
 AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
 DELAY = 0.1  # s; time constant of the delay filter
-PULL = 3e-3
+TRANSFER_PENALTY = 3e-3
 """Weight of the squared change of parameters when training continues another model."""
-PRIOR_PULL = 1e-5
-"""The same, of changes over the spread of a prior: the negative log of its density."""
-ARM_PULL = 1e-3
+PRIOR_PENALTY = 1e-5
+"""The same, of changes over the spread of a prior.
+
+Up to a factor the penalty is the negative logarithm of a normal density.
+"""
+ARM_PENALTY = 1e-3
 """Weight of the squared change from the joint model to that of one arm of a prior."""
 JOINT_EPOCHS = 1 / 6
 """Of the training, for the joint model of a prior: its epochs have more batches."""
@@ -151,9 +154,10 @@ class ChainOptions(ForwardOptions):
         Few samples do not determine all parameters. With the spread of a prior the
         penalty is that of a normal distribution.
         """
-        penalty = _Penalty.of(model, PULL)
-        if spread is not None:
-            penalty = _Penalty.of(model, PRIOR_PULL, spread)
+        if spread is None:
+            penalty = _Penalty.of(model, TRANSFER_PENALTY)
+        else:
+            penalty = _Penalty.of(model, PRIOR_PENALTY, spread)
         return _train(model, data, fit, key, progress, penalty)
 
     def pretrain(
@@ -163,17 +167,21 @@ class ChainOptions(ForwardOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Pretrained[ChainC2S]:
-        """See `ForwardOptions`: a joint chain, then one of every arm from it."""
+        """See `ForwardOptions`: a joint chain, then a chain of each arm from it.
+
+        Raises:
+            TrainingError: see `pooled`, or training failed.
+        """
         together = pooled(arms)
-        joint_fit = _shortened(fit, JOINT_EPOCHS)
-        arm_fit = _shortened(fit, ARM_EPOCHS)
+        joint_fit = shortened(fit, JOINT_EPOCHS)
+        arm_fit = shortened(fit, ARM_EPOCHS)
         epochs = joint_fit.max_epochs + len(arms) * arm_fit.max_epochs
 
         def joint_progress(epoch: int, _epochs: int, loss: float) -> None:
             progress(epoch, epochs, loss)
 
         joint = self.train(together, joint_fit, key, joint_progress)
-        penalty = _Penalty.of(joint.network, ARM_PULL)
+        penalty = _Penalty.of(joint.network, ARM_PENALTY)
         chains = []
         for number, data in enumerate(arms, start=1):
             trained = _train(joint.network, data, arm_fit, key, quiet, penalty)
@@ -254,32 +262,32 @@ class ChainOptions(ForwardOptions):
 
 
 class _Penalty(eqx.Module):
-    """Penalty on the change of parameters: pull sum ((p - p_initial) / spread)^2.
+    """Penalty on the change of parameters: weight sum ((p - p_initial) / spread)^2.
 
     Attributes:
-        pull: weight.
+        weight: relative to the mean squared error of the states.
         initial: parameters before the training.
-        spread: unit of each parameter's change; empty for one.
+        spread: unit of each parameter's change; an empty list stands for units of one.
     """
 
-    pull: float
+    weight: float
     initial: list[Array]
     spread: list[Array]
 
     @classmethod
     def of(
-        cls, model: ChainC2S, pull: float, spread: ChainC2S | None = None
+        cls, model: ChainC2S, weight: float, spread: ChainC2S | None = None
     ) -> "_Penalty":
         """The penalty on changes of a model."""
         units = [] if spread is None else parameters(spread)
-        return cls(pull, parameters(model), units)
+        return cls(weight, parameters(model), units)
 
     def __call__(self, model: ChainC2S) -> Float[Array, ""]:
         changes = jax.tree.map(jnp.subtract, parameters(model), self.initial)
         if self.spread:
             changes = jax.tree.map(jnp.divide, changes, self.spread)
         squares = [jnp.sum(change**2) for change in changes]
-        return self.pull * sum(squares, jnp.zeros(()))
+        return self.weight * sum(squares, jnp.zeros(()))
 
 
 class _ChainLoss(eqx.Module):
@@ -336,7 +344,7 @@ def _train(
     )
 
 
-def _shortened(fit: FitOptions, share: float) -> FitOptions:
+def shortened(fit: FitOptions, share: float) -> FitOptions:
     """Training options with a share of the epochs."""
     epochs = max(1, round(share * fit.max_epochs))
     return replace(fit, max_epochs=epochs, patience=epochs)

@@ -3,8 +3,8 @@
 Each feature has its own length scale. A fixed number of inducing points stands for all
 samples (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, secs. 4.2,
 5.4 and 8.3.3: subset of regressors). Hyperparameters maximize the likelihood of a subset
-of the samples. `Kernels.support` says how far the data reach: a model that uses the
-regression can fade it out away from them.
+of the samples. `Kernels.support` is one near the data and zero far from them, so that a
+model can fade the regression out.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ INITIAL_LINEAR = 0.05  # prior standard deviation of the slopes
 INITIAL_NOISE = 0.01
 MIN_SAMPLES = 100
 SUPPORTED_SHARE = 0.9  # of held-out samples near the data, with full support
-MIN_CLOSENESS = 1e-3
+MIN_CLOSENESS = 1e-3  # least closeness of full support, if held-out samples are far
 
 
 class Kernels(Fixed):
@@ -40,9 +40,8 @@ class Kernels(Fixed):
         weights: of the kernel at each point, shape (points, outputs).
         slopes: of the linear part in scaled features, shape (features, outputs).
         constant: shape (outputs,).
-        is_fitted: one if the model is fitted, else zero.
-        usual_closeness: kernel value at the nearest point that most held-out samples
-            exceed.
+        is_fitted: one if the model is fitted, else zero, shape ().
+        usual_closeness: closeness that most held-out samples exceed, shape ().
     """
 
     center: Float[Array, " features"]
@@ -140,10 +139,10 @@ class KernelFit:
         features: of complete samples, in order of time, shape (complete, features).
         targets: known targets, normalized, shape (complete, known outputs).
         known: which of the outputs are known, shape (outputs,).
-        mean: of the known targets.
-        scale: of the known targets.
-        center: of the features.
-        rates: inverse length scales.
+        mean: of the known targets, shape (known outputs,).
+        scale: root mean square of the known targets about their mean.
+        center: of the features, shape (features,).
+        rates: inverse length scales of the features, shape (features,).
         hyperparameters: that maximize the likelihood.
     """
 
@@ -169,8 +168,8 @@ class KernelFit:
         Args:
             features: of samples, in order of time.
             targets: of samples, in comparable units; NaN: unknown.
-            kinds: groups of features that share a factor of their length scales, as
-                sums of one-hot rows.
+            kinds: groups of features that share a factor of their length scales: one
+                if a feature is in a group, else zero.
             seed: of the subset of samples for the likelihood.
         """
         known = np.isfinite(targets).any(axis=0)
@@ -181,19 +180,26 @@ class KernelFit:
         x = features[complete].astype(np.float64)
         y = targets[complete][:, known].astype(np.float64)
         center = x.mean(axis=0)
-        width = x.std(axis=0)
+        rates = _inverse_widths(x)
         mean = y.mean(axis=0)
         scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
-        normalized = (y - mean) / scale
-        rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
-        subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
         scaled = (x - center) * rates
+        normalized = (y - mean) / scale
+        subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
         fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
-        rates = rates * fitted.rates
-        return cls(x, normalized, known, mean, scale, center, rates, fitted)
+        return cls(
+            features=x,
+            targets=normalized,
+            known=known,
+            mean=mean,
+            scale=scale,
+            center=center,
+            rates=rates * fitted.rates,
+            hyperparameters=fitted,
+        )
 
     def kernels(self, count: int) -> Kernels:
-        """The regression on so many inducing points; unknown outputs stay zero."""
+        """The regression on so many inducing points; unknown outputs are zero."""
         kernels = _solve_weights(
             self.features,
             self.targets,
@@ -203,6 +209,14 @@ class KernelFit:
             count,
         )
         return _denormalize(kernels, self.mean, self.scale, self.known)
+
+
+def _inverse_widths(
+    features: Float[np.ndarray, "samples features"],
+) -> Float[np.ndarray, " features"]:
+    """Inverse standard deviation of each feature; zero if it is constant."""
+    width = features.std(axis=0)
+    return np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
 
 
 def fit_kernels(
@@ -301,7 +315,12 @@ def _denormalize(
 
 
 def _solve_weights(
-    x, y, center, rates, fitted: _Hyperparameters, count: int
+    x: Float[np.ndarray, "complete features"],
+    y: Float[np.ndarray, "complete known"],
+    center: Float[np.ndarray, " features"],
+    rates: Float[np.ndarray, " features"],
+    fitted: _Hyperparameters,
+    count: int,
 ) -> Kernels:
     """Weights of evenly spaced inducing points and slopes, fitted to all samples."""
     features = (x - center) * rates
@@ -318,15 +337,15 @@ def _solve_weights(
     noise = fitted.noise / fitted.kernel
     normal = basis.T @ basis + noise * prior + 1e-9 * np.eye(len(prior))
     solution = np.linalg.solve(normal, basis.T @ y)
-    padding = (0, count - used), (0, 0)
-    arrays = (
-        center,
-        rates,
-        np.pad(points, padding, mode="edge"),
-        np.pad(solution[:used], padding),
-        slope_scale[:, None] * solution[used:],
-        np.zeros(y.shape[1]),
-        1.0,
-        1.0,
+    padding = ((0, count - used), (0, 0))
+    slopes = slope_scale[:, None] * solution[used:]
+    return Kernels(
+        center=jnp.asarray(center, jnp.float32),
+        rates=jnp.asarray(rates, jnp.float32),
+        points=jnp.asarray(np.pad(points, padding, mode="edge"), jnp.float32),
+        weights=jnp.asarray(np.pad(solution[:used], padding), jnp.float32),
+        slopes=jnp.asarray(slopes, jnp.float32),
+        constant=jnp.zeros(y.shape[1]),
+        is_fitted=jnp.ones(()),
+        usual_closeness=jnp.ones(()),
     )
-    return Kernels(*(jnp.asarray(array, jnp.float32) for array in arrays))

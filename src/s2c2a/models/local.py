@@ -22,12 +22,12 @@ from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.kernels import Kernels
 from s2c2a.models.uncertainty import Uncertainty
+from s2c2a.spaces import AXIS, POSITION
 
-# scales of the outputs, in parts of the arm's length and of axes
-UNIT = 0.4
-AXIS_UNIT = 1.0
+POSITION_UNIT = 0.4  # of the arm's length: scale of position outputs
+AXIS_UNIT = 1.0  # scale of axis outputs
 NEARBY = 0.2  # rad; radius within which the tangent holds
-EVERY_OTHER = slice(1, None, 2)  # of the play operators are features
+EVERY_OTHER = slice(1, None, 2)  # play operators whose outputs are features
 
 
 class Tangent(NamedTuple):
@@ -35,10 +35,10 @@ class Tangent(NamedTuple):
 
     Attributes:
         bends: of the configuration [rad], shape (modules, 2).
-        features: there, shape (features,).
-        outputs: there, shape (outputs,).
-        slopes: outputs by features, shape (outputs, features).
-        support: of the local model, there.
+        features: of the local model there, shape (features,).
+        outputs: of the kernels there, shape (outputs,).
+        slopes: derivatives of outputs by features, shape (outputs, features).
+        support: of the kernels there, from 0 to 1, shape ().
     """
 
     bends: Float[Array, "modules 2"]
@@ -54,7 +54,8 @@ class LocalC2S(ForwardModel):
     Attributes:
         chain: hysteresis, statics, arcs.
         kernels: of its residual, scaled.
-        share: weight of the chain in every output of the local model, shape (modules, 6).
+        share: weight of the chain in every output of the local model, from 0 to 1,
+            shape (modules, 6).
         uncertainty: distribution of the data, and errors there.
         unit: of positions [m].
         tangent: replaces the kernels near a configuration, if given.
@@ -114,22 +115,29 @@ class LocalC2S(ForwardModel):
     ) -> "LocalC2S":
         """See `ForwardModel`: the kernels are evaluated once a control step."""
         bends = bends_from_configurations(configurations)
-        chain = self.chain.near(configurations, memory)
-        features = replace(self, chain=chain)._features_at(bends, memory)
+        near = replace(self, chain=self.chain.near(configurations, memory))
+        return replace(near, tangent=near._tangent_at(bends, memory))
+
+    def _tangent_at(
+        self, bends: Float[Array, "modules 2"], memory: HysteresisMemory
+    ) -> Tangent:
+        """The expansion of the kernels; zero if they are not fitted."""
+        features = self._features_at(bends, memory)
         no_output = jnp.zeros(self.kernels.constant.shape)
-        nothing = jnp.zeros((*no_output.shape, *features.shape)), no_output
+        no_slopes = jnp.zeros((*no_output.shape, *features.shape))
 
         def expanded() -> tuple[Array, Array]:
             return jax.jacrev(lambda at: (self.kernels(at),) * 2, has_aux=True)(
                 features
             )
 
-        # without kernels, the chain predicts alone
+        # unfitted kernels are not evaluated
         has_kernels = self.kernels.is_fitted > 0.0
-        slopes, value = jax.lax.cond(has_kernels, expanded, lambda: nothing)
+        slopes, outputs = jax.lax.cond(
+            has_kernels, expanded, lambda: (no_slopes, no_output)
+        )
         support = self.kernels.support(features)
-        tangent = Tangent(bends, features, value, slopes, support)
-        return replace(self, chain=chain, tangent=tangent)
+        return Tangent(bends, features, outputs, slopes, support)
 
     def predict(
         self,
@@ -152,7 +160,7 @@ class LocalC2S(ForwardModel):
         configurations: Float[Array, "*batch modules 3"],
         memory: HysteresisMemory,
     ) -> Array:
-        """The expansion of the local model, within its radius."""
+        """Outputs of the expansion; beyond its radius, those at its border."""
         away = limit_lengths(
             bends_from_configurations(configurations) - tangent.bends, NEARBY
         )
@@ -161,25 +169,29 @@ class LocalC2S(ForwardModel):
 
     def _features_at(
         self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
-    ) -> Array:
+    ) -> Float[Array, "*batch features"]:
+        """Features at bends [rad] that are planned after this memory."""
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.features(self.chain.inputs(moved, memory))
 
     def predictive_std(
         self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
-    ) -> Array:
-        """See `ForwardModel`."""
+    ) -> Float[Array, "*batch modules"]:
+        """See `ForwardModel`; the speed is that of the last two readings."""
         displacements = self.chain.body.displacements(configurations)
-        extrapolation = self.uncertainty.extrapolation(self.place(displacements))
+        features = self.extrapolation_features(displacements)
+        extrapolation = self.uncertainty.extrapolation(features)
         moved = self.chain.body.bends(memory.last - memory.previous)
         speed = jnp.sqrt(jnp.mean(squared_norm(moved), axis=-1))
         return self.uncertainty.std(extrapolation, speed)
 
-    def extrapolation(self, configurations: Float[Array, "*batch modules 3"]) -> Array:
+    def extrapolation(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch"]:
         """See `ForwardModel`."""
-        return self.uncertainty.meters(
-            self.place(self.chain.body.displacements(configurations))
-        )
+        displacements = self.chain.body.displacements(configurations)
+        features = self.extrapolation_features(displacements)
+        return self.uncertainty.tip_extrapolation(features)
 
     def states(
         self, inputs: Float[Array, "*batch modules inputs cables"]
@@ -187,10 +199,13 @@ class LocalC2S(ForwardModel):
         """States for inputs of the hysteresis model. Training calls this."""
         return self._locally_corrected(self.chain.states(inputs), self.features(inputs))
 
-    def place(
+    def extrapolation_features(
         self, displacements: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch features"]:
-        """Features of the predictive standard deviation: bends and common displacements."""
+        """Features of `Uncertainty`: bends and common displacements [rad].
+
+        They do not depend on the hysteresis.
+        """
         bends = self.chain.body.bends(displacements)
         common = jnp.mean(displacements, axis=-1, keepdims=True)
         return jnp.concatenate([bends, common], axis=-1).reshape(*bends.shape[:-2], -1)
@@ -205,7 +220,7 @@ class LocalC2S(ForwardModel):
         plan is ahead of the arm, and would look like speed.
         """
         hysteresis = self.chain.hysteresis
-        operators = self.chain.hysteresis.operators
+        operators = hysteresis.operators
         plays = len(operators.widths)
         shares = operators.shares[:, None]
         now = inputs[..., :1, :]
@@ -223,15 +238,15 @@ class LocalC2S(ForwardModel):
     def mixed(
         self, share: float, weight: float, known: Bool[np.ndarray, "modules 6"]
     ) -> "LocalC2S":
-        """A mixture of the chain alone and of the fitted residual.
+        """A mixture of the chain alone and of kernels, whose weight is one before.
 
         Args:
             share: of the chain whose residual the kernels were fitted to.
             weight: of the kernels.
             known: which outputs the data hold; the chain alone predicts the others.
         """
-        left_out = weight * (1.0 - share) * self.kernels.is_fitted * known
-        return replace(self, kernels=self.kernels.times(weight), share=1.0 - left_out)
+        replaced = weight * (1.0 - share) * self.kernels.is_fitted * known
+        return replace(self, kernels=self.kernels.times(weight), share=1.0 - replaced)
 
     def _locally_corrected(
         self,
@@ -253,11 +268,6 @@ class LocalC2S(ForwardModel):
         units = jnp.repeat(jnp.array([self.unit, AXIS_UNIT]), 3)
         change = (self.share - 1.0) * states + units * residual
         blended = states + support[..., None, None] * change
-        axes = blended[..., 3:]
-        return jnp.concatenate(
-            [
-                blended[..., :3],
-                axes / jnp.linalg.norm(axes, axis=-1, keepdims=True),
-            ],
-            axis=-1,
-        )
+        axes = blended[..., AXIS]
+        unit_axes = axes / jnp.linalg.norm(axes, axis=-1, keepdims=True)
+        return jnp.concatenate([blended[..., POSITION], unit_axes], axis=-1)

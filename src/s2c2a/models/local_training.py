@@ -26,16 +26,18 @@ from s2c2a.models.chain_training import (
     hysteresis_samples,
     predict_states,
     predicted_targets,
+    shortened,
 )
 from s2c2a.models.kernels import Kernels, fit_kernels
-from s2c2a.models.local import AXIS_UNIT, EVERY_OTHER, UNIT, LocalC2S
+from s2c2a.models.local import AXIS_UNIT, EVERY_OTHER, POSITION_UNIT, LocalC2S
 from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
+from s2c2a.spaces import POSITION
 from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 
-FULL_BEND = 0.82  # rad; bend at which `play_widths` apply
+FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 CALIBRATION_EPOCHS = 0.5  # of the training, for the model that calibrates errors
 SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
@@ -62,8 +64,10 @@ class LocalOptions(ChainOptions):
     """Options of the chain and of the local model.
 
     Attributes:
-        points: kernel centers.
-        few: centers of the predictive standard deviation.
+        play_widths: see `ChainOptions`, here for data with bends up to `FULL_BEND`;
+            they scale with the largest bend of the data.
+        points: number of inducing points of the kernels.
+        few: number of inducing points of the predictive standard deviation.
         calibrate: whether a second, shorter training calibrates that deviation
             (`models.calibration`).
     """
@@ -94,9 +98,14 @@ class LocalOptions(ChainOptions):
         """See `ForwardOptions`: the chain before training, without kernels."""
         chain = super().untrained(arm, key)
         modules = arm.module_count
-        kernels = Kernels.unfitted(len(self._kinds(chain)), 6 * modules, self.points)
-        none = jnp.ones((modules, 6)), Uncertainty.none(3 * modules, self.few, modules)
-        return LocalC2S(chain, kernels, *none, UNIT * arm.length)
+        kernels = Kernels.unfitted(len(_kinds(chain)), 6 * modules, self.points)
+        return LocalC2S(
+            chain,
+            kernels,
+            share=jnp.ones((modules, 6)),
+            uncertainty=Uncertainty.none(3 * modules, self.few, modules),
+            unit=POSITION_UNIT * arm.length,
+        )
 
     def train(  # type: ignore[override]
         self,
@@ -105,11 +114,9 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain first, then its residual, then the errors."""
-        chain = self._chain_options(data)
-        trained, mixture = self._with_local(
-            chain.train(data, fit, key, progress), data, key
-        )
+        """See `ForwardOptions`: the chain, then its residual, then the calibration."""
+        chain = self._chain_options(data).train(data, fit, key, progress)
+        trained, mixture = self._with_local(chain, data, key)
         if not self.calibrate:
             return trained
         return self._calibrated(trained, mixture, data, fit, key)
@@ -134,6 +141,7 @@ class LocalOptions(ChainOptions):
         chain = super().resume_training(model.chain, data, fit, key, progress, spread)
         trained, _mixture = self._with_local(chain, data, key)
         error = trained.network.uncertainty.interpolation_error
+        # plans may also use the region of the first arm's data
         uncertainty = replace(model.uncertainty, interpolation_error=error)
         network = replace(trained.network, uncertainty=uncertainty)
         return replace(trained, network=network)
@@ -176,9 +184,10 @@ class LocalOptions(ChainOptions):
         weights = interpolation_weights(old.module_count, new.module_count)
         scaled = jnp.asarray(weights) * new.length / old.length
         known = model.uncertainty
-        errors = known.interpolation_error, known.speed_error, known.extrapolation_error
         uncertainty = uncertainty.with_errors(
-            *(np.asarray(scaled @ error) for error in errors)
+            np.asarray(scaled @ known.interpolation_error),
+            np.asarray(scaled @ known.speed_error),
+            np.asarray(scaled @ known.extrapolation_error),
         )
         return replace(adapted, uncertainty=uncertainty)
 
@@ -193,7 +202,8 @@ class LocalOptions(ChainOptions):
         trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
         if mixture == CHAIN_ALONE:
             return trained, mixture
-        # fit again, with the held-out samples, which are near all points now
+        # fit again, with all samples; the closeness of held-out ones is that of the first
+        # fit, since they may be inducing points now
         fitted = self._with_kernels(model, _all_samples(split), mixture.share)
         usual = best.kernels.usual_closeness
         kernels = replace(fitted.kernels, usual_closeness=usual)
@@ -230,7 +240,7 @@ class LocalOptions(ChainOptions):
         """The model with kernels fitted to what a share of the chain leaves."""
         features = _features(blank, samples)
         targets = _residual(blank, samples, share)
-        kinds = self._kinds(blank.chain)
+        kinds = _kinds(blank.chain)
         kernels = fit_kernels(features, targets, kinds, self.points)
         return replace(blank, kernels=kernels)
 
@@ -245,13 +255,7 @@ class LocalOptions(ChainOptions):
         """The model with errors of another one that does not see parts of the data."""
         groups = calibration.held_out_groups(data)
         seen = replace(data, hidden=calibration.union(groups))
-        epochs = max(1, round(CALIBRATION_EPOCHS * fit.max_epochs))
-        short = replace(fit, max_epochs=epochs, patience=epochs)
-        chain = self._chain_options(data).train(seen, short, key)
-        blank = replace(self.untrained(data.arm, key), chain=chain.network)
-        split = hysteresis_samples(chain.network, seen)
-        probe = self._mixed(blank, split, mixture)
-        probe = replace(probe, uncertainty=self._uncertainty(probe, split, data.arm))
+        probe = self._probe(seen, mixture, fit, key)
         errors = self._errors(probe, data, groups)
         network = trained.network
         uncertainty = calibration.calibrated(
@@ -265,6 +269,17 @@ class LocalOptions(ChainOptions):
         }
         return replace(trained, network=network, errors=tip_errors)
 
+    def _probe(
+        self, seen: TrainingData, mixture: Mixture, fit: FitOptions, key: PRNGKeyArray
+    ) -> LocalC2S:
+        """A model from a shorter training that does not see the hidden samples."""
+        short = shortened(fit, CALIBRATION_EPOCHS)
+        chain = self._chain_options(seen).train(seen, short, key)
+        blank = replace(self.untrained(seen.arm, key), chain=chain.network)
+        split = hysteresis_samples(chain.network, seen)
+        probe = self._mixed(blank, split, mixture)
+        return replace(probe, uncertainty=self._uncertainty(probe, split, seen.arm))
+
     def _errors(
         self,
         probe: LocalC2S,
@@ -275,10 +290,11 @@ class LocalOptions(ChainOptions):
         inputs = hysteresis_inputs(probe.chain, data)
         bends = bends_from_configurations(jnp.asarray(data.sensed))
         speeds = calibration.bend_speeds(np.asarray(bends))
-        places = probe.place(jnp.asarray(inputs[:, :, :, 0]))
-        extrapolation = np.asarray(probe.uncertainty.extrapolation(places))
+        # the first input is the displacement itself
+        features = probe.extrapolation_features(jnp.asarray(inputs[:, :, :, 0]))
+        extrapolation = np.asarray(probe.uncertainty.extrapolation(features))
         differences = self.predictions(probe, data) - data.states
-        distances = np.linalg.norm(differences[..., :3], axis=-1)
+        distances = np.linalg.norm(differences[..., POSITION], axis=-1)
         inside = validation_samples(data.states, data.lengths)
         inside &= ~calibration.union(groups)
         return {
@@ -288,21 +304,27 @@ class LocalOptions(ChainOptions):
 
     def _uncertainty(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Uncertainty:
         """Predictive standard deviation from the held-out samples."""
-        training = _place(model, split.training)
-        held_out = _place(model, split.validation)
+        training = _extrapolation_features(model, split.training)
+        held_out = _extrapolation_features(model, split.validation)
         distances = _distances(model, split.validation)
         return fit_uncertainty(training, held_out, distances, self.few, arm.length)
 
-    def _kinds(self, chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
-        """Groups of features with a common length scale: by place, and by kind."""
-        operators = chain.hysteresis.operators
-        modules = len(chain.body.lengths)
-        places = 3 * modules
-        seen = 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
-        module, kind, axis = np.unravel_index(
-            np.arange(places * seen), (modules, seen, 3)
-        )
-        return np.hstack([np.eye(places)[3 * module + axis], np.eye(seen)[kind]])
+
+def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
+    """Groups of features that share a factor of their length scales (`KernelFit.of`).
+
+    One group for each component of a module's bend and its common displacement, and one
+    for each input of the hysteresis.
+    """
+    operators = chain.hysteresis.operators
+    modules = len(chain.body.lengths)
+    components = 3 * modules
+    inputs = 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
+    module, number, axis = np.unravel_index(
+        np.arange(components * inputs), (modules, inputs, 3)
+    )
+    component = np.eye(components)[3 * module + axis]
+    return np.hstack([component, np.eye(inputs)[number]])
 
 
 def _known(split: Split) -> Bool[np.ndarray, "modules 6"]:
@@ -329,12 +351,15 @@ def _residual(
 
 
 def _reach(data: TrainingData) -> float:
-    """Largest displacement over the cable radius, or bend [rad]; it scales the plays."""
+    """Largest displacement over the cable radius, or bend [rad].
+
+    The half-widths of play operators are proportional to it.
+    """
     if data.displacements is not None:
         return max(float(np.abs(data.displacements).max()), MIN_REACH)
-    return max(
-        float(np.arccos(np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0))), MIN_REACH
-    )
+    # the z component of a configuration is the cosine of its bend
+    smallest_cosine = np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0)
+    return max(float(np.arccos(smallest_cosine)), MIN_REACH)
 
 
 def _all_samples(split: Split) -> Samples:
@@ -345,10 +370,12 @@ def _all_samples(split: Split) -> Samples:
     return Samples({"configurations": inputs}, targets)
 
 
-def _place(model: LocalC2S, samples: Samples) -> Float[np.ndarray, "samples features"]:
-    """Features of the predictive standard deviation, without hysteresis."""
+def _extrapolation_features(
+    model: LocalC2S, samples: Samples
+) -> Float[np.ndarray, "samples features"]:
+    """See `LocalC2S.extrapolation_features`."""
     displacements = samples.inputs["configurations"][:, :, 0]
-    return np.asarray(model.place(jnp.asarray(displacements)))
+    return np.asarray(model.extrapolation_features(jnp.asarray(displacements)))
 
 
 def _distances(
@@ -356,10 +383,10 @@ def _distances(
 ) -> Float[np.ndarray, "samples modules"]:
     """Distance of true from predicted end points [m]."""
     states = predict_states(model, jnp.asarray(samples.inputs["configurations"]))
-    return np.linalg.norm(
-        np.asarray(states)[..., :3] - samples.targets[..., :3], axis=-1
-    )
+    differences = np.asarray(states) - samples.targets
+    return np.linalg.norm(differences[..., POSITION], axis=-1)
 
 
 def _loss(model: LocalC2S, samples: Samples) -> float:
+    """Mean squared position error of the module ends [m^2]."""
     return float(np.nanmean(_distances(model, samples) ** 2))

@@ -2,8 +2,8 @@
 
 Models of several arms, all trained from one joint model, stay comparable parameter by
 parameter. Their mean is where the training of a further arm starts. Their standard
-deviation tells which parameters differ between arms, and which an arm must not change
-because of a few samples.
+deviation states how much each parameter differs between arms, and so how far few samples
+of an arm may change it.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from s2c2a.training.trained import TrainingData
 
 MIN_ARMS = 2
 MIN_SPREAD = 1e-4
-"""Smallest standard deviation: few arms underestimate it."""
+"""Smallest standard deviation of a parameter, since few arms underestimate it."""
 
 
 def pooled(arms: Sequence[TrainingData]) -> TrainingData:
-    """The episodes of several arms, as if they were of the first one.
+    """The episodes of several arms as training data of the first one.
 
     Args:
         arms: training data with episodes of one shape.
@@ -35,7 +35,8 @@ def pooled(arms: Sequence[TrainingData]) -> TrainingData:
     """
     if len(arms) < MIN_ARMS:
         raise TrainingError(
-            f"a prior over {len(arms)} arms was asked for; give at least {MIN_ARMS}"
+            f"a prior needs recordings of at least {MIN_ARMS} arms and got {len(arms)}; "
+            "record more arms"
         )
     shapes = {data.states.shape[1:] for data in arms}
     if len(shapes) > 1:
@@ -69,12 +70,16 @@ def _pooled_displacements(arms: Sequence[TrainingData]) -> np.ndarray | None:
 
 
 def mean_and_spread(models: Sequence[Network]) -> tuple[Network, Network]:
-    """Models whose parameters are the mean, and the standard deviation, of several.
+    """Mean and standard deviation over models, parameter by parameter.
 
     Fixed parts are those of the first model.
 
     Args:
         models: of equal shapes.
+
+    Returns:
+        A model of the means, and a model of the standard deviations, each at least
+        `MIN_SPREAD`.
     """
     mean = jax.tree.map(_mean, *models, is_leaf=is_fixed)
     spread = jax.tree.map(_standard_deviation, *models, is_leaf=is_fixed)

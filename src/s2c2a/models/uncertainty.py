@@ -2,8 +2,9 @@
 
 The posterior variance of a Gaussian process on inducing points (`kernels.matern`;
 Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 8.3),
-relative to its prior variance, measures the distance from the data. Values as on the
-validation data count as interpolation. The standard deviation of an end is
+relative to its prior variance, measures the distance from the data. Variances up to
+those of most validation samples count as interpolation. The standard deviation of an end
+is
 
     sqrt(interpolation^2 + (speed error * speed)^2 + (extrapolation error * extrapolation)^2)
 
@@ -23,6 +24,7 @@ LENGTH = 4.0  # of the kernel, in standard deviations of each feature
 NOISE = 0.01  # variance of samples, relative to the kernel's
 JITTER = 1e-4  # variance of inducing points, relative to the kernel's
 INTERPOLATION_SHARE = 0.95  # of validation samples that count as interpolation
+MAX_INTERPOLATION_VARIANCE = 0.9  # relative; the rest is the range of extrapolation
 MIN_WIDTH = 0.1  # of the widest feature; a constant feature is known at one value only
 PRIOR_STD = 0.3  # of the arm's length: error of the tip far from all data, uncalibrated
 
@@ -35,7 +37,8 @@ class Uncertainty(Fixed):
         rates: inverse length scale of each feature, shape (features,).
         points: inducing points in scaled features, shape (points, features).
         root: square root of inv(K) - inv(K + data), shape (points, points).
-        interpolation_variance: largest relative posterior variance that counts as interpolation.
+        interpolation_variance: largest relative posterior variance that counts as
+            interpolation.
         interpolation_error: of slow motion near the data [m], shape (modules,).
         speed_error: per speed [m per rad in a control step], shape (modules,).
         extrapolation_error: far from all data [m], shape (modules,).
@@ -70,7 +73,13 @@ class Uncertainty(Fixed):
         speed: Float[np.ndarray, " modules"],
         extrapolation: Float[np.ndarray, " modules"],
     ) -> "Uncertainty":
-        """The same distances from the data, with other errors."""
+        """The same distances from the data, with other errors.
+
+        Args:
+            interpolation: see `interpolation_error`.
+            speed: see `speed_error`.
+            extrapolation: see `extrapolation_error`.
+        """
         return replace(
             self,
             interpolation_error=jnp.asarray(interpolation, jnp.float32),
@@ -85,7 +94,8 @@ class Uncertainty(Fixed):
 
         Args:
             extrapolation: from zero near the data to one.
-            speed: change of bends [rad per control step].
+            speed: root mean square over modules of the change of bends [rad per control
+                step].
         """
         moving = self.speed_error * jnp.asarray(speed)[..., None]
         beyond = self.extrapolation_error * jnp.asarray(extrapolation)[..., None]
@@ -106,10 +116,10 @@ class Uncertainty(Fixed):
         explained = jnp.sum((kernel @ self.root) ** 2, axis=-1)
         return jnp.clip(1.0 - explained, 0.0, 1.0)
 
-    def meters(
+    def tip_extrapolation(
         self, features: Float[Array, "*batch features"]
     ) -> Float[Array, "*batch"]:
-        """Uncertainty of the tip from extrapolation [m]."""
+        """Standard deviation of the tip that is due to extrapolation [m]."""
         return self.extrapolation_error[-1] * self.extrapolation(features)
 
 
@@ -120,7 +130,9 @@ def fit_uncertainty(
     points: int,
     length: float,
 ) -> Uncertainty:
-    """The uncertainty of a model with these data.
+    """The uncertainty of a model with these data, not calibrated.
+
+    The error does not depend on the speed, and that of extrapolation is `PRIOR_STD`.
 
     Args:
         features: of training samples, in order of time.
@@ -135,18 +147,45 @@ def fit_uncertainty(
     rates = 1.0 / (LENGTH * np.maximum(width, min_width))
     scaled = (features - center).astype(np.float64) * rates
     inducing = scaled[np.linspace(0, len(scaled) - 1, points).astype(int)]
-    prior = matern(inducing, inducing) + JITTER * np.eye(points)
-    kernel = matern(scaled, inducing)
+    error = _root_mean_square(distances)
+    modules = len(error)
+    uncertainty = Uncertainty(
+        center=jnp.asarray(center, jnp.float32),
+        rates=jnp.asarray(rates, jnp.float32),
+        points=jnp.asarray(inducing, jnp.float32),
+        root=jnp.asarray(_explained_root(scaled, inducing), jnp.float32),
+        interpolation_variance=jnp.zeros(()),
+        interpolation_error=jnp.asarray(error, jnp.float32),
+        speed_error=jnp.zeros(modules),
+        extrapolation_error=jnp.asarray(_uncalibrated(modules, length), jnp.float32),
+    )
+    variances = uncertainty.relative_variance(jnp.asarray(held_out, jnp.float32))
+    usual = jnp.quantile(variances, INTERPOLATION_SHARE)
+    largest = jnp.minimum(usual, MAX_INTERPOLATION_VARIANCE)
+    return replace(uncertainty, interpolation_variance=largest)
+
+
+def _explained_root(
+    samples: Float[np.ndarray, "samples features"],
+    inducing: Float[np.ndarray, "points features"],
+) -> Float[np.ndarray, "points points"]:
+    """Square root of inv(K) - inv(K + data), whose square exceeds single precision."""
+    prior = matern(inducing, inducing) + JITTER * np.eye(len(inducing))
+    kernel = matern(samples, inducing)
     posterior = prior + kernel.T @ kernel / NOISE
     values, vectors = np.linalg.eigh(np.linalg.inv(prior) - np.linalg.inv(posterior))
-    # the root, since its square exceeds single precision
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _root_mean_square(
+    distances: Float[np.ndarray, "samples modules"],
+) -> Float[np.ndarray, " modules"]:
+    """Root mean square of the known values; zero where all are NaN."""
     finite = np.isfinite(distances)
     squares = np.sum(distances**2, axis=0, where=finite)
-    error = np.sqrt(squares / np.maximum(finite.sum(axis=0), 1))
-    far = PRIOR_STD * length * np.arange(1, len(error) + 1) / len(error)
-    arrays = center, rates, inducing, root, 0.0, error, 0.0 * error, far
-    uncertainty = Uncertainty(*(jnp.asarray(array, jnp.float32) for array in arrays))
-    variances = uncertainty.relative_variance(jnp.asarray(held_out, jnp.float32))
-    largest_usual = jnp.minimum(jnp.quantile(variances, INTERPOLATION_SHARE), 0.9)
-    return replace(uncertainty, interpolation_variance=largest_usual)
+    return np.sqrt(squares / np.maximum(finite.sum(axis=0), 1))
+
+
+def _uncalibrated(modules: int, length: float) -> Float[np.ndarray, " modules"]:
+    """Errors of module ends far from all data [m], which grow toward the tip."""
+    return PRIOR_STD * length * np.arange(1, modules + 1) / modules

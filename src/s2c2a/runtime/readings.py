@@ -10,12 +10,11 @@ import numpy as np
 from s2c2a.spaces import Reading, Sensor
 
 MAX_AGE = 3.0  # control periods
-FROZEN_STEPS = 3  # steps with the same bits, while commands change by
-FROZEN_CHANGE = 0.02  # of the full bend
-# of the full bend, for the motion of modules; within the backlash of its cables, an
-# arm does rest
+FROZEN_STEPS = 3  # steps with the same bits
+FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps
+# the same for sensors of the modules, which rest while cables move within their backlash
 FROZEN_CHANGE_OF_MODULES = 0.3
-OF_MODULES = "states", "configurations"
+MODULE_SENSORS = ("states", "configurations")
 
 
 class RepeatDetector:
@@ -155,4 +154,4 @@ class ReadingCheck:
 
 def _frozen_change(name: str) -> float:
     """Change of commands that a sensor must show, as a fraction of the full bend."""
-    return FROZEN_CHANGE_OF_MODULES if name in OF_MODULES else FROZEN_CHANGE
+    return FROZEN_CHANGE_OF_MODULES if name in MODULE_SENSORS else FROZEN_CHANGE

@@ -28,7 +28,7 @@ def pretrain_s2c2a(
 
     The forward model is the mean over arms. The controller and the modal model are
     trained on episodes of all arms together, as many as the recipe records of one.
-    Learned sensors belong to one arm and are left out.
+    Sensor models belong to one arm and are not part of a prior.
 
     Args:
         recordings: of each arm, with true states and equal options.

@@ -199,7 +199,11 @@ def target_choice(recipe: Recipe) -> ChooseTargets:
 def _choose_targets(
     recipe: Recipe, recording: Recording, options: CollectOptions
 ) -> list[np.ndarray]:
-    """Targets of each episode after the random ones, in random order."""
+    """Targets of each episode after the random ones, in random order.
+
+    Bends in shares of the full bend.
+    """
+    # without its options, half a recording counts as complete
     half = replace(recording, options={})
     data = training_data(half, recipe)
     episodes = options.episodes - options.random_episodes

@@ -26,7 +26,10 @@ class TrainedNetworks:
         curves: network -> rows of epoch, training loss, validation loss.
         strategy: name of the strategy.
         strategy_options: numbers of its options class.
-        errors: network -> mean errors of the tip on samples that a second training has
+        errors: network -> mean errors of the tip [m] on samples that a second training
+            has not seen, by the kind of these samples.
+        spread: of a prior: the forward model with the standard deviations of its
+            parameters over arms; None for networks of one arm.
     """
 
     arm: ArmSpec

@@ -1,9 +1,8 @@
 """Forward models compared on recordings of real arms, with held-out data.
 
 Held-out samples are whole blocks, the ends of episodes, those with the largest pulls, or
-other recordings. The
-hysteresis state follows the whole recording, as on the arm; the true states of held-out
-samples are hidden from training.
+other recordings. The hysteresis state follows the whole recording, as on the arm; the
+true states of held-out samples are hidden from training.
 """
 
 from bisect import bisect_left
@@ -134,33 +133,34 @@ def split_largest(recording: Recording, share: float) -> Split:
     limit = share * sum(recording.lengths)
     thresholds = np.unique(np.concatenate(pulls))
 
-    def is_too_many(threshold: float) -> bool:
-        return sum(int(_large(one, threshold).sum()) for one in pulls) > limit
+    def is_within_limit(threshold: float) -> bool:
+        counts = [int(_large_pulls(values, threshold).sum()) for values in pulls]
+        return sum(counts) <= limit
 
-    # a higher threshold holds out fewer samples
-    first = bisect_left(thresholds, True, key=lambda one: not is_too_many(one))
+    # bisection: a higher threshold never holds out more samples
+    first = bisect_left(thresholds, True, key=is_within_limit)
     if first == len(thresholds):
         raise RecordingError(
             f"no stretch of the largest pulls has at most {100 * share:g} % of the rows; "
             "give a larger share, or hold out blocks (--block)"
         )
     held_out = _no_samples(recording)
-    for row, one in zip(held_out, pulls, strict=True):
-        row[: len(one)] = _large(one, thresholds[first])
+    for row, values in zip(held_out, pulls, strict=True):
+        row[: len(values)] = _large_pulls(values, thresholds[first])
     return Split(f"largest {100 * share:g} %", held_out)
 
 
 def _pulls(episode: Episode) -> Float[np.ndarray, " samples"]:
-    """Norm of the displacements or tensions of all cables."""
+    """Norm of the displacements [m] or tensions [N] of all cables."""
     measured = "cables" in episode.sensors
     cables = episode.sensor("cables") if measured else episode["actions"]
     return np.linalg.norm(cables.reshape(len(cables), -1), axis=1)
 
 
-def _large(
+def _large_pulls(
     pulls: Float[np.ndarray, " samples"], threshold: float
 ) -> Bool[np.ndarray, " samples"]:
-    """Stretches that reach a threshold."""
+    """Mask of the stretches that reach a threshold (`split_largest`)."""
     stretches, _ = label(pulls >= STRETCH_END * threshold)
     return np.isin(stretches, np.unique(stretches[pulls >= threshold]))
 
@@ -202,7 +202,7 @@ class RealComparison(NamedTuple):
 
         Raises:
             RecordingError: a file is no recording, is of another arm, or is too short;
-                or nothing is held out.
+                an option is out of range; or nothing is held out.
             StrategyError: a model is unknown.
         """
         unknown = [name for name in models if name not in MODELS]

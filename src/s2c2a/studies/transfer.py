@@ -69,14 +69,15 @@ class Transfer:
 
     Attributes:
         base: the arm whose mismatch is randomized.
-        drawn: seeds of arms, each of which starts from the networks of the next.
-        counts: modules of the arm with networks, and of the new arm.
-        halves: seeds of arms of either count.
+        drawn: seeds of randomized arms with the modules of the base, each of which
+            starts from the networks of the next.
+        counts: number of half modules of the arm with networks, and of the new arm.
+        halves: seeds of randomized arms with either number of half modules.
         strength: of the mismatch.
         tasks: names.
-        samples: of the short recordings; 0 for none.
+        samples: lengths of the short recordings, in multiples of `EPISODE`; 0 for none.
         seed: of data, training and start.
-        prior: arms of the prior; 0 for no prior.
+        prior: number of arms of the prior; 0 for no prior.
     """
 
     base: ArmSpec
@@ -90,9 +91,13 @@ class Transfer:
     prior: int = 24
 
     def __post_init__(self):
-        """Validate the options."""
-        too_short = [count for count in self.samples if count % EPISODE or count < 0]
-        if len(self.drawn) == 1 or not self.tasks or too_short:
+        """Validate the options.
+
+        Raises:
+            S2C2AError: a single arm, no task, or samples that are no whole episodes.
+        """
+        uneven = [count for count in self.samples if count % EPISODE or count < 0]
+        if len(self.drawn) == 1 or not self.tasks or uneven:
             raise S2C2AError(
                 f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} "
                 "samples; give no arm or at least two, at least one task, and "
@@ -104,7 +109,8 @@ class Transfer:
         """All methods; nothing is learned from scratch without a recording."""
         starts = STARTS if self.prior else (SCRATCH, ANOTHER)
         methods = [Method(start, count) for start in starts for count in self.samples]
-        return [Method(FULL), *(m for m in methods if m != Method(SCRATCH))]
+        nothing = Method(SCRATCH, samples=0)
+        return [Method(FULL), *(method for method in methods if method != nothing)]
 
     def short(self, samples: int) -> CollectOptions:
         """Options of a short recording: motor babbling, as stages need more samples."""
@@ -204,14 +210,16 @@ def _rows_of_arms(
             if method.start != SCRATCH:
                 raise
             continue  # too few samples to train from scratch
-        scores = jobs.score_rows(EXPERIMENT, runs)
-        rows.append(
-            [
-                replace(row, strategy=method.name, paper_mean=None, paper_std=None)
-                for row in scores
-            ]
-        )
+        rows.append(_score_rows(method, runs))
     return rows
+
+
+def _score_rows(method: Method, runs: Sequence[jobs.Run]) -> list[Row]:
+    """Scores of the runs of a method, without the numbers of the paper."""
+    return [
+        replace(row, strategy=method.name, paper_mean=None, paper_std=None)
+        for row in jobs.score_rows(EXPERIMENT, runs)
+    ]
 
 
 def ratios(rows: Sequence[Row]) -> list[Row]:

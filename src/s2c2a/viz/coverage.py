@@ -34,7 +34,7 @@ COLUMNS = 3
 PANEL = (3.7, 3.1)  # width and height of a panel, inches
 TEXT_HEIGHT = 0.7  # inches
 LETTERS_PER_INCH = 13.5
-MAX_COLUMNS_OF_CELLS = 44
+CELL_COLUMNS = 44
 SPEED_BINS = 36
 SLOWEST_SHOWN = 0.6  # of the hold speed: the left edge of the bar of holds
 IMAGE_DOTS_PER_INCH = 110
@@ -106,7 +106,7 @@ def _panels(coverage: Coverage) -> list[Callable[[Figure, SubplotSpec], None]]:
 
 
 def _reached_text(coverage: Coverage) -> str:
-    """What share of configurations and workspace is reached, and what that counts."""
+    """Shares of configurations and workspace that are reached, with their definitions."""
     text = (
         f"{coverage.arm.name}, {len(coverage.bends):,} samples; darker: more (log). "
         f"Reached: {_percent(coverage.reached_bends())} of random configurations within "
@@ -130,14 +130,15 @@ def _draw_pair(
     coverage: Coverage, inner: int, figure: Figure, place: SubplotSpec
 ) -> None:
     """Draw the density of the bends of two neighbors."""
-    names = inner + 1, inner + 2
+    first = inner + 1  # modules count from one in figures
+    second = inner + 2
     axes = new_axes(
         figure,
         place,
-        f"bend of module {names[0]} along that of {names[1]} [deg]",
-        f"bend of module {names[1]} [deg]",
+        f"bend of module {first} along that of {second} [deg]",
+        f"bend of module {second} [deg]",
     )
-    along, outer = map(np.rad2deg, coverage.pair(inner))
+    along, outer = map(np.rad2deg, coverage.neighboring_bends(inner))
     limits = np.rad2deg(coverage.limits[inner : inner + 2])
     right = max(limits[0], np.max(np.abs(along), initial=0.0))
     top = max(limits[1], np.max(outer, initial=0.0))
@@ -145,7 +146,7 @@ def _draw_pair(
     _draw_pair_limits(axes, *limits)
     reached = coverage.reached_bends(slice(inner, inner + 2))
     opposed = coverage.opposed_share(inner)
-    text = f"modules {names[0]} and {names[1]}: {_percent(reached)} reached"
+    text = f"modules {first} and {second}: {_percent(reached)} reached"
     if np.isfinite(opposed):
         text += f", {_percent(opposed)} S"
     headline(axes, text)
@@ -184,11 +185,11 @@ def _draw_density(
         return
     left, right, bottom, top = extent
     height = (top - bottom) / (right - left)
-    cells = max(2, round(MAX_COLUMNS_OF_CELLS * height * 0.58))
+    cells = max(2, round(CELL_COLUMNS * height * 0.58))
     axes.hexbin(
         x,
         y,
-        gridsize=(MAX_COLUMNS_OF_CELLS, cells),
+        gridsize=(CELL_COLUMNS, cells),
         extent=extent,
         bins="log",
         mincnt=1,

@@ -90,7 +90,7 @@ def _fill(axes: Axes, times: Series, low: Series, high: Series, color: str) -> N
 
 
 def _discs(path: Points, radii: Series) -> tuple[Points, Series]:
-    """Centers and radii of discs so close that they form a tube; NaN is left out."""
+    """Centers and radii of discs so close that they form a tube; without NaN."""
     steps = np.arange(len(path))
     between = np.linspace(0, len(path) - 1, max(TUBE_DISCS, len(path)))
     columns = np.column_stack([path, radii])
