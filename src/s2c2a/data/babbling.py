@@ -18,7 +18,8 @@ SPEEDS = (0.03, 0.22)
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
 FULL_SHARE = 0.5  # of the independent bends that are full
 SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held
-SLOW_STEPS = (40, 100)  # shortest of these stretches, and one more than the longest
+# duration of these stretches: full bends that the fastest motion passes meanwhile
+SLOW_TIMES = (4.0, 10.0)
 SLOWDOWN = 0.2  # of the speeds, on slow stretches
 HELD_SHARE = 0.5  # of the slow stretches that hold a configuration
 
@@ -164,13 +165,19 @@ def _stretch(
     change = target - start
     distance = float(np.linalg.norm(change, axis=-1).max())
     if random.uniform() < SLOW_SHARE:
-        steps = int(random.integers(*SLOW_STEPS))
+        steps = int(random.integers(*_slow_steps(exploration)))
         slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
         change = change * min(1.0, slow * steps / max(distance, 1e-9))
     else:
         steps = max(1, int(np.ceil(distance / speed)))
     shares = np.arange(1, steps + 1)[:, None, None] / steps
     return start + change * shares
+
+
+def _slow_steps(exploration: Exploration) -> tuple[int, int]:
+    """Shortest slow stretch, and one more than the longest."""
+    shortest, longest = np.array(SLOW_TIMES) / exploration.speeds[1]
+    return max(1, round(shortest)), max(2, round(longest))
 
 
 def episode_actions(

@@ -96,6 +96,12 @@ class CollectOptions:
         """Number of episodes with random targets, from the first."""
         return self.episodes // 2 if self.active else self.episodes
 
+    def speeds_on(self, arm: ArmSpec) -> tuple[float, float]:
+        """Speeds scaled to the step limit of an arm."""
+        scale = arm.step_limit_deg / STEP_LIMIT_DEG
+        slow, fast = self.speeds
+        return min(slow * scale, 1.0), min(fast * scale, 1.0)
+
 
 ChooseTargets = Callable[[Recording, CollectOptions], Sequence[Targets]]
 """From the first half of a recording to the targets of each remaining episode, in shares
@@ -289,7 +295,7 @@ def _run_episode(
         options.episodes,
         options.samples,
         options.seed,
-        _speeds(arm, options),
+        options.speeds_on(arm),
         targets,
     )
     seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
@@ -393,16 +399,9 @@ def _required_sensors(robot: Robot) -> tuple[str, ...]:
     return tuple(name for name, sensor in robot.sensors.items() if sensor.always)
 
 
-def _speeds(arm: ArmSpec, options: CollectOptions) -> tuple[float, float]:
-    """Speeds scaled to the step limit of the arm."""
-    scale = arm.step_limit_deg / STEP_LIMIT_DEG
-    slow, fast = options.speeds
-    return min(slow * scale, 1.0), min(fast * scale, 1.0)
-
-
 def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
     """Limits that allow the speed and the corners of the babbling."""
-    share = fastest(options.babbling, arm.module_count, _speeds(arm, options))
+    share = fastest(options.babbling, arm.module_count, options.speeds_on(arm))
     full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
     step_deg = share * full_bend_deg * (1 + 1e-6)
     return CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)

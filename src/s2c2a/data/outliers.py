@@ -172,7 +172,7 @@ def _predict(
     predicted = np.full(values.shape, np.nan)
     if known.any():
         has_drives = np.isfinite(ends.drives).all(axis=1)
-        features = _features(_normalize(ends.drives[has_drives]))
+        features = _features(_normalize(ends.drives[has_drives]), int(known.sum()))
         weights = _robust_weights(features[known[has_drives]], values[known])
         predicted[has_drives] = features @ weights
     return predicted
@@ -182,14 +182,14 @@ def _normalize(drives: np.ndarray) -> np.ndarray:
     return (drives - np.median(drives, axis=0)) / (drives.std(axis=0) + 1e-12)
 
 
-def _features(drives: Float[np.ndarray, "rows drives"]) -> np.ndarray:
-    """Quadratic features; linear ones, or a constant, if there are few rows."""
+def _features(drives: Float[np.ndarray, "rows drives"], rows: int) -> np.ndarray:
+    """Quadratic features; linear ones, or a constant, for a fit to few rows."""
     count = drives.shape[1]
     linear = np.concatenate([np.ones((len(drives), 1)), drives], axis=1)
     first, second = np.triu_indices(count)
     quadratic = np.concatenate([linear, drives[:, first] * drives[:, second]], axis=1)
     for features in (quadratic, linear):
-        if len(drives) >= _ROWS_PER_FEATURE * features.shape[1]:
+        if rows >= _ROWS_PER_FEATURE * features.shape[1]:
             return features
     return linear[:, :1]
 

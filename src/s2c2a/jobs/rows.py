@@ -202,7 +202,7 @@ def prediction_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
     heading = Heading.of(experiment, runs)
     groups: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
-        if "predictive_std" in run.episode.columns:
+        if np.any(run.episode.columns.get("predictive_std", 0.0)):
             groups.setdefault((run.task, run.strategy), []).append(run)
     rows = []
     for (task, strategy), group in groups.items():

@@ -368,7 +368,7 @@ def _prior_std(log_map: LogMap) -> dict[str, float]:
         "stiffness": 2.0,
         "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
         # errors of the model repeat, so data alone would tilt the frame by degrees
-        "tilt": 0.01,
+        "tilt": 0.1 if log_map.frame.along is None else 0.01,
         "base": 0.1 if log_map.frame.base is None else 0.002,
     }
 

@@ -57,6 +57,11 @@ class SessionChange(NamedTuple):
         )
 
     @property
+    def is_known(self) -> bool:
+        """Whether enough rows could be compared."""
+        return self.rows >= MIN_ROWS
+
+    @property
     def is_payload(self) -> bool:
         """Whether a payload explains the difference."""
         return not self.is_moved and self.sag > SAG

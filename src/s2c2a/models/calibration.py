@@ -65,7 +65,7 @@ def held_out_groups(data: TrainingData) -> dict[str, Mask]:
     """Samples to hide from the second training, by the name of their group."""
     bends = np.asarray(bends_from_configurations(jnp.asarray(data.sensed)))
     usable = _usable(data)
-    speeds = _mean_over_pieces(bend_speeds(bends), _piece_length(data))
+    speeds = _mean_over_pieces(bend_speeds(bends), usable, _piece_length(data))
     flat = bends.reshape(*bends.shape[:2], -1)
     size = np.linalg.norm(flat, axis=-1)
     rows = np.argwhere(usable)
@@ -186,15 +186,23 @@ def _piece_length(data: TrainingData) -> int:
     return max(MIN_PIECE, round(PIECE_TIME * data.arm.control_rate))
 
 
-def _mean_over_pieces(values: np.ndarray, length: int) -> np.ndarray:
-    """Mean of each piece of an episode, at every sample of the piece."""
-    means = np.empty_like(values)
+def _mean_over_pieces(
+    values: Float[np.ndarray, "episodes samples"], usable: Mask, length: int
+) -> Float[np.ndarray, "episodes samples"]:
+    """Mean of the usable values in each piece of an episode, at every sample of it."""
+    means = np.zeros_like(values)
     for begin in range(0, values.shape[1], length):
-        piece = values[:, begin : begin + length]
-        means[:, begin : begin + length] = piece.mean(axis=1, keepdims=True)
+        piece = slice(begin, begin + length)
+        counts = usable[:, piece].sum(axis=1, keepdims=True)
+        sums = values[:, piece].sum(axis=1, keepdims=True, where=usable[:, piece])
+        means[:, piece] = sums / np.maximum(counts, 1)
     return means
 
 
-def _least(values: np.ndarray, usable: Mask) -> Mask:
-    """The share of the usable samples with the least values."""
-    return usable & (values <= np.quantile(values[usable], SHARE))
+def _least(values: Float[np.ndarray, "episodes samples"], usable: Mask) -> Mask:
+    """The share of the usable samples with the least values; of equal ones, the first."""
+    candidates = np.flatnonzero(usable)
+    order = np.argsort(values.ravel()[candidates], kind="stable")
+    chosen = np.zeros(usable.size, bool)
+    chosen[candidates[order[: round(SHARE * len(order))]]] = True
+    return chosen.reshape(usable.shape)

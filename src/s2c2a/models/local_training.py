@@ -276,7 +276,7 @@ class LocalOptions(ChainOptions):
         short = shortened(fit, CALIBRATION_EPOCHS)
         chain = self._chain_options(seen).train(seen, short, key)
         blank = replace(self.untrained(seen.arm, key), chain=chain.network)
-        split = hysteresis_samples(chain.network, seen)
+        split = _seen(hysteresis_samples(chain.network, seen))
         probe = self._mixed(blank, split, mixture)
         return replace(probe, uncertainty=self._uncertainty(probe, split, seen.arm))
 
@@ -360,6 +360,17 @@ def _reach(data: TrainingData) -> float:
     # the z component of a configuration is the cosine of its bend
     smallest_cosine = np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0)
     return max(float(np.arccos(smallest_cosine)), MIN_REACH)
+
+
+def _seen(split: Split) -> Split:
+    """The samples with a known target; hidden ones have none."""
+    return Split(*map(_with_targets, (split.training, split.validation, split.test)))
+
+
+def _with_targets(samples: Samples) -> Samples:
+    known = np.isfinite(samples.targets).any(axis=(1, 2))
+    inputs = {name: values[known] for name, values in samples.inputs.items()}
+    return Samples(inputs, samples.targets[known])
 
 
 def _all_samples(split: Split) -> Samples:

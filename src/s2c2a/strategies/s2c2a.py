@@ -207,7 +207,8 @@ def _choose_targets(
     half = replace(recording, options={})
     data = training_data(half, recipe)
     episodes = options.episodes - options.random_episodes
-    speed = np.sqrt(options.speeds[0] * options.speeds[1])
+    slowest, fastest = options.speeds_on(recording.arm)
+    speed = np.sqrt(slowest * fastest)
     per_episode = 1 + int(options.samples * speed / TARGET_DISTANCE)
     targets = choose_targets(data, episodes * per_episode, options.seed)
     order = np.random.default_rng(options.seed).permutation(len(targets))

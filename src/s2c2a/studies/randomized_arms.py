@@ -30,6 +30,7 @@ STRENGTHS = (0.5, 1.0)
 REACHABLE_FROM = 0.75  # mismatch strength from which goals are moved within reach
 UNREACHABLE_COUNT = 20  # targets out of reach
 RUNAWAY = 5.0  # cm; a larger error at the end of a target counts as a runaway
+HIGHER_IS_BETTER = ("errors within twice the std",)  # metrics
 STILL_TIME = 1.0  # s at the end of each target in which the tip should not move
 AGED = jobs.Conditions(RobotFactory.simulation(aged=1.0))
 
@@ -192,12 +193,15 @@ def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
     for row in chain.from_iterable(rows):
         groups.setdefault((row.task, row.strategy, row.metric), []).append(row)
     summary = []
-    for word, reduce in (("mean", np.mean), ("worst", np.max)):
-        for group in groups.values():
+    for word in ("mean", "worst"):
+        for (_task, _strategy, metric), group in groups.items():
+            values = [row.mean for row in group]
+            worst = min if metric in HIGHER_IS_BETTER else max
+            reduce = np.mean if word == "mean" else worst
             row = replace(
                 group[0],
                 arm=f"{word} of {len(group)} arms at {strength:g}",
-                mean=float(reduce([row.mean for row in group])),
+                mean=float(reduce(values)),
                 std_steps=None,
                 first_mode_hz=None,
                 damping_ratio=None,
