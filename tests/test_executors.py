@@ -10,8 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import jax
 import pytest
 
+from s2c2a import executors
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.executors import (
     Processes,
@@ -166,3 +168,13 @@ def test_workers_end_with_a_killed_parent(tmp_path):
             break
         time.sleep(0.1)
     assert ended
+
+
+@pytest.mark.skipif(not executors.MAPS.exists(), reason="Linux only")
+def test_programs_are_forgotten_only_if_there_are_too_many():
+    compiled = jax.jit(lambda x: 2.0 * x)
+    compiled(1.0)
+    executors.forget_programs()
+    assert compiled._cache_size() == 1
+    executors.forget_programs(max_maps=1)
+    assert compiled._cache_size() == 0

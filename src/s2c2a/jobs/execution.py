@@ -19,6 +19,7 @@ from s2c2a.executors import (
     Result,
     Serial,
     cancel,
+    forget_programs,
     limit_jax_to_one_thread,
     max_pending_calls,
 )
@@ -216,4 +217,5 @@ def _make_on_worker(artifact: Artifact, contents: list[bytes]) -> bytes:
         for need, content in zip(artifact.needs, contents, strict=True):
             write_atomically(content, need.path(cache))
         artifact.make(cache, quiet)
+        forget_programs()
         return artifact.path(cache).read_bytes()
