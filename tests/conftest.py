@@ -18,6 +18,7 @@ from s2c2a.cache import delete_incomplete_programs
 from s2c2a.control.options import BiLSTMController
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
+from s2c2a.executors import forget_programs
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
@@ -96,10 +97,8 @@ def pytest_collection_modifyitems(items):
 def _few_programs():
     """Drop compiled programs before the system's limit of memory maps is reached."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_text().count("\n") > MAX_MAPS:
-        jax.clear_caches()
-        gc.collect()
+    forget_programs(MAX_MAPS)
+    gc.collect()
 
 
 @pytest.fixture(scope="session")
