@@ -6,7 +6,7 @@ from pathlib import Path
 from s2c2a.planning import Outcome
 from s2c2a.runtime import Loop
 
-PAGE = Path(__file__).parents[1] / "docs" / "architecture.md"
+PAGE = Path(__file__).parents[1] / "docs" / "contribute" / "architecture.md"
 
 
 def test_the_control_step_on_the_page_is_the_one_in_the_code():

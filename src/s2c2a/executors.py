@@ -30,7 +30,7 @@ MAX_MAPS = 20_000
 """Memory maps of a process from which it forgets its compiled programs."""
 MEMORY_PER_PROCESS = 1.5e9
 """Memory of a process that trains networks or runs a strategy [bytes], with a margin
-(docs/cluster.md)."""
+(docs/guides/cluster.md)."""
 
 
 def all_cores() -> int:

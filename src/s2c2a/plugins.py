@@ -1,7 +1,7 @@
 """Plugins: components found by name in the package, in other packages or in user files.
 
 Sensors, forward models, robots, tasks, cost terms and solvers are all found this way,
-so that a new one needs no change in the package (docs/extending.md).
+so that a new one needs no change in the package (docs/guides/extending.md).
 """
 
 import importlib

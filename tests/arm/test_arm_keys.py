@@ -50,7 +50,7 @@ def test_documented_ranges_and_defaults_match_the_description():
 
 def test_the_docs_contain_the_table_of_keys():
     assert (
-        (ROOT / "docs" / "arm-file.md")
+        (ROOT / "docs" / "reference" / "arm-file.md")
         .read_text(encoding="utf-8")
         .endswith(keys_as_markdown())
     )

@@ -44,7 +44,7 @@ def test_jumps_are_excluded_and_reported_and_others_are_kept(
     poses = 500 if tip_only else 1500
     assert str(excluded) == (
         f"excluded 4 of {poses} poses: 4 marker jumps; first rows 12, 40, 77 "
-        "(docs/real-data.md)"
+        "(docs/guides/import.md)"
     )
     unknown = np.isnan(sessions[0].positions).any(axis=-1)
     np.testing.assert_array_equal(np.flatnonzero(unknown[:, -1]), [12, 40, 77, 300])

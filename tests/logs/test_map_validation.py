@@ -105,7 +105,7 @@ def test_two_ends_of_one_module_are_refused():
 
 
 def test_the_documented_map_fits_the_documented_log():
-    page = (Path(__file__).parents[2] / "docs" / "real-data.md").read_text(
+    page = (Path(__file__).parents[2] / "docs" / "guides" / "import.md").read_text(
         encoding="utf-8"
     )
     log = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)[0]

@@ -28,7 +28,7 @@ def test_a_recipe_comes_back_from_its_file_under_the_name_of_the_file(recipe, tm
 
 
 def test_the_recipe_that_the_page_shows_is_one(tmp_path):
-    page = (Path(__file__).parents[2] / "docs" / "recipe.md").read_text(
+    page = (Path(__file__).parents[2] / "docs" / "concepts" / "recipe.md").read_text(
         encoding="utf-8"
     )
     (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)

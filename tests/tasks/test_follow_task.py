@@ -1,4 +1,4 @@
-"""A target moved by hand: worked by hand from docs/protocol.md.
+"""A target moved by hand: worked by hand from docs/results/protocol.md.
 
 The steps: 50 of the line, 480 of the wandering, 54 out (0.4298 m at 8 cm/s), 20
 outside, 54 back, 40 at the end.

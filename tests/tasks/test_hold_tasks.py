@@ -1,4 +1,4 @@
-"""Tasks that hold one module's end: targets by hand from docs/protocol.md."""
+"""Tasks that hold one module's end: targets by hand from docs/results/protocol.md."""
 
 import numpy as np
 import pytest

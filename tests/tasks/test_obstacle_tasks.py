@@ -1,4 +1,4 @@
-"""Reach and flee: targets and obstacles by hand from docs/protocol.md."""
+"""Reach and flee: targets and obstacles by hand from docs/results/protocol.md."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The circle with desired orientations: targets by hand from docs/protocol.md."""
+"""The circle with desired orientations: targets by hand from docs/results/protocol.md."""
 
 import numpy as np
 import pytest

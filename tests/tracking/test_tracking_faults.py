@@ -1,6 +1,6 @@
 """Every fault of pose tracking, from an emulator to checked states, in simulated time.
 
-The rows of the table in `docs/safety.md`; versions and connections are tested with the
+The rows of the table in `docs/concepts/safety.md`; versions and connections are tested with the
 trackers.
 """
 

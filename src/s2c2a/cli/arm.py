@@ -171,7 +171,7 @@ def random(
     out: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Sample an arm with the model mismatch of real arms (docs/simulator.md).
+    """Sample an arm with the model mismatch of real arms (docs/concepts/simulator.md).
 
     Only the simulation knows the mismatch; the controllers do not.
 
@@ -212,15 +212,15 @@ def check_contract(
     Keep clear of it.
 
     Args:
-        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         arm: a preset or an arm file that describes the robot.
         robot_option: arguments of the class.
         tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
         response: measure the frequency response instead: the first mode, the gain and
             the delay. The arm vibrates for about a minute, slowly at first and then
-            faster; every module bends by a tenth of its limit (docs/sensors.md).
+            faster; every module bends by a tenth of its limit (docs/guides/sensors.md).
         weights: networks from `s2c2a train`; they give the expected response.
         out: a file (.json) for the measured response, with a figure next to it.
     """

@@ -35,7 +35,7 @@ TIME_LIMITS = {
     "a simulated second, accurate": 40e-3,
 }
 """Targets of the project for `twin_arm` on two cores of a common server: medians [s]
-(docs/benchmarks.md)."""
+(docs/contribute/benchmarks.md)."""
 
 
 class Timing(NamedTuple):

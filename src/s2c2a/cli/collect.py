@@ -56,15 +56,15 @@ def collect(
         seed: random seed.
         recipe: sets the type of babbling, the speeds and the number of episodes; use
             the same one in `train`.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
         tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
         fidelity: of the simulation.
         threads: parallel episodes, all cores by default; the recording is the same.
         cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
-            its scheduler file), or local for one on this machine; docs/cluster.md. The
+            its scheduler file), or local for one on this machine; docs/guides/cluster.md. The
             recording is the same.
         resume: continue an interrupted recording.
         overwrite: replace the recording if it exists.

@@ -51,7 +51,7 @@ class _WorkOptions(_OutputOptions):
     Attributes:
         jobs: parallel trainings and runs; all cores by default.
         cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
-            its scheduler file), or local for one on this machine; docs/cluster.md.
+            its scheduler file), or local for one on this machine; docs/guides/cluster.md.
     """
 
     jobs: int | None = None

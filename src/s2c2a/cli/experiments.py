@@ -28,7 +28,7 @@ def randomized_arms(
     reachable_from: float = 0.75,
     work: Work = ALL_CORES,
 ) -> None:
-    """All strategies on arms with random model mismatch (docs/protocol.md).
+    """All strategies on arms with random model mismatch (docs/results/protocol.md).
 
     Data, training and tasks are repeated for each arm. Repeat the command to continue an
     interrupted run.
@@ -93,7 +93,7 @@ def sensors(
     event: Events = (),
     work: Work = ALL_CORES,
 ) -> None:
-    """Tip errors under unknown payloads for sets of sensors (docs/sensors.md).
+    """Tip errors under unknown payloads for sets of sensors (docs/guides/sensors.md).
 
     Networks are trained without payload,
     once for all sets except `flex`, whose sensor model is trained too. Repeat the
@@ -109,7 +109,7 @@ def sensors(
         tasks: names of tasks.
         seeds: number of seeds, from zero.
         event: a disturbance during the run, such as "6 payload 0.05" or "10 sensor_loss";
-            repeat the option for several (docs/sensors.md).
+            repeat the option for several (docs/guides/sensors.md).
         work: run directory and parallel execution.
     """
     from s2c2a.evaluation.report import save_rows
@@ -305,7 +305,7 @@ def transfer(
     prior: int = 24,
     work: Work = ALL_CORES,
 ) -> None:
-    """Transfer of networks to a similar arm or another module count (docs/transfer.md).
+    """Transfer of networks to a similar arm or another module count (docs/guides/transfer.md).
 
     Repeat the command to continue an interrupted run.
 

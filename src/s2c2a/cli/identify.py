@@ -34,7 +34,7 @@ def identify(
     jobs: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Fit the simulated arm to a recording, and write its arm file (docs/identify.md).
+    """Fit the simulated arm to a recording, and write its arm file (docs/guides/identify.md).
 
     Every fifth block of 25 rows is held out, and the error is reported on these. An
     interrupted fit writes the best arm so far; continue with that file as --arm.
@@ -43,7 +43,7 @@ def identify(
         recording: recording of the arm with measured module ends, at least the tip.
         arm: initial guess: a preset or an arm file, such as the one of `s2c2a import`.
         out: the arm file to write.
-        fit: groups of parameters to fit (docs/identify.md); by default those that most
+        fit: groups of parameters to fit (docs/guides/identify.md); by default those that most
             recordings determine.
         on: other recordings of the same arm, on which to report the error too.
         settling: time for which the simulation holds each action [s], for recordings

@@ -23,7 +23,7 @@ def import_(
     like: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Convert logs (CSV, NPZ or MAT) to a recording (docs/real-data.md).
+    """Convert logs (CSV, NPZ or MAT) to a recording (docs/guides/import.md).
 
     A map file describes the columns. The command identifies the arm and writes its arm
     file next to the recording, with the uncertainty of each number; with --like, it

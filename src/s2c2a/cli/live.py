@@ -57,11 +57,11 @@ def live(
             the first one starts. By default shipped networks for a preset, and `pcc`
             for an arm of your own.
         strategy: more strategies without training, by name or your own file.py:Class.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: further arguments of that class.
         tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
         fidelity: of the simulation.
         guard: what avoids obstacles: the tip, or the whole arm.
         seed: random seed of the simulated noise.

@@ -61,7 +61,7 @@ def _print_slow_adapter(port: str) -> None:
     if latency > MAX_LATENCY:
         print(
             f"the adapter keeps bytes for {1000 * latency:.0f} ms in every control step; "
-            "set its latency timer to 1 ms (docs/hardware.md, Computer)"
+            "set its latency timer to 1 ms (docs/guides/hardware.md, Computer)"
         )
 
 

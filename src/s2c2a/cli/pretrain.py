@@ -31,7 +31,7 @@ def pretrain(
 
     Then `s2c2a train short.episodes --from prior.safetensors` needs few samples of the
     arm itself, and `s2c2a train --from prior.safetensors --arm mine.toml` none
-    (docs/transfer.md). Repeat the command to continue an interrupted one.
+    (docs/guides/transfer.md). Repeat the command to continue an interrupted one.
 
     Args:
         out: weight file to write, such as prior.safetensors.

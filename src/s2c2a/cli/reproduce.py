@@ -107,7 +107,7 @@ _add_table_command(
 
 @app.command
 def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -> None:
-    """Ablation study of the recipe `best`: each part alone, and all (docs/recipe.md).
+    """Ablation study of the recipe `best`: each part alone, and all (docs/concepts/recipe.md).
 
     Repeat the command to continue an interrupted run.
 

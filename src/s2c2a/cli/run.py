@@ -80,24 +80,24 @@ def run(
         pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
         seed: of data, training and start; the first of several.
         seeds: number of seeds; several run in parallel.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/hardware.md),
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
             or your own class, such as my_arm.py:MyArm.
         robot_option: parameters of that class.
         tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/tracking.md); by default that of the arm file.
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
         fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip of the simulated arm [kg].
         event: a disturbance during the run of the simulated arm, such as "6 payload
-            0.05" or "10 force 0.3 0 0" (docs/sensors.md); repeat for several.
+            0.05" or "10 force 0.3 0 0" (docs/guides/sensors.md); repeat for several.
         known_payload: mass at the tip that the strategy knows of [kg].
         disturbance_estimation: estimate payload and bend biases from sensors
-            (docs/sensors.md).
+            (docs/guides/sensors.md).
         max_compensated_force: largest external force at the tip that the strategy
             compensates [N]; the arm yields to larger ones.
         guard: keep the tip, or the whole arm, out of obstacles.
         repeat: how often to repeat the task. Each repetition moves the targets by the
             errors that a camera or motion capture measured in the one before; results
-            are those of the last (docs/sensors.md).
+            are those of the last (docs/guides/sensors.md).
         video: also write a video of the first run: MP4 with ffmpeg, else GIF.
         work: run directory and parallel execution.
     """

@@ -38,7 +38,7 @@ def latency(
         robot: servos (dynamixel, feetech), or your own class.
         robot_option: further arguments of that class.
         tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
-            (docs/tracking.md); by default that of the arm file.
+            (docs/guides/tracking.md); by default that of the arm file.
         duration: of the motion [s].
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
@@ -72,7 +72,7 @@ def frames(
         robot: servos (dynamixel, feetech), or your own class.
         robot_option: further arguments of that class.
         tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
-            (docs/tracking.md); by default that of the arm file.
+            (docs/guides/tracking.md); by default that of the arm file.
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
     """
@@ -126,7 +126,7 @@ def _source_of(spec: ArmSpec, given: str) -> str:
     if spec.tracking is None:
         raise S2C2AError(
             f"'{spec.name}' names no tracker; add --tracking SOURCE, or a table "
-            "[tracking] to the arm file (docs/tracking.md)"
+            "[tracking] to the arm file (docs/guides/tracking.md)"
         )
     return spec.tracking.source
 

@@ -39,7 +39,7 @@ def train(
     """Train the networks of a strategy on a recording; draw the learning curves.
 
     With --from, training starts from networks of another arm of the same make. Its
-    number of modules may differ, and a short recording will do (docs/transfer.md):
+    number of modules may differ, and a short recording will do (docs/guides/transfer.md):
     `s2c2a collect --arm mine.toml --babbling motor --episodes 5 --samples 100`.
 
     Args:

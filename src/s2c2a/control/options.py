@@ -21,7 +21,7 @@ class ControllerOptions(ABC):
 
     A recipe names the class and sets its fields: `[c2a]`,
     `model = "my_controller.py:MyOptions"`, and one line for each field
-    (docs/extending.md).
+    (docs/guides/extending.md).
 
     Attributes:
         model: name of this class in recipes.

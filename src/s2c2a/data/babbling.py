@@ -226,7 +226,7 @@ def bend_path(
 ) -> Float[np.ndarray, "samples 2"]:
     """Random path in the unit disc: lines to uniform targets at log-uniform speeds.
 
-    A controller trained at one speed fails at others (docs/deviations.md).
+    A controller trained at one speed fails at others (docs/concepts/deviations.md).
     """
     position = np.zeros(2)
     path: list[np.ndarray] = []

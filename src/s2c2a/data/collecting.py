@@ -349,7 +349,7 @@ def describe_excluded(recording: Recording) -> str:
     poses = recording.sensor("states")[..., 0].size
     return (
         f"excluded {total} of {poses} poses that the cables do not explain, such as "
-        f"marker jumps, the first in episode {first} (docs/real-data.md)"
+        f"marker jumps, the first in episode {first} (docs/guides/import.md)"
     )
 
 

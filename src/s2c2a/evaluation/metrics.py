@@ -1,6 +1,6 @@
 """Metrics of a run, one value a control step, and the scores of tasks.
 
-docs/protocol.md defines the metrics, the steps that count, and their summaries.
+docs/results/protocol.md defines the metrics, the steps that count, and their summaries.
 """
 
 from collections.abc import Callable
@@ -364,4 +364,4 @@ METRICS = {
     "stillness": Metric("cm", _stillness, _maximum),
     "recovery": Metric("s", _recovery, _last),
 }
-"""Metrics by name (docs/protocol.md)."""
+"""Metrics by name (docs/results/protocol.md)."""

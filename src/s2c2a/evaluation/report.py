@@ -175,7 +175,7 @@ def describe_tracking(episode: Episode) -> str:
     if "states" not in episode.sensors:
         return (
             "no scores, since nothing measured the module ends; add --tracking SOURCE "
-            "(docs/tracking.md)"
+            "(docs/guides/tracking.md)"
         )
     return describe_lost_states(episode.sensor("states")[episode.running])
 

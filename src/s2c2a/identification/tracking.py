@@ -205,7 +205,7 @@ def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
     while problem := ends.find_missing(tracker):
         if time.monotonic() > end:
             raise TrackingError(
-                f"{problem} ({FIRST_POSES:g} s); correct it (docs/tracking.md)"
+                f"{problem} ({FIRST_POSES:g} s); correct it (docs/guides/tracking.md)"
             )
         time.sleep(POLL_PERIOD)
 

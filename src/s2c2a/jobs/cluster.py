@@ -94,7 +94,7 @@ class Cluster(ClientExecutor):
         if isinstance(error, KilledWorker):
             raise ClusterError(
                 f"several workers at {self._address} were killed by one job, perhaps "
-                "for lack of memory; give each more (docs/cluster.md) and repeat the "
+                "for lack of memory; give each more (docs/guides/cluster.md) and repeat the "
                 "command: finished results are kept"
             ) from error
 

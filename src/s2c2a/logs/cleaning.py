@@ -36,7 +36,7 @@ class Excluded:
             return ""
         return (
             f"excluded {self.count} of {self.measured} poses: {self.kinds}; "
-            f"first rows {self.rows} (docs/real-data.md)"
+            f"first rows {self.rows} (docs/guides/import.md)"
         )
 
 

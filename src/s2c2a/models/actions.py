@@ -305,7 +305,7 @@ def _with_noise(batch: Batch, std: float, key: PRNGKeyArray | None) -> Batch:
     """The batch with noise on its past actions in training.
 
     Without noise the network learns to repeat its past actions, and diverges in closed
-    loop (docs/deviations.md).
+    loop (docs/concepts/deviations.md).
     """
     if key is None:
         return batch

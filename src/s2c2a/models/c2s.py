@@ -33,7 +33,7 @@ class ForwardOptions(ABC):
 
     A custom model needs one frozen dataclass that derives from this class. A recipe
     file names it and sets its fields: `[c2s]`, `model = "my_model.py:MyOptions"`, and
-    one line for each field (docs/extending.md).
+    one line for each field (docs/guides/extending.md).
 
     Attributes:
         model: name of this class in recipes.

@@ -48,7 +48,7 @@ class RobotFactory:
     Attributes:
         name: "sim", an entry point, or module:Class.
         options: options of the class, such as fidelity or port, as pairs.
-        tracking: source of the poses of a real arm's module ends (docs/tracking.md);
+        tracking: source of the poses of a real arm's module ends (docs/guides/tracking.md);
             empty: that of the arm file, "none": no source.
     """
 

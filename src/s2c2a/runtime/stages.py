@@ -1,4 +1,4 @@
-"""Stages of a controlled arm, as a state machine in pure functions (docs/safety.md).
+"""Stages of a controlled arm, as a state machine in pure functions (docs/concepts/safety.md).
 
 ```
          enabled          sound        not enabled, or unsound

@@ -1,6 +1,6 @@
 """The strategy of the paper: C2S in the planner, C2A as the controller.
 
-Networks for both presets come with the package (recipe `best`, seed 0); docs/live.md
+Networks for both presets come with the package (recipe `best`, seed 0); docs/guides/live.md
 describes their training. A file contains what was learned; the recipe defines how to plan
 with it.
 """

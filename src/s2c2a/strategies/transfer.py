@@ -33,7 +33,7 @@ def transferred(
 
     With the same number of modules, only what follows from the arm file changes. With
     another number, each module starts with what was learned at the same place along the
-    arm (docs/transfer.md). Held-out errors and learning curves stay those of the old arm.
+    arm (docs/guides/transfer.md). Held-out errors and learning curves stay those of the old arm.
     A prior stays one with the same number of modules.
 
     Args:

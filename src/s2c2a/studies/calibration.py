@@ -1,4 +1,4 @@
-"""Comparison of an arm with the paper's (docs/protocol.md; Chen et al. 2025, II-D).
+"""Comparison of an arm with the paper's (docs/results/protocol.md; Chen et al. 2025, II-D).
 
 Makes rows of estimation errors and workspace extents, and searches the stiffnesses and
 the hysteresis with which a simulated arm matches the printed numbers.

@@ -1,7 +1,7 @@
 """All strategies on arms with random model mismatch: data, training and tasks.
 
 Also tests whether a strategy diverges from random targets that are held. Recordings
-come from the new arm, runs from the same arm aged (docs/protocol.md).
+come from the new arm, runs from the same arm aged (docs/results/protocol.md).
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Tables and figures of the paper, and the ablation table of the `best` recipe.
 
 A table lists the arms, tasks and strategies whose runs it needs. The ablation runs
-recipes without one ingredient of `best`, or with one added to `paper` (docs/recipe.md).
+recipes without one ingredient of `best`, or with one added to `paper` (docs/concepts/recipe.md).
 """
 
 from collections.abc import Callable, Sequence

@@ -2,7 +2,7 @@
 
 Each randomized arm learns from a whole recording, and from a short one or none: from
 scratch, from the networks of another arm, and from a prior over further arms.
-Recordings come from new arms, runs from the same arms aged (docs/protocol.md).
+Recordings come from new arms, runs from the same arms aged (docs/results/protocol.md).
 """
 
 from collections.abc import Sequence

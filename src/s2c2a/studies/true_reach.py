@@ -1,6 +1,6 @@
 """The true reach of an arm: a search over resting shapes of its simulation.
 
-The simulated arm has its mismatch and its age, but no memory (docs/protocol.md): its
+The simulated arm has its mismatch and its age, but no memory (docs/results/protocol.md): its
 cables follow the motors at once. Instead, the range of the motors is reduced by the
 most that backlash, friction and homing errors can take.
 """

@@ -18,7 +18,8 @@ RADIUS = 0.22 / PAPER_LENGTH
 HEIGHT = 0.54 / PAPER_LENGTH
 HOLD_BASE_RADIUS = 0.15 / PAPER_LENGTH
 HOLD_BASE_HEIGHT = 0.56 / PAPER_LENGTH
-BASE_WEIGHT = 4.0  # with 1 even a perfect model leaves 1.9 cm (docs/protocol.md)
+# with 1 even a perfect model leaves 1.9 cm (docs/results/protocol.md)
+BASE_WEIGHT = 4.0
 HELD = {"hold-middle": (0.396 / 0.4, 20.0, 3), "hold-end": (0.565 / 0.6, 40.0, 2)}
 """Height of the held end over its height at rest, tilt of its axis [deg], and minimum
 number of modules."""

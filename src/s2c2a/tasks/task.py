@@ -14,7 +14,7 @@ Path = Float[np.ndarray, "steps 3"]
 
 @dataclass(frozen=True)
 class Score:
-    """One metric of a task (docs/protocol.md).
+    """One metric of a task (docs/results/protocol.md).
 
     Attributes:
         metric: its name, such as "position".

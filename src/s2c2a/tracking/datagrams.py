@@ -1,6 +1,6 @@
 """Datagrams of poses as JSON: parsing, and the order of frames.
 
-Pure functions and values, without sockets; `docs/tracking.md` states the format.
+Pure functions and values, without sockets; `docs/guides/tracking.md` states the format.
 """
 
 import json

@@ -102,7 +102,7 @@ class StateSensor:
             if time.monotonic() > end:
                 raise TrackingError(
                     f"tracking {self._source}: {problem} ({FIRST_POSES:g} s); correct "
-                    "it, or add --tracking none (docs/tracking.md)"
+                    "it, or add --tracking none (docs/guides/tracking.md)"
                 )
             time.sleep(POLL_PERIOD)
 

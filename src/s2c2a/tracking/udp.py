@@ -40,7 +40,7 @@ class DatagramCounts:
 
 
 class UdpTracker(Tracker):
-    """Receives poses as JSON datagrams; `docs/tracking.md` states the format.
+    """Receives poses as JSON datagrams; `docs/guides/tracking.md` states the format.
 
     Every datagram that is not valid, plausible and newer than all before is counted
     and dropped.

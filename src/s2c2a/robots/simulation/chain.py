@@ -1,7 +1,7 @@
 """MuJoCo model of an arm: rigid segments with an elastic joint in the middle of each.
 
 With joints in the middle, the static shape converges with the square of the segment
-length; with joints at the start it would converge linearly (docs/simulator.md).
+length; with joints at the start it would converge linearly (docs/concepts/simulator.md).
 """
 
 from dataclasses import dataclass

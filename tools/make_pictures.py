@@ -1,6 +1,6 @@
-"""Make the pictures of docs/live.md and the README; needs Chromium.
+"""Make the pictures of docs/guides/live.md and the README; needs Chromium.
 
-Run `python docs/make_pictures.py`.
+Run `python tools/make_pictures.py`.
 """
 
 import io
@@ -23,7 +23,7 @@ from s2c2a.tasks import load_task
 from s2c2a.viz import Trace
 from s2c2a.viz.video import save_video
 
-FOLDER = Path(__file__).parent / "pictures"
+FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
 DESKTOP = {"width": 1280, "height": 800}
 PHONE = {"width": 390, "height": 844}
 

@@ -1,6 +1,6 @@
-"""Make the wiring diagram of docs/hardware.md.
+"""Make the wiring diagram of docs/guides/hardware.md.
 
-Run `python docs/make_wiring.py`.
+Run `python tools/make_wiring.py`.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 from matplotlib.patches import Circle, FancyBboxPatch
 
-FILE = Path(__file__).parent / "pictures" / "wiring.svg"
+FILE = Path(__file__).parents[1] / "docs" / "pictures" / "wiring.svg"
 POWER = "#c0392b"
 GROUND = "#222222"
 DATA = "#1f6fb2"
