@@ -410,8 +410,14 @@ def payloads_table() -> str:
             find_row(file, task=task, strategy=strategy, metric="position")["mean"]
             for task in tasks
         ]
-        lines.append([strategy, *(number(value, 1) for value in found)])
-    return markdown(["tip error [mm]", *tasks], lines)
+        lines.append([f"tip error, {strategy} [mm]", *(number(v, 1) for v in found)])
+    masses = [
+        find_row(file, task=task, strategy="estimated", metric="payload")["mean"]
+        for task in tasks
+    ]
+    lines.append(["estimated payload [g]", *(number(mass, 0) for mass in masses)])
+    names = {"full": "no payload", "100g": "100 g", "300g": "300 g"}
+    return markdown(["", *(names.get(task, task) for task in tasks)], lines)
 
 
 @table("stability")
