@@ -65,12 +65,22 @@ def fault_of(line: CommandLine) -> str:
 
 
 def _lines_of_block(block: Block) -> Iterator[CommandLine]:
-    joined = block.text.replace("\\\n", "  ")
-    for number, text in enumerate(joined.splitlines()):
-        for words in _simple_commands(text):
+    start, text = block.line, ""
+    for number, row in enumerate(block.text.splitlines(), block.line):
+        start = start if text else number
+        text += row
+        if row.endswith("\\"):
+            text = text[:-1]
+            continue
+        try:
+            commands = _simple_commands(text)
+        except ValueError:  # a quotation goes on in the next row
+            text += "\n"
+            continue
+        text = ""
+        for words in commands:
             if words[:1] == [COMMAND]:
-                place = f"{block.page}:{block.line + number}"
-                yield CommandLine(place, tuple(words[1:]))
+                yield CommandLine(f"{block.page}:{start}", tuple(words[1:]))
 
 
 def _simple_commands(text: str) -> list[list[str]]:

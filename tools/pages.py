@@ -31,6 +31,7 @@ REASONS = (
     "a server that runs until stopped",
     "installs software",
     "quoted code",
+    "data that are not shipped",
 )
 """Why a block may stay without a run."""
 
