@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from tools import pages
 from tools.command_lines import CommandLine, command_lines, fault_of
 from tools.page_processes import QUIET
