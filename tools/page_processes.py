@@ -72,13 +72,12 @@ class Process:
         """Exit status.
 
         Raises:
-            BlockError: it runs for longer than the limit [s]; it is stopped.
+            BlockError: it runs for longer than the limit [s].
         """
         try:
             status = self._program.wait(limit)
         except subprocess.TimeoutExpired:
-            self.stop()
-            raise BlockError(f"stopped after {limit:.0f} s") from None
+            raise BlockError(f"took more than {limit:g} s") from None
         self._reader.join(0.5)  # a child in the background may keep the pipe open
         return status
 
@@ -105,8 +104,9 @@ class Process:
                 self._program.wait(STOP_LIMIT)
                 break
         self.kill()
-        with suppress(OSError):
+        if self._terminal >= 0:
             os.close(self._terminal)
+            self._terminal = -1
 
     def kill(self) -> None:
         """End it and its children at once."""
@@ -167,7 +167,7 @@ class PythonProcess:
         killer.cancel()
         time.sleep(0.05)  # the last output may still be in the pipe
         if was_late.is_set():
-            raise BlockError(f"stopped after {limit:.0f} s")
+            raise BlockError(f"took more than {limit:g} s")
         if result != "passed":
             raise BlockError("raised an exception" if result else "the process ended")
 

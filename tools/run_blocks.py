@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -28,6 +29,7 @@ BLOCK_LIMIT = 600.0  # s
 COPIED = ("examples",)
 LINKED = ("benchmarks", "results", "tools")
 SOURCES = ("src", "examples", "tools")
+TERMINATED = 143  # exit status, as shells report the signal
 TAIL = 30  # lines of the output of a failure
 
 PASSED = "passed"
@@ -137,7 +139,8 @@ class PageRun:
             status = process.wait(self.limit)
         except BlockError as error:
             raise BlockError(str(error), _tail(process.output)) from None
-        process.stop()
+        finally:  # also if the reader interrupts this program
+            process.stop()
         if status != 0:
             raise BlockError(f"exit status {status}", _tail(process.output))
         self._check_background()
@@ -303,6 +306,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         total_limit=options.total,
     )
     began = time.monotonic()
+    # an exception ends the programs of the blocks, too
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         results = session.run(names, options.resume)
     except PageError as error:
