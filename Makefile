@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Checks of types and imports, and the installation of the browser, run side by side.
 MAKEFLAGS += --jobs=2
 
-.PHONY: demo test check style types imports docs bench format setup browser clean
+.PHONY: demo test check style types imports docs docs-site bench format setup browser clean
 
 demo: setup  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
@@ -25,8 +25,13 @@ types: setup
 imports: setup
 	$(BIN)/lint-imports
 
-docs: setup  ## the documentation site in site/, with its links checked
+docs: docs-site  ## the site with its links checked, then every command and Python block of its pages
+	$(BIN)/python -m tools.run_blocks --keep-going --resume
+	@echo "the site is in $(CURDIR)/site; start with site/index.html"
+
+docs-site: setup  ## the documentation site in site/, with its links checked
 	NO_COLOR=1 PYTHONPATH=. $(BIN)/zensical build --clean
+	$(BIN)/python -m tools.check_site
 
 bench: setup  ## how fast everything is, one process a file; options in BENCH="..."
 	@mkdir -p runs/bench; failed=0; for part in benchmarks/bench_*.py; do \
