@@ -13,7 +13,9 @@ PAGES = ("spaces", "equations", "estimation", "planning")
 def python_of(page: str) -> str:
     """All Python blocks of a page, one session."""
     text = (CONCEPTS / f"{page}.md").read_text(encoding="utf-8")
-    return "\n".join(re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
+    return "\n".join(
+        re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    )
 
 
 @pytest.mark.parametrize("page", PAGES)
