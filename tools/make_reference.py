@@ -7,13 +7,17 @@ from pathlib import Path
 
 from tools.markdown import ROOT
 from tools.reference_commands import commands_page
+from tools.reference_recipe import recipe_page
 
 FOLDER = ROOT / "docs" / "reference"
 
 
 def pages() -> dict[Path, str]:
     """Text of every generated page, by its file."""
-    return {FOLDER / "commands.md": commands_page()}
+    return {
+        FOLDER / "commands.md": commands_page(),
+        FOLDER / "recipe.md": recipe_page(),
+    }
 
 
 def main() -> None:
