@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tools.markdown import ROOT
 from tools.reference_commands import commands_page
+from tools.reference_episodes import episodes_page
 from tools.reference_recipe import recipe_page
 
 FOLDER = ROOT / "docs" / "reference"
@@ -16,6 +17,7 @@ def pages() -> dict[Path, str]:
     """Text of every generated page, by its file."""
     return {
         FOLDER / "commands.md": commands_page(),
+        FOLDER / "episodes.md": episodes_page(),
         FOLDER / "recipe.md": recipe_page(),
     }
 

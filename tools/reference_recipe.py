@@ -40,8 +40,8 @@ A file without `based_on` needs all keys that have no default. `s2c2a sweep` wri
 files. [The recipe best](../concepts/recipe.md) explains and measures the choices, and
 [Your robot and your own parts](../guides/extending.md) replaces a part by your code.
 """
-NUMBERS = """The numbers of a component are at least 0 and at most 1 000 000, and its `iterations`
-at most 10 000. In place of a table, a component may be your own:
+NUMBERS = """Solver, terms, guides, fallback and state estimator are components. Their numbers are at least 0 and at most 1 000 000, and `iterations` at
+most 10 000. In place of a table, a component may be your own:
 `name = "file.py:Name"`, with its arguments in `parameters`.
 """
 WORDS: Mapping[Any, str] = {
@@ -51,14 +51,14 @@ WORDS: Mapping[Any, str] = {
     str: "text",
 }
 PLACES = {
-    "c2s": "`[c2s]`",
-    "c2a": "`[c2a]`",
-    "c2s_fit": "`[c2s_fit]`",
-    "c2a_fit": "`[c2a_fit]`",
-    "estimator": "`[estimator]`",
-    "planner": "`[planner]`",
-    "solver": "`[planner.solver]`",
-    "fallback": "`[planner.fallback]`",
+    "c2s": "table `[c2s]`",
+    "c2a": "table `[c2a]`",
+    "c2s_fit": "table `[c2s_fit]`",
+    "c2a_fit": "table `[c2a_fit]`",
+    "estimator": "table `[estimator]`",
+    "planner": "table `[planner]`",
+    "solver": "table `[planner.solver]`",
+    "fallback": "table `[planner.fallback]`",
     "terms": "tables `[[planner.terms]]`",
     "guides": "tables `[[planner.guides]]`",
 }
@@ -79,16 +79,15 @@ def recipe_page() -> str:
     parts += _options("Forward model: `[c2s]`", "model", MODELS.known, "c2s")
     parts += _options("Controller: `[c2a]`", "model", CONTROLLERS.known, "c2a")
     parts += _training()
-    parts += _options("State estimator: `[estimator]`", "name", *_ESTIMATOR)
+    parts += _options(
+        "State estimator: `[estimator]`", "name", ESTIMATORS.known, "estimator"
+    )
     planners = {name: recipe.planner for name, recipe in recipes.items()}
     parts += ["## Planner: `[planner]`\n", keys_table(PlannerOptions, planners)]
     parts.append(NUMBERS)
     for heading, registry in COMPONENTS:
         parts += [f"### {heading}\n", *_components(registry.known)]
     return "\n".join(parts)
-
-
-_ESTIMATOR = (ESTIMATORS.known, "estimator")
 
 
 def _other_recipes() -> str:
@@ -152,9 +151,11 @@ def _class_section(
     used = " and ".join(f"`{recipe}`" for recipe in values)
     yield f"{'#' * level} `{heading}`\n"
     text = linked(first_paragraph(kind.__doc__), FOLDER)
-    yield f"{text} {f'Used by {used}.' if used else 'Used by neither recipe.'}\n"
-    if any(_is_key(item.name, kind) for item in fields(kind)):
+    yield f"{text} {f'Used by {used}.' if used else 'Used by neither `best` nor `paper`.'}\n"
+    if any(_is_key(item.name) for item in fields(kind)):
         yield keys_table(kind, values)
+    else:
+        yield "It has no keys.\n"
 
 
 def keys_table(kind: type, values: Mapping[str, Any]) -> str:
@@ -168,7 +169,7 @@ def keys_table(kind: type, values: Mapping[str, Any]) -> str:
     meanings = field_meanings(kind)
     rows = []
     for item in fields(kind):
-        if not _is_key(item.name, kind):
+        if not _is_key(item.name):
             continue
         if item.name not in meanings:
             raise SystemExit(f"{kind.__name__} documents no '{item.name}'")
@@ -185,7 +186,7 @@ def keys_table(kind: type, values: Mapping[str, Any]) -> str:
     return table(("key", "type", *recipes, "meaning"), rows)
 
 
-def _is_key(name: str, kind: type) -> bool:
+def _is_key(name: str) -> bool:
     """Whether files hold the field, besides the key that names the class."""
     return name not in ("name", "model", "own_code")
 
