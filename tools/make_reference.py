@@ -6,6 +6,7 @@ Run `python -m tools.make_reference` from the root of the repository.
 from pathlib import Path
 
 from tools.markdown import ROOT
+from tools.reference_api import api_pages
 from tools.reference_commands import commands_page
 from tools.reference_episodes import episodes_page
 from tools.reference_recipe import recipe_page
@@ -15,7 +16,8 @@ FOLDER = ROOT / "docs" / "reference"
 
 def pages() -> dict[Path, str]:
     """Text of every generated page, by its file."""
-    return {
+    api = {FOLDER / "api" / name: text for name, text in api_pages().items()}
+    return api | {
         FOLDER / "commands.md": commands_page(),
         FOLDER / "episodes.md": episodes_page(),
         FOLDER / "recipe.md": recipe_page(),

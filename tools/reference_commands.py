@@ -69,9 +69,10 @@ def commands_page() -> str:
     sections = []
     for group, names in GROUPS.items():
         sections.append(f"## {group}\n")
-        for name in names:
+        for number, name in enumerate(names):
+            shown = "" if number else group
             leaves = list(_commands_of(name, commands[name].target))
-            rows.append(_contents_row(group, name, commands[name].help, leaves))
+            rows.append(_contents_row(shown, name, commands[name].help, leaves))
             sections += map(_section, leaves)
     contents = table(("group", "command", "purpose"), rows)
     return "\n".join((header("the command line"), OPENING, contents, *sections))
@@ -111,7 +112,7 @@ def _parser_of(function: Callable) -> argparse.ArgumentParser:
 
 def _section(command: Command) -> str:
     actions = [action for action in command.parser._actions if action.dest != "help"]
-    parts = [f"### `s2c2a {command.name}` {{ #{command.anchor} }}\n"]
+    parts = [f"### {command.name} {{ #{command.anchor} }}\n"]
     parts.append(linked(command.parser.description or "", FOLDER) + "\n")
     parts.append(f"```sh\n{_usage(command.name, actions)}\n```\n")
     if actions:

@@ -40,9 +40,9 @@ A file without `based_on` needs all keys that have no default. `s2c2a sweep` wri
 files. [The recipe best](../concepts/recipe.md) explains and measures the choices, and
 [Your robot and your own parts](../guides/extending.md) replaces a part by your code.
 """
-NUMBERS = """Solver, terms, guides, fallback and state estimator are components. Their numbers are at least 0 and at most 1 000 000, and `iterations` at
-most 10 000. In place of a table, a component may be your own:
-`name = "file.py:Name"`, with its arguments in `parameters`.
+NUMBERS = """Solver, terms, guides, fallback and state estimator are components. Their numbers are
+at least 0 and at most 1 000 000, and `iterations` at most 10 000. In place of a table, a
+component may be your own: `name = "file.py:Name"`, with its arguments in `parameters`.
 """
 WORDS: Mapping[Any, str] = {
     int: "whole number",

@@ -252,7 +252,7 @@ _PAPER = Recipe(
     c2a=BiLSTMController(layers=2, hidden=32),
 )
 RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
-"""docs/concepts/recipe.md measures each ingredient of `best`, and the fourfold data of `best-long`."""
+"""Recipes of the package, by name; docs/concepts/recipe.md measures their parts."""
 
 
 def recipe_named(name: str) -> Recipe:
