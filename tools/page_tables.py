@@ -1,0 +1,542 @@
+"""The tables on the pages: which rows of `results/` each one shows."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tools.results_tables import (
+    MISSING,
+    Column,
+    Line,
+    find_row,
+    find_rows,
+    markdown,
+    number,
+    table_of,
+    with_spread,
+)
+
+TABLES: dict[str, Callable[[], str]] = {}
+"""Functions that make a table, by its name on the pages."""
+
+TILTS = "mean of 6 tilt tasks"
+TILT_TASKS = (
+    "tilt-40",
+    "tilt-50",
+    "tilt-60",
+    "tilt-0",
+    "tilt-50-a20",
+    "tilt-50-c20",
+)
+PAYLOADS_G = (0, 50, 100)
+PACES = ("circle", "square", "eight", "circle@0.5", "square@0.5", "eight@0.5")
+
+
+def table(name: str) -> Callable[[Callable[[], str]], Callable[[], str]]:
+    """Register a function that makes a table."""
+
+    def registered(make: Callable[[], str]) -> Callable[[], str]:
+        TABLES[name] = make
+        return make
+
+    return registered
+
+
+def paper_value(row: dict[str, Any]) -> str:
+    """What the paper reports for its arm."""
+    return number(row["paper_mean"], 1)
+
+
+def _columns(arm: str = "twin_arm") -> list[Column]:
+    """Strategies of the tables of the paper, and the paper's own values."""
+    of_arm = {"arm": arm}
+    return [
+        Column("`best`", "best", {**of_arm, "strategy": "s2c2a"}),
+        Column("`paper`", "paper", {**of_arm, "strategy": "s2c2a"}),
+        Column("`pcc-fitted`", "best", {**of_arm, "strategy": "pcc-fitted"}),
+        Column("`pcc`", "best", {**of_arm, "strategy": "pcc"}),
+        Column("the paper's arm", "best", {**of_arm, "strategy": "s2c2a"}, paper_value),
+    ]
+
+
+def _line(label: str, file: str, task: str, *metrics: str, **match: str) -> Line:
+    """A line of one task; its experiment is the name of the file unless stated."""
+    fields = {"table": file, "experiment": file, "task": task, **match}
+    return Line(label, metrics, fields)
+
+
+MAIN_LINES = (
+    _line("`circle` [cm]", "tracking", "circle", "position"),
+    _line("six tilt tasks [cm; deg]", "tracking", TILTS, "position", "tilt"),
+    _line(
+        "`hold-base`: constraint; position [cm]",
+        "constraint",
+        "hold-base",
+        "constraint",
+        "position",
+    ),
+    _line(
+        "`hold-middle` [cm; deg]",
+        "constraint",
+        "hold-middle",
+        "constraint",
+        "orientation",
+    ),
+    _line(
+        "`hold-end` [cm; deg]", "constraint", "hold-end", "constraint", "orientation"
+    ),
+    _line("moving target, `follow` [cm]", "interaction", "follow", "position"),
+    _line("smallest clearance, `flee` [cm]", "interaction", "flee", "clearance"),
+    _line(
+        "`circle`, unknown payload of 50 g [cm]",
+        "tracking",
+        "circle",
+        "position",
+        experiment="tracking, 50 g at the tip",
+    ),
+)
+
+
+@table("main")
+def main_table() -> str:
+    """Tasks of the paper on `twin_arm`."""
+    known = find_row(
+        "sensors/twin_arm.json",
+        task="circle",
+        strategy="encoders-known-payload, 50 g",
+        metric="position",
+    )
+    estimated = find_row(
+        "sensors/twin_arm.json", task="circle", strategy="imu, 50 g", metric="position"
+    )
+    rest = [MISSING] * 4
+    lines = [
+        ["the same, payload known [cm]", with_spread(known), *rest],
+        ["the same, with inertial sensors [cm]", with_spread(estimated), *rest],
+    ]
+    return table_of(MAIN_LINES, _columns(), lines)
+
+
+@table("tilts")
+def tilts_table() -> str:
+    """Every tilt task on `twin_arm`."""
+    lines = [
+        _line(f"`{task}` [cm; deg]", "tracking", task, "position", "tilt")
+        for task in TILT_TASKS
+    ]
+    azimuths = "mean of 2 tilt tasks"
+    lines.append(
+        _line("azimuth of the last two [deg]", "tracking", azimuths, "azimuth")
+    )
+    return table_of(lines, _columns())
+
+
+@table("hysteresis")
+def hysteresis_table() -> str:
+    """Arms with other hysteresis."""
+    other = "tracking, other hysteresis"
+    lines = []
+    for arm in ("twin_capstan", "twin_creep", "twin_both"):
+        for label, task, metrics in (
+            ("circle [cm]", "circle", ("position",)),
+            ("six tilt tasks [cm; deg]", TILTS, ("position", "tilt")),
+        ):
+            title = f"`{arm}`, {label}"
+            lines.append(
+                _line(title, "tracking", task, *metrics, experiment=other, arm=arm)
+            )
+    columns = [
+        Column("`best`", "best", {"strategy": "s2c2a"}),
+        Column("`paper`", "paper", {"strategy": "s2c2a"}),
+    ]
+    return table_of(lines, columns)
+
+
+@table("simulated-arm")
+def simulated_arm_table() -> str:
+    """The circle of the arm with tension control."""
+    names = {
+        "s2c2a": "S2C2A",
+        "s2c2a-motor": "S2C2A, motor babbling",
+        "lstm": "LSTM",
+        "pcc": "PCC",
+        "pcc-fitted": "PCC, fitted gains",
+    }
+    found = find_rows("best/simulation.json", metric="position")
+    cases = []
+    for row in found:
+        case = (row["experiment"], row["arm"], row["task"], row["strategy"])
+        if case not in cases:
+            cases.append(case)
+    lines = []
+    for experiment, arm, task, strategy in cases:
+        match = {
+            "experiment": experiment,
+            "arm": arm,
+            "task": task,
+            "strategy": strategy,
+            "metric": "position",
+        }
+        ours = find_row("best/simulation.json", **match)
+        paper = find_rows("paper/simulation.json", **match)
+        of_paper = with_spread(paper[0]) if paper else MISSING
+        label = f"`{arm}`, {names.get(strategy, strategy)}"
+        lines.append([label, with_spread(ours), of_paper, paper_value(ours)])
+    return markdown(["`circle` [cm]", "`best`", "`paper`", "the paper's arm"], lines)
+
+
+OBSTACLE_TASKS = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
+
+
+@table("obstacles")
+def obstacles_table() -> str:
+    """Clearances and path lengths past obstacles."""
+    tip = ("reached", "clearance", "path length")
+    arm = ("reached", "clearance of the arm", "path length")
+    lines = []
+    for label, experiment, metrics in (
+        ("tip guarded", "obstacles", tip),
+        ("whole arm guarded", "obstacles, whole arm guarded", arm),
+    ):
+        for task in OBSTACLE_TASKS:
+            match = {"experiment": experiment, "task": task}
+            if not find_rows("best/obstacles.json", **match):
+                continue
+            cells = [f"`{task}`, {label}"]
+            for folder in ("best", "paper"):
+                cells += [_obstacle_cell(folder, metric, match) for metric in metrics]
+            lines.append(cells)
+    head = ["", "reached", "clearance [cm]", "path length [cm]"]
+    return markdown([*head, *(f"`paper`: {title}" for title in head[1:])], lines)
+
+
+def _obstacle_cell(folder: str, metric: str, match: dict[str, str]) -> str:
+    rows = find_rows(
+        f"{folder}/obstacles.json", metric=metric, strategy="s2c2a", **match
+    )
+    if not rows:
+        return MISSING
+    if metric == "reached":
+        return f"{rows[0]['mean']:.0%}"
+    return with_spread(rows[0])
+
+
+@table("networks")
+def networks_table() -> str:
+    """Held-out errors of the networks."""
+    lines = []
+    for row in find_rows("best/networks.json"):
+        match = {name: row[name] for name in ("arm", "task", "metric", "strategy")}
+        paper = find_row("paper/networks.json", **match)
+        label = f"`{row['arm']}`, {row['strategy']}: {row['metric']} [{row['unit']}]"
+        lines.append([label, with_spread(row), with_spread(paper), paper_value(row)])
+    return markdown(["", "`best`", "`paper`", "the paper's arm"], lines)
+
+
+@table("paths")
+def paths_table() -> str:
+    """Paths that need an S shape."""
+    lines = [
+        Line(
+            f"`{task}` [cm]",
+            ("position",),
+            {"table": "paths", "task": task, "arm": "twin_arm"},
+        )
+        for task in ("square", "eight", "helix", "star")
+    ]
+    columns = [
+        Column("`best`", "best", {"strategy": "s2c2a"}),
+        Column("`pcc-fitted`", "best", {"strategy": "pcc-fitted"}),
+        Column("`pcc`", "best", {"strategy": "pcc"}),
+    ]
+    return table_of(lines, columns)
+
+
+def _mean_and_worst(file: str, strategies: Sequence[str]) -> str:
+    """Mean of the arms, and the worst one in brackets."""
+    means = [row for row in find_rows(file) if row["arm"].startswith("mean of")]
+    keys = list(dict.fromkeys((row["task"], row["metric"]) for row in means))
+    lines = []
+    for task, metric in keys:
+        cells = []
+        unit = ""
+        for strategy in strategies:
+            match = {"task": task, "metric": metric, "strategy": strategy}
+            mean, worst = (
+                _mean_row(file, "mean", match),
+                _mean_row(file, "worst", match),
+            )
+            if mean is None or worst is None:
+                cells.append(MISSING)
+                continue
+            unit = mean["unit"]
+            cells.append(f"{number(mean['mean'])} ({number(worst['mean'])})")
+        lines.append([f"{task}: {metric} [{unit}]", *cells])
+    return markdown(["", *(f"`{name}`" for name in strategies)], lines)
+
+
+def _mean_row(file: str, which: str, match: dict[str, str]) -> dict[str, Any] | None:
+    """The row of the mean or the worst of all arms."""
+    rows = [
+        row for row in find_rows(file, **match) if row["arm"].startswith(f"{which} of")
+    ]
+    return rows[0] if rows else None
+
+
+@table("randomized-mild")
+def randomized_table() -> str:
+    """Ten arms at strength 0.5."""
+    strategies = ("best", "paper", "pcc", "pcc-fitted")
+    return _mean_and_worst("randomised-arms/strength-0.5.json", strategies)
+
+
+@table("randomized-strong")
+def strong_mismatch_table() -> str:
+    """Three arms at strength 1."""
+    strategies = ("best", "best-long", "paper", "pcc-fitted")
+    return _mean_and_worst("randomised-arms/strength-1.0.json", strategies)
+
+
+@table("paces")
+def paces_table() -> str:
+    """Paths at two paces on randomized arms."""
+    lines = []
+    for strength in ("0.5", "1.0"):
+        file = f"randomised-arms/paths-strength-{strength}.json"
+        for strategy in ("best", "best-active"):
+            for metric, unit, digits in (
+                ("position", " [cm]", 2),
+                ("errors within twice the std", "", 2),
+            ):
+                cells = [
+                    number(_mean_value(file, task, metric, strategy), digits)
+                    for task in PACES
+                ]
+                label = f"strength {strength}, `{strategy}`: {metric}{unit}"
+                lines.append([label, *cells])
+    return markdown(["", *(f"`{task}`" for task in PACES)], lines)
+
+
+def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | None:
+    match = {"task": task, "metric": metric, "strategy": strategy}
+    row = _mean_row(file, "mean", match)
+    return None if row is None else row["mean"]
+
+
+@table("other-data")
+def other_data_table() -> str:
+    """The model of `best` with other training data."""
+    folder = "randomised-arms"
+    first = f"{folder}/paths-other-data-strength-0.5.json"
+    second = f"{folder}/paths-other-data-seed-1-strength-0.5.json"
+    of_best = f"{folder}/paths-strength-0.5.json"
+    lines = []
+    for label, strategy, file in (
+        ("`coverage` (`best`)", "best", of_best),
+        ("`coverage`, speeds 0.02 to 0.06", "cov_slow.toml", first),
+        ("`best-active`", "best-active", of_best),
+        ("`motor`: independent paths, speeds 0.03 to 0.1", "uniform.toml", first),
+        ("`mixed`, speeds 0.02 to 0.06", "mixed.toml", first),
+    ):
+        cells = [_mean_value(file, task, "position", strategy) for task in PACES]
+        again = [_mean_value(second, task, "position", strategy) for task in PACES]
+        known = None if None in again else sum(again)
+        lines.append([label, *map(number, [*cells, sum(cells), known])])
+    tasks = (f"`{task}`" for task in PACES)
+    return markdown(["data", *tasks, "sum", "sum, seed 1"], lines)
+
+
+@table("sensors")
+def sensors_table() -> str:
+    """The circle with unknown payloads, by sensors."""
+    names = {
+        "encoders": "encoders only",
+        "encoders-known-payload": "encoders, known payload",
+        "imu": "inertial sensors",
+        "current": "motor currents",
+        "camera": "camera",
+        "motion-capture": "motion capture",
+        "bends": "bends",
+        "flex": "flex sensors",
+        "imu-current-camera": "inertial sensors, currents and camera",
+    }
+    lines = []
+    for sensors, label in names.items():
+        cells = [
+            with_spread(
+                find_row(
+                    "sensors/twin_arm.json",
+                    task="circle",
+                    strategy=f"{sensors}, {payload} g",
+                    metric="position",
+                )
+            )
+            for payload in PAYLOADS_G
+        ]
+        lines.append([label, *cells])
+    return markdown(["sensors", "no payload", "50 g", "100 g"], lines)
+
+
+REAL_MODELS = ("best", "kernels with plays", "kernels", "chain")
+
+
+def _real_line(label: str, file: str, task: str) -> list[str]:
+    found = []
+    for model in REAL_MODELS:
+        match = {"task": task, "strategy": model, "metric": "tip"}
+        found.append(number(find_row(f"real/{file}.json", **match)["mean"], 1))
+    return [label, *found]
+
+
+@table("real")
+def real_table() -> str:
+    """Errors of models on recordings of real arms."""
+    lines = [
+        _real_line(f"{row['task']}", file, row["task"])
+        for file in ("opencr_v4", "opencr_v4_largest", "stanford_trunk_largest")
+        for row in find_rows(f"real/{file}.json", strategy="best", metric="tip")
+    ]
+    return markdown(["held out", *(f"{model} [mm]" for model in REAL_MODELS)], lines)
+
+
+@table("payloads")
+def payloads_table() -> str:
+    """Payloads of a real arm: tip error without and with estimation."""
+    file = "payloads/stanford_trunk.json"
+    strategies = list(dict.fromkeys(row["strategy"] for row in find_rows(file)))
+    tasks = list(dict.fromkeys(row["task"] for row in find_rows(file)))
+    lines = []
+    for strategy in strategies:
+        found = [
+            find_row(file, task=task, strategy=strategy, metric="position")["mean"]
+            for task in tasks
+        ]
+        lines.append([f"tip error, {strategy} [mm]", *(number(v, 1) for v in found)])
+    masses = [
+        find_row(file, task=task, strategy="estimated", metric="payload")["mean"]
+        for task in tasks
+    ]
+    lines.append(["estimated payload [g]", *(number(mass, 0) for mass in masses)])
+    names = {"full": "no payload", "100g": "100 g", "300g": "300 g"}
+    return markdown(["", *(names.get(task, task) for task in tasks)], lines)
+
+
+@table("stability")
+def stability_table() -> str:
+    """Motion and error of the tip at a held point."""
+    file = "stability/results.json"
+    arms = list(dict.fromkeys(row["arm"] for row in find_rows(file)))
+    payloads = (0, 50, 100, 150)
+    lines = []
+    for arm in arms:
+        for sensors in ("encoders-known-payload", "bends", "imu", "current", "camera"):
+            cells = []
+            for payload in payloads:
+                match = {
+                    "arm": arm,
+                    "task": "hold-point",
+                    "strategy": f"{sensors}, {payload} g",
+                }
+                moved = find_row(file, metric="peak to peak, last 20 s", **match)
+                error = find_row(file, metric="position, last quarter", **match)
+                cells.append(f"{number(moved['mean'], 1)} / {number(error['mean'], 1)}")
+            lines.append([f"`{arm}`, {sensors}", *cells])
+    return markdown(["", *(f"{payload} g" for payload in payloads)], lines)
+
+
+@table("repetition")
+def repetition_table() -> str:
+    """Iterative learning: whole run, and its last quarter."""
+    file = "repetition/results.json"
+    arms = list(dict.fromkeys(row["arm"] for row in find_rows(file)))
+    lines = []
+    for label, strategy in (
+        ("first", "camera, repetition 1"),
+        ("fifth", "camera, repetition 5"),
+    ):
+        cells = []
+        for arm in arms:
+            match = {"arm": arm, "strategy": strategy}
+            whole = find_row(file, metric="position", **match)
+            last = find_row(file, metric="position, last quarter", **match)
+            cells.append(f"{number(whole['mean'])} ({number(last['mean'])})")
+        lines.append([label, *cells])
+    return markdown(["repetition [cm]", *(f"`{arm}`" for arm in arms)], lines)
+
+
+TRANSFER_CASES = (
+    ("new arm", "mean of 3 arms at 0.5, 3 modules"),
+    ("six modules", "mean of 1 arms at 0.5, 6 modules"),
+)
+TRANSFER_METRICS = (
+    ("circle", "position", "cm"),
+    ("tilt-50", "position", "cm"),
+    ("tilt-50", "tilt", "deg"),
+)
+SAMPLES = (0, 100, 500, 2000)
+
+
+def _transfer_table(start: str) -> str:
+    """Errors by the number of samples, and as multiples of full training."""
+    file = "transfer/twin_arm.json"
+    lines = []
+    for label, arm in TRANSFER_CASES:
+        for task, metric, unit in TRANSFER_METRICS:
+            match = {"arm": arm, "task": task, "metric": metric}
+            whole = find_row(file, strategy="whole recording", unit=unit, **match)
+            cells = [number(whole["mean"])]
+            for samples in SAMPLES:
+                strategy = f"{start}, {samples} samples"
+                error = find_row(file, strategy=strategy, unit=unit, **match)
+                ratio = find_row(file, strategy=strategy, unit="times", **match)
+                cells.append(
+                    f"{number(error['mean'])}, {number(ratio['mean'], 1)} times"
+                )
+            lines.append([f"{label}, {task} [{unit}]", *cells])
+    head = ["", "whole recording, 9000", *map(str, SAMPLES)]
+    return markdown(head, lines)
+
+
+FAULTS = {
+    "healthy": "none",
+    "drift": "drift",
+    "latency": "latency of 2 s",
+    "noise": "noise, 20 times the usual one",
+    "offset": "offset",
+    "negated": "sign inverted",
+    "frozen": "frozen",
+    "reversed": "modules swapped",
+}
+
+
+@table("sensor-faults")
+def sensor_faults_table() -> str:
+    """Largest tip error after a fault, and time until the sensor is rejected."""
+    file = "sensor-faults/results.json"
+    lines = []
+    for fault, label in FAULTS.items():
+        cells = []
+        for sensor in ("bends", "imu", "current", "camera"):
+            case = fault if fault == "healthy" else f"{fault}, to the end"
+            strategy = f"{sensor}, {case}"
+            worst = find_row(file, strategy=strategy, metric="worst error")["mean"]
+            times = find_rows(file, strategy=strategy, metric="time to rejection")
+            if fault == "healthy":
+                cells.append(number(worst, 1))
+            else:
+                time = number(times[0]["mean"], 1) if times else MISSING
+                cells.append(f"{number(worst, 1)} / {time}")
+        lines.append([label, *cells])
+    head = ["fault", "bends", "inertial sensors", "motor currents", "camera"]
+    return markdown(head, lines)
+
+
+@table("transfer-prior")
+def transfer_from_prior_table() -> str:
+    """A new arm from the prior over randomized arms."""
+    return _transfer_table("from a prior")
+
+
+@table("transfer-another")
+def transfer_from_another_table() -> str:
+    """A new arm from the networks of another one."""
+    return _transfer_table("from another")

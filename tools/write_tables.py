@@ -1,0 +1,49 @@
+"""Write the tables of README and documentation from the rows in `results/`.
+
+Run `python -m tools.write_tables` after rows changed. A page marks the place of a table
+with `<!-- table: NAME -->` and `<!-- end of table -->`.
+"""
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from tools.page_tables import TABLES
+from tools.results_tables import ROOT
+
+MARKED = re.compile(
+    r"(<!-- table: (?P<name>[\w-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL
+)
+
+
+def written(page: str) -> str:
+    """A page with its tables made from the present rows.
+
+    Raises:
+        KeyError: no function makes a table of this name.
+    """
+
+    def replaced(found: re.Match[str]) -> str:
+        return f"{found[1]}\n{TABLES[found['name']]()}\n{found[3]}"
+
+    return MARKED.sub(replaced, page)
+
+
+def pages_with_tables() -> Iterator[Path]:
+    """Pages that show rows of `results/`."""
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+        if MARKED.search(page.read_text(encoding="utf-8")):
+            yield page
+
+
+def main() -> None:
+    """Write all tables."""
+    for page in pages_with_tables():
+        text = page.read_text(encoding="utf-8")
+        page.write_text(written(text), encoding="utf-8")
+        print(page.relative_to(ROOT), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
