@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from tyro.extras import SubcommandApp, get_parser
 
 from s2c2a.cli.main import app
+
 from tools.markdown import cell, first_paragraph, header, linked, table
 
 FOLDER = "reference"

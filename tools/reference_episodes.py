@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from s2c2a.planning import Outcome
 from s2c2a.spaces import Stage
+
 from tools.markdown import header, table
 
 OPENING = """# Episode columns

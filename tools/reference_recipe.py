@@ -18,6 +18,7 @@ from s2c2a.planning.solvers import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.training.fit import FitOptions
+
 from tools.markdown import cell, first_paragraph, header, linked, table
 
 FOLDER = "reference"

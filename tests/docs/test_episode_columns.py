@@ -6,7 +6,6 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tools.reference_episodes import all_columns
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, collect
@@ -19,6 +18,8 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import load_task
+
+from tools.reference_episodes import all_columns
 
 SENSORS = {"imu": {}, "camera": {"rate": 10.0, "lost": 0.0, "sees": "ends"}, "flex": {}}
 OF_TRACKERS = {"sensor.states_age"}

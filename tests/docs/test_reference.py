@@ -5,12 +5,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
+from s2c2a.strategies import load_recipe
+
 from tools.api_pages import INTERNAL, PAGES
 from tools.make_reference import pages
 from tools.markdown import page_titles
 from tools.reference_api import package_folders
-
-from s2c2a.strategies import load_recipe
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "docs" / "reference"
