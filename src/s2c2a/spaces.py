@@ -38,9 +38,13 @@ CENTER_LINE_POINTS = 5
 are evenly spaced, the last one at the module's end."""
 
 States = Float[np.ndarray, "*batch modules 6"]
+"""End position [m] and end axis of every module, base frame."""
 Configurations = Float[np.ndarray, "*batch modules 3"]
+"""Unit vector of every module's end axis, module frame."""
 Bends = Float[np.ndarray, "*batch modules 2"]
+"""Bend vector of every module [rad], module frame."""
 Actions = Float[np.ndarray, "*batch modules cables"]
+"""Displacement [m] or tension [N] of every cable."""
 
 FOLLOWS_FROM = {"configurations": "states"}
 """Sensors that can be computed from another sensor of the robot."""

@@ -51,6 +51,7 @@ class Conditions:
 
 
 SIMULATED_FAST = Conditions()
+"""The fast simulation, without payload."""
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ REHEARSED = FitOptions(
 
 @dataclass(frozen=True)
 class ChainOptions(ForwardOptions):
-    """Options of the chain, the forward model of the `best` recipe.
+    """Options of the chain: the forward model of `best` without its local model.
 
     Attributes:
         hidden: units of each hidden layer of the network.

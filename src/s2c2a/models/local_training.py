@@ -64,8 +64,9 @@ class LocalOptions(ChainOptions):
     """Options of the chain and of the local model.
 
     Attributes:
-        play_widths: see `ChainOptions`, here for data with bends up to `FULL_BEND`;
-            they scale with the largest bend of the data.
+        play_widths: half-widths of the play operators, in parts of the cable radius
+            [rad], for data with bends up to `FULL_BEND`; they scale with the largest
+            bend of the data.
         points: number of inducing points of the kernels.
         few: number of inducing points of the predictive standard deviation.
         calibrate: whether a second, shorter training calibrates that deviation

@@ -366,4 +366,5 @@ def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
 
 
 NO_FALLBACK = FallbackSearch(starts=0)
+"""No search: the plan stays stuck."""
 FALLBACKS = ComponentRegistry.of("fallback", FallbackSearch, FallbackSearch)

@@ -130,6 +130,7 @@ PAPER = PlannerOptions(
         terms.Change(),
     ),
 )
+"""Planner options of the paper."""
 BEST = PlannerOptions(
     LeastSquares(),
     (
@@ -146,6 +147,7 @@ BEST = PlannerOptions(
     engaged_slopes=True,
     fallback=FallbackSearch(),
 )
+"""Planner options of the recipe `best`."""
 
 
 class Plan(NamedTuple):

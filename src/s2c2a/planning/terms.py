@@ -110,6 +110,7 @@ def largest_bend(bends: Bends) -> Float[Array, ""]:
 
 Weights = Float[Numbers, "*#groups"] | float
 Residual = tuple[Weights, Float[Array, "*groups axes"]]
+"""Weights mu and residuals r of a term, in groups."""
 
 
 @dataclass(frozen=True)

@@ -68,14 +68,15 @@ class Recipe:
             is trained, normalized.
         estimator: state estimator, with its options.
         planner: options of the planner.
-        babbling: how data explore the arm (`data.babbling.BABBLING`).
+        babbling: how the data explore the arm (`data.babbling.BABBLING`).
         speeds: slowest and fastest motion of the data, in parts of the full bend a step.
         episodes: number of episodes of the data.
-        active: whether the second half of them goes where a model of the first half is
-            unsure (`models.active`).
+        active: whether the second half of the episodes goes where a model of the first
+            half is unsure (`models.active`).
         integral_gain: part of the controller's lasting error that is integrated in every
             step; 0 for none.
-        axis_weights: factors of mu_o for tasks whose names begin so.
+        axis_weights: beginnings of task names, each with the factor of mu_o, the weight
+            of axes, for these tasks.
         unit_length: whether sensed configurations are scaled to unit length, whatever
             mixes them.
     """
@@ -251,7 +252,7 @@ _PAPER = Recipe(
     c2a=BiLSTMController(layers=2, hidden=32),
 )
 RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
-"""docs/concepts/recipe.md measures the parts of `best`, and the data of `best-long`."""
+"""Recipes of the package, by name; docs/concepts/recipe.md measures their parts."""
 
 
 def recipe_named(name: str) -> Recipe:

@@ -38,6 +38,7 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
     "follow": follow,
     **{name: partial(path, name=name) for name in PATHS},
 }
+"""Tasks of the package, by name: functions of the arm."""
 
 
 PACE = "@"

@@ -62,6 +62,7 @@ FIDELITIES = {
         explicit_time_step=0.003,
     ),
 }
+"""Fidelities of the simulation, by name."""
 
 
 def get_fidelity(name: str) -> Fidelity:
