@@ -115,7 +115,7 @@ def _section(command: Command) -> str:
     actions = [action for action in command.parser._actions if action.dest != "help"]
     parts = [f"### {command.name} {{ #{command.anchor} }}\n"]
     parts.append(linked(command.parser.description or "", FOLDER) + "\n")
-    parts.append(f"```sh\n{_usage(command.name, actions)}\n```\n")
+    parts.append(f"```text\n{_usage(command.name, actions)}\n```\n")
     if actions:
         columns = ("option", "values", "default", "meaning")
         parts.append(table(columns, [_row(action) for action in actions]))
