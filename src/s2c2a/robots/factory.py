@@ -92,10 +92,10 @@ class RobotFactory:
                 needs another one, or fails.
         """
         robot = self._make_robot(arm, defaults)
-        source = self._tracking_source(arm)
+        source = self.tracking_source(arm)
         return _tracked(robot, source) if source else robot
 
-    def _tracking_source(self, arm: ArmSpec) -> str:
+    def tracking_source(self, arm: ArmSpec) -> str:
         """Source of the poses of the module ends; empty for none."""
         if self.simulated or self.tracking == NO_TRACKING:
             return ""
