@@ -43,6 +43,6 @@ def test_unusual_values_are_asked_about(tmp_path, capsys):
     path = tmp_path / "mine.toml"
     save_arm(twin.model_copy(update={"modules": tuple(modules)}), path)
     check(str(path))
-    assert "unusual: a damping ratio below 0.02" in capsys.readouterr().out
+    assert "unusual: a damping ratio below 0.03" in capsys.readouterr().out
     check("twin_arm")
     assert "unusual" not in capsys.readouterr().out

@@ -24,7 +24,7 @@ from s2c2a.cli.execution import (
 )
 
 USUAL_FREQUENCIES = (0.2, 20.0)  # Hz
-USUAL_DAMPING = 0.02
+USUAL_DAMPING = 0.03
 
 app = SubcommandApp()
 robot_app = SubcommandApp()

@@ -239,10 +239,10 @@ def _open_writer(
     ]
     if differences:
         writer.close()
+        shown = "; ".join(differences[:MAX_DIFFERENCES])
         raise RecordingError(
             f"{path} was started with another arm or other options "
-            f"({'; '.join(differences[:MAX_DIFFERENCES])}); resume it with the same ones, or replace it "
-            "(--overwrite)"
+            f"({shown}); resume it with the same ones, or replace it (--overwrite)"
         )
     return writer
 
