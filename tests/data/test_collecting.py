@@ -347,7 +347,9 @@ def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
         RecordingError, match=r"robot 'simulation fast', now 'simulation accurate'"
     ):
         gather(robot="simulation accurate", resume=True)
-    with pytest.raises(RecordingError, match=r"another arm .*\(arm\.control_rate 10\.0, now 20\.0\)"):
+    with pytest.raises(
+        RecordingError, match=r"another arm .*\(arm\.control_rate 10\.0, now 20\.0\)"
+    ):
         gather(
             arm=twin.model_copy(update={"control_rate": 20.0}),
             robot="simulation fast",

@@ -40,9 +40,7 @@ def test_disturbed_and_real_arms_have_none(factory):
 
 
 @pytest.mark.parametrize(("name", "count"), [("twin_arm", 1), ("mine", 0)])
-def test_the_column_of_the_paper_appears_with_its_numbers_only(
-    name, count, capsys
-):
+def test_the_column_of_the_paper_appears_with_its_numbers_only(name, count, capsys):
     row = row_of(RobotFactory.simulation(), TWIN.model_copy(update={"name": name}))
     print_results("circle", [row], [], Path("runs"))
     assert capsys.readouterr().out.count("paper") == count
