@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 
 from tyro.extras import SubcommandApp
@@ -40,7 +40,7 @@ RESUME_HINTS = {
 }
 """How to continue an interrupted command, by command."""
 
-VERBS = {
+VERBS: dict[str, Callable[..., None]] = {
     "demo": reproduce.demo,
     "live": live.live,
     "view": view.view,
@@ -69,7 +69,7 @@ COMMANDS = (*VERBS, *GROUPS)
 
 app = SubcommandApp()
 for name, verb in VERBS.items():
-    app.command(verb, name=name)
+    app.command(name=name)(verb)
 for name, (group, help_text) in GROUPS.items():
     app.command(group, name=name, help=help_text)
 
