@@ -48,6 +48,8 @@ def convert_option(
 ) -> Any:
     """Convert an option to the type that the class declares for it.
 
+    An option without a declared type is a number if its default is one, else text.
+
     Args:
         cls: the class, or a function that makes an object.
         parameters: those of its parameters that a user can set.
@@ -63,16 +65,27 @@ def convert_option(
             f"it has {', '.join(parameters) or 'none'}"
         )
     try:
-        function = cls.__init__ if isinstance(cls, type) else cls  # type: ignore[misc]
-        annotation = inspect.get_annotations(function, eval_str=True)[name]
-        return TypeAdapter(annotation).validate_python(value)
-    except (KeyError, NameError, PydanticUserError):
-        return value  # no type is declared, or none that is known here
+        declared = _declared_type(cls, parameters[name])
+        return TypeAdapter(declared).validate_python(value)
+    except (NameError, PydanticUserError):
+        return value  # the declared type is not known here
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         raise S2C2AError(
             f"option {name}={value} of {_name(cls)}: {describe_fault(fault)}"
         ) from error
+
+
+def _declared_type(cls: Callable, parameter: Parameter) -> Any:
+    """Annotation of a parameter, else the type of its default if that is a number."""
+    function = cls.__init__ if isinstance(cls, type) else cls  # type: ignore[misc]
+    annotations = inspect.get_annotations(function, eval_str=True)
+    if parameter.name in annotations:
+        return annotations[parameter.name]
+    if isinstance(parameter.default, bool):
+        return bool
+    # a default of 1 may stand for a number that is not whole
+    return int | float if isinstance(parameter.default, int | float) else Any
 
 
 def _name(cls: Callable) -> str:

@@ -1,7 +1,10 @@
 """The command `arm check` names the hardware of an arm file."""
 
+import pytest
+
 from s2c2a.arm import Tracking, load_arm, save_arm, servos_of
 from s2c2a.cli.arm import check
+from s2c2a.errors import S2C2AError
 
 
 def test_servos_and_tracking_of_an_arm_file_are_named(tmp_path, capsys):
@@ -14,3 +17,32 @@ def test_servos_and_tracking_of_an_arm_file_are_named(tmp_path, capsys):
     output = capsys.readouterr().out
     assert "servos: 9 xl330-m288 (dynamixel) on /dev/ttyUSB0" in output
     assert "tracking: base, tip by natnet:10.0.0.2" in output
+
+
+@pytest.mark.parametrize(
+    ("sensing", "reason"),
+    [
+        ("mocap", "no sensor 'mocap'; choose one of encoders, true"),
+        ("nofile.py:Map", "there is no file nofile.py"),
+        ("builtins:int", "name a subclass of s2c2a.estimation.ConfigurationMap"),
+    ],
+)
+def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, tmp_path):
+    path = tmp_path / "mine.toml"
+    twin = load_arm("twin_arm")
+    save_arm(twin.model_copy(update={"sensing": sensing}), path)
+    with pytest.raises(S2C2AError, match=reason):
+        check(str(path))
+
+
+def test_unusual_values_are_asked_about(tmp_path, capsys):
+    twin = load_arm("twin_arm")
+    modules = [
+        module.model_copy(update={"damping_time": 0.005}) for module in twin.modules
+    ]
+    path = tmp_path / "mine.toml"
+    save_arm(twin.model_copy(update={"modules": tuple(modules)}), path)
+    check(str(path))
+    assert "unusual: a damping ratio below 0.03" in capsys.readouterr().out
+    check("twin_arm")
+    assert "unusual" not in capsys.readouterr().out

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import s2c2a
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
 from s2c2a.studies.tables import TABLES
@@ -55,6 +56,24 @@ def test_every_table_has_help(table, capsys):
         main(["reproduce", table, "--help"])
     assert stopped.value.code == 0
     assert "usage" in capsys.readouterr().out
+
+
+def test_the_version_is_printed(capsys):
+    run("--version")
+    assert capsys.readouterr().out == f"s2c2a {s2c2a.__version__}\n"
+
+
+def test_a_misspelled_command_is_answered_with_the_likely_one(capsys):
+    assert "no command 'colect'; did you mean collect?" in failing(capsys, "colect")
+    assert "see s2c2a --help" in failing(capsys, "xyz")
+
+
+def test_a_reader_that_closes_the_output_is_no_fault():
+    command = f"{sys.executable} -u -m s2c2a arm describe twin_arm | true"
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True
+    )
+    assert (done.stderr, done.returncode) == ("", 0)
 
 
 def test_help_imports_no_large_package():

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
 from s2c2a.episodes import EpisodeWriter
@@ -347,7 +347,9 @@ def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
         RecordingError, match=r"robot 'simulation fast', now 'simulation accurate'"
     ):
         gather(robot="simulation accurate", resume=True)
-    with pytest.raises(RecordingError, match=r"another arm .*\(arm\)"):
+    with pytest.raises(
+        RecordingError, match=r"another arm .*\(arm\.control_rate 10\.0, now 20\.0\)"
+    ):
         gather(
             arm=twin.model_copy(update={"control_rate": 20.0}),
             robot="simulation fast",
@@ -468,3 +470,25 @@ def test_an_active_collection_moves_through_the_chosen_targets(gather, twin):
 def test_an_active_collection_without_a_choice_is_refused(gather):
     with pytest.raises(RecordingError, match="choose_targets"):
         gather("unchosen.episodes", options=replace(SMALL, active=True))
+
+
+def test_a_changed_source_of_poses_is_named_when_resuming(gather, twin):
+    old = twin.model_copy(update={"tracking": Tracking(source="udp:9763")})
+    new = twin.model_copy(update={"tracking": Tracking(source="udp:9764")})
+    gather("tracked.episodes", arm=old)
+    with pytest.raises(
+        RecordingError, match=r"arm\.tracking\.source 'udp:9763', now 'udp:9764'"
+    ):
+        gather("tracked.episodes", arm=new, resume=True)
+
+
+class _NeverTracked(SimulatedRobot):
+    def open(self):
+        raise RobotError("no pose arrived")
+
+
+def test_no_empty_recording_stays_when_the_robot_never_opened(twin, tmp_path):
+    path = tmp_path / "none.episodes"
+    with pytest.raises(RobotError, match="no pose arrived"):
+        collect(path, twin, lambda seed: _NeverTracked(twin), SMALL, threads=1)
+    assert not path.exists()

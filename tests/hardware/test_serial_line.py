@@ -136,3 +136,10 @@ def test_a_port_that_takes_no_bytes_is_a_servo_without_an_answer(monkeypatch, ki
     assert bus.scan([1]) == []
     with pytest.raises(BusError, match=r"1\]? .*not answer"):
         bus.set_torque([1], False)
+
+
+def test_a_missing_port_is_named_once_with_its_cause(tmp_path):
+    port = str(tmp_path / "ttyNone")
+    with pytest.raises(BusError, match="cannot be opened: No such file") as refused:
+        SerialLine(port, 57600)
+    assert str(refused.value).count(port) == 1

@@ -215,6 +215,8 @@ def test_a_failed_job_does_not_affect_others(
         match=r"1 of 2 runs failed, such as s2c2a on short .*: .*fewer than one",
     ):
         run_all(jobs, cache, processes)
+    with pytest.raises(S2C2AError, match=r"fewer than one.* \(s2c2a on short"):
+        run_all(jobs[:1], cache, processes)
 
 
 @pytest.fixture

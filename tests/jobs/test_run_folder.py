@@ -7,8 +7,10 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
-from s2c2a.jobs.run_folder import trace_of
+from s2c2a.jobs.job import Conditions
+from s2c2a.jobs.run_folder import summary_of, trace_of
 from s2c2a.planning import Goal
+from s2c2a.robots import RobotFactory
 from s2c2a.tasks import Score, Task
 
 TWIN = load_arm("twin_arm")
@@ -47,3 +49,17 @@ def test_counted_steps_are_those_of_the_drawn_module(tip):
 def test_all_steps_count_without_a_position_score():
     assert trace(Score("position")).counted is None
     assert trace(Score("position", 0, EARLY)).counted is None
+
+
+@pytest.mark.parametrize(
+    ("factory", "named"),
+    [
+        (RobotFactory.simulation("accurate"), {"simulation": "accurate"}),
+        (RobotFactory("dynamixel"), {"robot": "dynamixel"}),
+    ],
+)
+def test_a_real_robot_is_not_called_a_simulation(factory, named):
+    job = SimpleNamespace(
+        recipe=SimpleNamespace(name="best"), conditions=Conditions(factory), seed=3
+    )
+    assert summary_of(job) == {"recipe": "best", "seed": "3"} | named

@@ -4,6 +4,7 @@ import time
 from itertools import groupby
 
 import numpy as np
+import pytest
 
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import SimulationError
@@ -39,6 +40,8 @@ def test_the_tip_follows_the_target_and_holds_after_a_stop(control):
     until(lambda: control.latest.step.number > stopped + 35)
     assert np.linalg.norm(tip(control) - hold_position) < 0.01
     assert tip(control)[0] > -0.1
+    missed = np.linalg.norm(np.subtract(control.request.target, tip(control)))
+    assert abs(control.latest.error - missed) < 0.005
 
 
 def test_the_arm_avoids_an_obstacle_that_is_moved_into_it(control):
@@ -83,6 +86,7 @@ def test_a_robot_that_fails_is_stopped_until_it_is_reset(control, monkeypatch):
     control.reset()
     until(lambda: control.latest.stage is Stage.RUN)
     assert control.latest.fault == ""
+    assert control.request.target == pytest.approx((0.0, 0.0, 0.6))  # at rest
 
 
 def test_sensor_faults_do_not_stop_the_arm(control):

@@ -108,10 +108,13 @@ def test_sliders_of_faults_disturb_the_arm(control, page, open_tab):
     thumb = tab.page.get_by_role("slider").nth(1)
     thumb.wait_for()
     tab.keep("wide-faults")
+    camera = next(iter(page.server.get_clients().values())).camera
+    before = np.array(camera.position)
     thumb.focus()
     for _ in range(12):
-        tab.page.keyboard.press("ArrowRight")
+        tab.page.keyboard.press("ArrowRight", delay=30)
     until(lambda: control.request.force[0] > 0.5, what="the force")
+    assert np.allclose(camera.position, before), "the keys turned the camera"
     until(lambda: tip(control)[0] > 0.01, what="deflection")
     tab.page.get_by_role("button", name="Clear all faults").click()
     until(lambda: control.request.force == (0.0, 0.0, 0.0), what="the end of the force")

@@ -325,7 +325,7 @@ def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(
     [
         (_BlocksInSend, r"send\(\) or read\(\) took .* ms: they must not wait"),
         (_BlocksInRead, r"send\(\) or read\(\) took .* ms: they must not wait"),
-        (_WallClockStops, r"its clock advanced by 0.000 s"),
+        (_WallClockStops, r"its clock advanced by 0.000 s: .*own_time = True"),
     ],
 )
 def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
@@ -336,3 +336,18 @@ def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
     assert robot.closed == 2
+
+
+@pytest.mark.parametrize(
+    ("sensors", "lacking"),
+    [
+        (Sensors(imu=Inertial()), "no accelerations, angular_velocities"),
+        (Sensors(camera=Camera()), "no camera_positions, camera_age"),
+    ],
+)
+def test_a_sensor_of_the_arm_file_that_the_robot_lacks_is_named(
+    sensors, lacking, make_arm
+):
+    robot = _WallClockRobot(make_arm(1, control_rate=20.0, sensors=sensors))
+    with pytest.raises(S2C2AError, match=f"the arm file has .*provides {lacking}"):
+        check_robot(robot)

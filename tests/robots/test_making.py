@@ -40,6 +40,14 @@ class Odd(SimulatedRobot):
         super().__init__(arm)
 
 
+class Bare(SimulatedRobot):
+    def __init__(self, arm, gain=1, slow=False, port=None):
+        super().__init__(arm)
+        self.given = gain, slow, port
+        if port:
+            open_port = port + 1
+
+
 class Half(Robot):
     def open(self):
         pass
@@ -145,6 +153,20 @@ def test_options_without_a_known_type_stay_text(own, twin):
         RobotFactory(f"{own}Odd", (("what", "3"), ("where", "4"))).make(twin).arm
         is twin
     )
+
+
+def test_options_without_annotation_have_the_type_of_a_numeric_default(own, twin):
+    options = (("gain", "2.5"), ("slow", "yes"))
+    assert RobotFactory(f"{own}Bare", options).make(twin).given == (2.5, True, None)
+    with pytest.raises(S2C2AError, match=r"option gain=much of Bare: .*number"):
+        RobotFactory(f"{own}Bare", (("gain", "much"),)).make(twin)
+
+
+def test_an_error_of_the_robot_class_names_options_given_as_text(own, twin):
+    with pytest.raises(
+        S2C2AError, match=r"Bare cannot be made: TypeError: .*text was given for port"
+    ):
+        RobotFactory(f"{own}Bare", (("port", "9"),)).make(twin)
 
 
 def test_an_error_of_the_robot_class_is_reported(own, twin):

@@ -10,6 +10,7 @@ from s2c2a.tracking.calibration import (
     TrackingCalibration,
     TrackingCalibrationError,
     calibration_path,
+    describe_tracking_calibration,
     load_or_empty,
     load_tracking_calibration,
     save_tracking_calibration,
@@ -93,3 +94,13 @@ def test_an_offset_of_an_unknown_body_is_refused(tmp_path, calibration):
     )
     with pytest.raises(TrackingError, match="end-9"):
         load_tracking_calibration(path, ARM)
+
+
+def test_a_calibration_is_described_with_its_parts(tmp_path, calibration, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert describe_tracking_calibration(ARM).startswith("none (twin_arm.tracking.json")
+    complete = calibration.with_latency(0.02, 0.001)
+    save_tracking_calibration(complete, calibration_path(ARM))
+    text = describe_tracking_calibration(ARM)
+    assert text.startswith("twin_arm.tracking.json of 20")
+    assert text.endswith("latency 20 ms, frames of end-1")

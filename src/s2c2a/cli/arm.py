@@ -23,6 +23,9 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 
+USUAL_FREQUENCIES = (0.2, 20.0)  # Hz
+USUAL_DAMPING = 0.03
+
 app = SubcommandApp()
 robot_app = SubcommandApp()
 
@@ -45,17 +48,38 @@ def check(arm: File) -> None:
     Args:
         arm: a preset or an arm file.
     """
+    from s2c2a.estimation import configuration_map_for
     from s2c2a.robots.simulation.modes import first_mode
 
     spec = load_arm(arm)
-    first_mode(spec)  # raises an error if gravity makes the arm collapse
+    configuration_map_for(spec)  # raises an error if `sensing` names no sensor
+    # raises an error if gravity makes the arm collapse
+    frequency, damping = first_mode(spec)
     plural = "s" if spec.module_count > 1 else ""
     print(
         f"{arm}: {spec.name} is valid: {spec.module_count} module{plural}, "
         f"{spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
     )
-    for line in _hardware_lines(spec):
+    print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
+    for line in [*_unusual_properties(frequency, damping), *_hardware_lines(spec)]:
         print(line)
+
+
+def _unusual_properties(frequency: float, damping: float) -> list[str]:
+    """Ask about a first mode [Hz] and damping ratio that few soft arms have."""
+    lines = []
+    low, high = USUAL_FREQUENCIES
+    if not low <= frequency <= high:
+        lines.append(
+            f"unusual: soft arms of this kind have {low:g} to {high:g} Hz; check "
+            "bending_stiffness [N m2], mass [kg], length [m] and cable stiffness [N/m]"
+        )
+    if damping < USUAL_DAMPING:
+        lines.append(
+            f"unusual: a damping ratio below {USUAL_DAMPING:g} lets the arm vibrate "
+            "for minutes; check damping_time [s]"
+        )
+    return lines
 
 
 def _hardware_lines(spec: ArmSpec) -> list[str]:

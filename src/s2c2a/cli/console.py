@@ -104,17 +104,13 @@ def print_table(
 def print_results(
     title: str, rows: Sequence["Row"], pictures: Sequence[Path], folder: Path
 ) -> None:
-    """Print result rows next to the paper's numbers, and the paths of all outputs."""
-    header = (
-        "arm",
-        "metric",
-        "strategy",
-        "unit",
-        "mean ± over steps",
-        "± over seeds",
-        "paper",
-    )
-    print_table(title, header, map(_result_cells, rows))
+    """Print result rows, the paper's numbers if it has any, and the paths of outputs."""
+    header = ["arm", "metric", "strategy", "unit", "mean ± over steps", "± over seeds"]
+    cells = [_result_cells(row) for row in rows]
+    if any(row.paper_mean is not None for row in rows):
+        header.append("paper")
+    # the paper's numbers come last
+    print_table(title, header, [row[: len(header)] for row in cells])
     modes = {
         row.arm: (row.first_mode_hz, row.damping_ratio)
         for row in rows

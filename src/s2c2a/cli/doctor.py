@@ -20,6 +20,7 @@ PACKAGE_USES = {
     "viser": "live page (extra live)",
     "pyserial": "servo buses (extra hardware)",
     "opencv-contrib-python-headless": "webcams with tags (extra camera)",
+    "vqf": "inertial sensors (extra sensors)",
     "distributed": "clusters (extra cluster)",
     "optuna": "sweeps (extra sweep)",
     "pytest-benchmark": "benchmarks (extra bench)",

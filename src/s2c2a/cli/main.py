@@ -1,10 +1,13 @@
 """Command `s2c2a`: its subcommands and error messages."""
 
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 
 from tyro.extras import SubcommandApp
 
+import s2c2a
 from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
@@ -37,64 +40,81 @@ RESUME_HINTS = {
 }
 """How to continue an interrupted command, by command."""
 
+VERBS: dict[str, Callable[..., None]] = {
+    "demo": reproduce.demo,
+    "live": live.live,
+    "view": view.view,
+    "collect": collect.collect,
+    "identify": identify.identify,
+    "pretrain": pretrain.pretrain,
+    "train": train.train,
+    "run": run.run,
+    "sweep": sweep.sweep,
+    "import": import_.import_,
+    "bench": bench.bench,
+    "doctor": doctor.doctor,
+}
+GROUPS = {
+    "arm": (arm.app, "Check, describe, draw, copy or randomize an arm file."),
+    "robot": (arm.robot_app, "Check a robot."),
+    "motors": (motors.app, "Bring up the servos of a real arm."),
+    "tracking": (
+        tracking.app,
+        "Calibrate a pose tracker; print tags for a webcam.",
+    ),
+    "emulate": (emulate.app, "Emulate the devices of a real arm."),
+    "reproduce": (reproduce.app, "Reproduce the project's tables from scratch."),
+}
+COMMANDS = (*VERBS, *GROUPS)
+
 app = SubcommandApp()
-app.command(reproduce.demo)
-for command in (
-    live.live,
-    view.view,
-    collect.collect,
-    identify.identify,
-    pretrain.pretrain,
-    train.train,
-    run.run,
-    sweep.sweep,
-):
-    app.command(command)
-app.command(name="import")(import_.import_)
-app.command(bench.bench)
-app.command(doctor.doctor)
-app.command(
-    arm.app, name="arm", help="Check, describe, draw, copy or randomize an arm file."
-)
-app.command(arm.robot_app, name="robot", help="Check a robot.")
-app.command(motors.app, name="motors", help="Bring up the servos of a real arm.")
-app.command(
-    tracking.app,
-    name="tracking",
-    help="Calibrate a pose tracker; print tags for a webcam.",
-)
-app.command(
-    emulate.app,
-    name="emulate",
-    help="Emulate the devices of a real arm.",
-)
-app.command(
-    reproduce.app,
-    name="reproduce",
-    help="Reproduce the project's tables from scratch.",
-)
+for name, verb in VERBS.items():
+    app.command(name=name)(verb)
+for name, (group, help_text) in GROUPS.items():
+    app.command(group, name=name, help=help_text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given == ["--version"]:
+        print(f"s2c2a {s2c2a.__version__}")
+        return
     enable_compilation_cache()
     try:
+        _check_command(given)
         with interrupts_as_exceptions():
             app.cli(
                 prog="s2c2a",
                 description="Plan and control modular soft robot arms.",
-                args=arguments,
+                args=given,
             )
     except S2C2AError as error:
         _exit_with(str(error))
+    except BrokenPipeError:
+        # the reader of the output has closed it, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         has_path = bool(error.filename)
         advice = "; check the path and its permissions" if has_path else ""
         _exit_with(f"{error}{advice}")
     except KeyboardInterrupt:
-        verb = next(iter(sys.argv[1:] if arguments is None else arguments), "")
+        verb = next(iter(given), "")
         print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+def _check_command(given: Sequence[str]) -> None:
+    """Suggest the command that a misspelled one may mean.
+
+    Raises:
+        S2C2AError: there is no such command.
+    """
+    if not given or given[0].startswith("-") or given[0] in COMMANDS:
+        return
+    similar = get_close_matches(given[0], COMMANDS, n=1)
+    advice = f"did you mean {similar[0]}?" if similar else "see s2c2a --help"
+    raise S2C2AError(f"no command '{given[0]}'; {advice}")
 
 
 def _exit_with(message: str) -> None:

@@ -139,6 +139,8 @@ def run(
         "weights": weights,
         "repeat": repeat,
     }
+    if factory.tracking_source(spec):
+        print(f"tracking calibration: {_tracking_calibration(spec)}")
     one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
     is_unfinished = (
         work.out is not None and not (work.out / f"{spec.name}.html").exists()
@@ -165,6 +167,12 @@ def _given_networks(
         with shipped_file(spec) as path:
             return jobs.GivenNetworks.read(path, spec, recipe)
     return jobs.GivenNetworks.read(weights, spec, recipe)
+
+
+def _tracking_calibration(spec: "arm.ArmSpec") -> str:
+    from s2c2a.tracking.calibration import describe_tracking_calibration
+
+    return describe_tracking_calibration(spec)
 
 
 def _import_classes(model: str | None, controller: str | None) -> None:

@@ -4,13 +4,13 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -34,6 +34,7 @@ MAX_SEED = 2**63
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
+MAX_DIFFERENCES = 8  # shown in a message
 MIN_ACTIVE = 2  # episodes
 MakeRobot = Callable[[int], Robot]
 Targets: TypeAlias = Float[np.ndarray, "targets modules 2"]
@@ -165,7 +166,10 @@ def collect(
         """Record up to an episode; those after the random ones have targets."""
         first = options.random_episodes
         writer = _open_writer(Path(path), arm, stored, resume, overwrite)
-        with closing(writer), _workers(executor, threads) as workers:
+        with (
+            _without_empty_file(Path(path), writer),
+            _workers(executor, threads) as workers,
+        ):
             done(writer.count, options.episodes)
             requests = [
                 (number, targets[number - first] if number >= first else None)
@@ -188,6 +192,17 @@ def collect(
 
 def _no_progress(complete: int, episodes: int) -> None:
     """Report nothing."""
+
+
+@contextmanager
+def _without_empty_file(path: Path, writer: EpisodeWriter) -> Iterator[None]:
+    """Close the file; delete it if no episode was recorded, as without any pose."""
+    try:
+        yield
+    finally:
+        writer.close()
+        if writer.count == 0:
+            path.unlink(missing_ok=True)
 
 
 def _workers(
@@ -217,22 +232,43 @@ def _open_writer(
             "choose another name"
         )
     writer = EpisodeWriter(path)
-    stored = writer.options
+    kept = {key: writer.options.get(key) for key in options}
     differences = [
-        f"{key} {stored.get(key)!r}, now {new!r}"
-        for key, new in options.items()
-        if stored.get(key) != new
+        *_differences(kept, options),
+        *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
     ]
-    if writer.arm != arm:
-        differences.append("arm")
     if differences:
         writer.close()
+        shown = "; ".join(differences[:MAX_DIFFERENCES])
         raise RecordingError(
             f"{path} was started with another arm or other options "
-            f"({'; '.join(differences)}); resume it with the same ones, or replace it "
-            "(--overwrite)"
+            f"({shown}); resume it with the same ones, or replace it (--overwrite)"
         )
     return writer
+
+
+def _differences(before: Any, after: Any, key: str = "") -> list[str]:
+    """Name every key whose value changed in nested tables, with both values."""
+    if before == after:
+        return []
+    old = _entries(before)
+    new = _entries(after)
+    if old is None or new is None:
+        return [f"{key} {before!r:.60}, now {after!r:.60}"]
+    differences = []
+    for name in {**old, **new}:
+        path = f"{key}.{name}" if key else str(name)
+        differences += _differences(old.get(name), new.get(name), path)
+    return differences
+
+
+def _entries(value: Any) -> dict[Any, Any] | None:
+    """Entries of a table or of a list of tables; None of other values."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
+        return dict(enumerate(value))
+    return None
 
 
 class Player:

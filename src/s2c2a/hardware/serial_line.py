@@ -1,5 +1,6 @@
 """Serial line of a servo bus: one owner, no busy waiting, and a clear error if lost."""
 
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -54,7 +55,7 @@ class SerialLine:
             )
         except REFUSALS as error:
             raise BusError(
-                f"the serial port '{port}' cannot be opened: {error}; check that the "
+                f"the serial port '{port}' cannot be opened: {_cause(error)}; check that the "
                 "adapter is plugged in, that no other program uses it, and that you "
                 "have the right to use it (on Linux, the group dialout). "
                 "`s2c2a motors scan` lists the ports"
@@ -214,3 +215,9 @@ def latency_of(port: str) -> float:
         return float(text) / 1000.0
     except (OSError, ValueError):
         return 0.0
+
+
+def _cause(error: Exception) -> str:
+    """Why a port did not open; pyserial repeats port and cause in its own message."""
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if isinstance(number, int) else str(error)

@@ -61,6 +61,8 @@ def make_all(
     ]
     if failures:
         artifact, error = failures[0]
+        if len(results) == 1:
+            raise S2C2AError(f"{error} ({artifact})") from error
         raise S2C2AError(
             f"{len(failures)} of {len(results)} {artifact.kind} failed, such as "
             f"{artifact}: {error}; finished results are kept"

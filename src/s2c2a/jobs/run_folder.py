@@ -13,7 +13,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.files import holds, write_atomically
-from s2c2a.jobs.job import Run
+from s2c2a.jobs.job import Job, Run
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.video import save_video
@@ -126,11 +126,7 @@ def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Pa
     first = [run for run in runs if run.seed == runs[0].seed]
     job = first[0].job
     arm = job.arm
-    summary = {
-        "recipe": job.recipe.name,
-        "simulation": job.conditions.fidelity,
-        "seed": str(job.seed),
-    }
+    summary = summary_of(job)
     episodes = [run.episode for run in first]
     save_episodes(episodes, folder / f"{arm.name}{ENDING}", summary)
     traces = [trace_of(run) for run in first if "states" in run.episode.sensors]
@@ -144,6 +140,16 @@ def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Pa
     if video:
         paths.append(save_video(traces[0], arm, folder / arm.name))
     return paths
+
+
+def summary_of(job: Job) -> dict[str, str]:
+    """Names and values that a replay page shows of a job."""
+    robot = "simulation" if job.conditions.robot.simulated else "robot"
+    return {
+        "recipe": job.recipe.name,
+        robot: job.conditions.fidelity,
+        "seed": str(job.seed),
+    }
 
 
 def trace_of(run: Run, label: str | None = None) -> Trace:

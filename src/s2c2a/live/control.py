@@ -95,6 +95,7 @@ class ArmControl(Control):
         self._task_name: str | None = None
         self._task_position = 0.0
         self._last_goal = self._no_goal = Goal.of(self.arm.module_count)
+        self._requested_goal = self._no_goal
         self._predicted = straight(robot.arm)
 
     @property
@@ -163,8 +164,9 @@ class ArmControl(Control):
                 self._commands.popleft()()
             request = self.request
             self._disturbances.apply(request)
+            self._requested_goal = self._goal(request)
             ask = StepRequest(
-                self._goal(request),
+                self._requested_goal,
                 request.driven and not request.stopped,
                 request.driven,
             )
@@ -221,6 +223,12 @@ class ArmControl(Control):
                 np.clip(self._task_position + steps, 0, len(task.goals) - 1)
             )
 
+    def _goal_after(self, step: StepRecord) -> Goal:
+        """Goal that judges the next reading; a held arm misses what is requested."""
+        if step.stage is Stage.RUN and step.goal is not None:
+            return step.goal
+        return self._requested_goal if step.stage is Stage.HOLD else self._no_goal
+
     def _publish(self, step: StepRecord) -> None:
         """Publish this step's reading, judged by the goal of the last step."""
         states = step.reading.sensors.get("states", self._predicted)
@@ -230,11 +238,7 @@ class ArmControl(Control):
         active = step.stage in (Stage.RUN, Stage.HOLD)
         goal = self._last_goal if active else self._no_goal
         error, clearance = tip_errors(goal, states[-1, POSITION])
-        self._last_goal = (
-            step.goal
-            if step.stage is Stage.RUN and step.goal is not None
-            else self._no_goal
-        )
+        self._last_goal = self._goal_after(step)
         self._predicted = step.diagnostics.get(
             "predicted", self._predicted if step.diagnostics else states
         )

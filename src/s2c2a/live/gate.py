@@ -6,7 +6,7 @@ messages of known form at a limited rate. viser listens behind it on another por
 accepts websockets from the gate only, which sends a secret as their origin.
 
 The gate serves the page, so it also adds the Stop button, which works independently of
-viser.
+viser, and keeps keys of the panel from the camera.
 """
 
 import asyncio
@@ -43,6 +43,7 @@ UNIQUE_HEADERS = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP = "/stop"
 STOP_HEADER = "S2C2A-Stop"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
+PANEL_KEYS = Path(__file__).with_name("panel_keys.html")
 NO_RESPONSE = "No response: cut the power"
 MAX_CONNECTIONS = 16
 # messages of one browser within a time [s]; a drag or a turn sends 20 a second
@@ -125,7 +126,7 @@ class Gate:
         self._connections = 0
         self._on_stop = on_stop
         button = b"" if on_stop is None else STOP_BUTTON.read_bytes()
-        self._page = _page_of(viser_port, button)
+        self._page = _page_of(viser_port, PANEL_KEYS.read_bytes() + button)
         self._closing = asyncio.Event()
         opened = Future[tuple[int, asyncio.AbstractEventLoop]]()
         self._thread = threading.Thread(
@@ -266,14 +267,14 @@ async def _relay_to_browser(viser: ClientConnection, browser: ServerConnection) 
     await browser.close()
 
 
-def _page_of(port: int, button: bytes) -> bytes:
-    """Viser's page with the Stop button at its end, compressed."""
+def _page_of(port: int, added: bytes) -> bytes:
+    """Viser's page with elements added at its end, compressed."""
     try:
         with urllib.request.urlopen(f"http://{HOST}:{port}/", timeout=10) as answer:
             before, end, after = answer.read().rpartition(b"</body>")
     except OSError as error:
         raise S2C2AError(f"viser does not respond on port {port}: {error}") from error
-    return gzip.compress(before + button + end + after, 6)
+    return gzip.compress(before + added + end + after, 6)
 
 
 def _asks_for_websocket(headers: Headers) -> bool:

@@ -121,13 +121,14 @@ class Control(ABC):
         return self.responds
 
     def reset(self) -> None:
-        """Reopen the robot at rest; clears the target and the task.
+        """Reopen the robot at rest; moves the target there and ends the task.
 
         Raises:
             S2C2AError: the control does not respond.
         """
         with self._lock:
-            self.ask(target=None, axis=None, task=None, playing=False)
+            target = point(straight(self.arm)[-1, POSITION])
+            self.ask(target=target, axis=None, task=None, playing=False)
             self.order("reopen")
 
     def step_task(self) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from s2c2a.arm import ArmGeometry
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots.robot import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor
@@ -112,6 +112,38 @@ def _check_standard_names(robot: Robot, geometry: ArmGeometry) -> str:
     return "sensors with standard names have standard shapes"
 
 
+def _check_arm_sensors(robot: Robot, geometry: ArmGeometry) -> str:
+    """Check that the robot provides every sensor that its arm file describes."""
+    for key, names in _described_sensors(robot.arm).items():
+        missing = [name for name in names if name not in robot.sensors]
+        _require(
+            not missing,
+            f"the arm file has {key}, but the robot provides no {', '.join(missing)} "
+            f"(it provides {', '.join(robot.sensors)}); add them to its `sensors` and "
+            "readings, or correct the arm file",
+        )
+    return "the robot provides all sensors of the arm file"
+
+
+def _described_sensors(arm: ArmSpec) -> dict[str, tuple[str, ...]]:
+    """Names in readings of the sensors that an arm file describes, by its key."""
+    sensors = arm.sensors
+    described: dict[str, tuple[str, ...]] = {}
+    if arm.sensing == "encoders":
+        described['sensing = "encoders"'] = ("cables",)
+    if arm.motor.current_noise is not None:
+        described["motor.current_noise"] = ("tensions",)
+    if sensors.imu is not None:
+        described["[sensors.imu]"] = ("accelerations", "angular_velocities")
+    if sensors.camera is not None:
+        described["[sensors.camera]"] = ("camera_positions", "camera_age")
+    if sensors.flex is not None:
+        described["[sensors.flex]"] = ("flex",)
+    if sensors.raw:
+        described["[[sensors.raw]]"] = tuple(sensor.name for sensor in sensors.raw)
+    return described
+
+
 def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
     """Check that a small bend towards x arrives, with the right sign."""
     before = robot.read()
@@ -143,9 +175,15 @@ def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
     duration = 2 * robot.arm.control_period
     _wait(robot, duration)
     measured = robot.read().time - start.time
+    advice = ""
+    if not robot.own_time and measured == 0.0:
+        advice = (
+            ": `Reading.time` must follow the wall clock, or, if time passes in "
+            "advance() only, the class must set `own_time = True`"
+        )
     _require(
         abs(measured - duration) < 0.5 * duration,
-        f"in {duration:.3f} s, its clock advanced by {measured:.3f} s",
+        f"in {duration:.3f} s, its clock advanced by {measured:.3f} s{advice}",
     )
     return "the clock advances"
 
@@ -218,6 +256,7 @@ def _check_rejected(robot: Robot, name: str, action: np.ndarray) -> None:
 CHECKS = (
     _check_reading,
     _check_standard_names,
+    _check_arm_sensors,
     _check_invalid_actions,
     _check_no_waiting,
     _check_clock,

@@ -92,10 +92,10 @@ class RobotFactory:
                 needs another one, or fails.
         """
         robot = self._make_robot(arm, defaults)
-        source = self._tracking_source(arm)
+        source = self.tracking_source(arm)
         return _tracked(robot, source) if source else robot
 
-    def _tracking_source(self, arm: ArmSpec) -> str:
+    def tracking_source(self, arm: ArmSpec) -> str:
         """Source of the poses of the module ends; empty for none."""
         if self.simulated or self.tracking == NO_TRACKING:
             return ""
@@ -124,11 +124,23 @@ class RobotFactory:
         except Exception as error:  # the class may be a user's own
             raise S2C2AError(
                 f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
+                f"{_describe_texts(options)}"
             ) from error
 
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
         """Create the robot of an arm with a seed, if its class accepts one."""
         return self.make(arm, seed=seed)
+
+
+def _describe_texts(options: Mapping[str, Any]) -> str:
+    """Name the options that reached a failing class as text; it may expect numbers."""
+    texts = [name for name, value in options.items() if isinstance(value, str)]
+    if not texts:
+        return ""
+    return (
+        f" (text was given for {', '.join(texts)}; annotate the parameter in __init__, "
+        "such as `gain: float`, to receive a number)"
+    )
 
 
 def _tracked(robot: Robot, source: str) -> Robot:

@@ -27,6 +27,7 @@ REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 MIN_GAP = 0.01  # of the arm's length; smaller gaps are not reported
+MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 MAX_STEPS = 1_000_000
 MAX_LINES = 1_000_000
 MAX_BYTES = 150_000_000
@@ -96,10 +97,12 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     Weights: mu_p = 1, mu_o = 2, mu_d = 0.5. The first waypoint holds from the start.
 
     Raises:
-        TargetError: the arm does not have a module, a module has two tracks, or the
-            duration is too short or too long.
+        TargetError: the arm does not have a module, a module has two tracks, the
+            duration is too short or too long, or a position is so far away that it
+            cannot be in meters.
     """
     _check_modules(name, tracks, arm)
+    _check_units(name, tracks, arm)
     times = _step_times(name, tracks, arm.control_rate)
     base = Goal.of(arm.module_count, change_weight=0.5)
     positions = np.tile(base.positions, (len(times), 1, 1))
@@ -254,6 +257,18 @@ def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None
             f"the waypoints of '{name}' name a module of '{arm.name}' twice, by "
             f"{[track.module for track in tracks]}; -1 and {count - 1} are both its tip"
         )
+
+
+def _check_units(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
+    for track in tracks:
+        distances = np.linalg.norm(track.positions, axis=-1)
+        farthest = int(distances.argmax())
+        if distances[farthest] > MAX_DISTANCE * arm.length:
+            raise TargetError(
+                f"the waypoints of '{name}' lie up to {distances[farthest]:.3g} m from "
+                f"the base (at {track.times[farthest]:g} s), and '{arm.name}' is "
+                f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
+            )
 
 
 def _interpolate(times: np.ndarray, knots: np.ndarray, values: np.ndarray):

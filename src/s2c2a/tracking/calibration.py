@@ -165,6 +165,25 @@ def calibration_path(arm: ArmSpec) -> Path:
     return Path(named or f"{arm.name}.tracking.json")
 
 
+def describe_tracking_calibration(arm: ArmSpec) -> str:
+    """Describe which calibration a tracker of the arm uses, and what it contains.
+
+    Raises:
+        TrackingCalibrationError: the file is damaged or of another arm.
+    """
+    path = calibration_path(arm)
+    if not path.exists():
+        return f"none ({path} does not exist; {MAKE_ONE})"
+    calibration = load_tracking_calibration(path, arm)
+    latency = "no latency"
+    if calibration.latency is not None:
+        latency = f"latency {1000 * calibration.latency:.0f} ms"
+    frames = "no frames"
+    if calibration.end_offsets is not None:
+        frames = f"frames of {', '.join(calibration.end_offsets)}"
+    return f"{path} of {calibration.date:%Y-%m-%d %H:%M}: {latency}, {frames}"
+
+
 def save_tracking_calibration(
     calibration: TrackingCalibration, path: str | os.PathLike
 ) -> None:

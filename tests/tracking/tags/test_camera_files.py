@@ -120,3 +120,10 @@ def test_collars_that_cannot_be_are_refused(options):
 
 def test_base_and_tip_alone_are_a_layout():
     assert TagLayout.collars(3, bodies=["base", "end-3"]).bodies == ("base", "end-3")
+
+
+def test_a_file_without_keys_is_answered_with_the_command_that_makes_one(tmp_path):
+    path = tmp_path / "camera.json"
+    path.write_text("{}")
+    with pytest.raises(CameraError, match=r"calibrate-camera`\n  width: .* missing"):
+        load_camera(path)
