@@ -53,6 +53,8 @@ def fault_of(line: CommandLine) -> str:
     target, words = _target(app, list(line.words))
     if isinstance(target, SubcommandApp):
         names = ", ".join(target._subcommands)
+        if line.inline and words and PLACEHOLDER.match(words[0]):
+            return ""  # any command
         if words and not words[0].startswith("-"):
             return f"'{words[0]}' is no command; commands are {names}"
         return "" if line.inline else f"a command is missing: {names}"
