@@ -2,9 +2,12 @@
 
 import sys
 from collections.abc import Sequence
+from typing import Literal
 
+from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
+from s2c2a import __version__
 from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
@@ -75,16 +78,31 @@ app.command(
 )
 
 
+@app.command
+def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
+    """Print a script that completes commands and options in a shell.
+
+    Load it in the present shell with `source <(s2c2a completion bash)`, or
+    `s2c2a completion fish | source`.
+
+    Args:
+        shell: the shell that reads the script.
+    """
+    # a file named "-" is the standard output
+    _run_command(("--tyro-write-completion", shell, "-"))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
+    if arguments is None:
+        arguments = sys.argv[1:]
+    if list(arguments) == ["--version"]:
+        print(f"s2c2a {__version__}")
+        return
     enable_compilation_cache()
     try:
         with interrupts_as_exceptions():
-            app.cli(
-                prog="s2c2a",
-                description="Plan and control modular soft robot arms.",
-                args=arguments,
-            )
+            _run_command(arguments)
     except S2C2AError as error:
         _exit_with(str(error))
     except OSError as error:
@@ -92,9 +110,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         advice = "; check the path and its permissions" if has_path else ""
         _exit_with(f"{error}{advice}")
     except KeyboardInterrupt:
-        verb = next(iter(sys.argv[1:] if arguments is None else arguments), "")
+        verb = next(iter(arguments), "")
         print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+def _run_command(arguments: Sequence[str]) -> None:
+    app.cli(
+        prog="s2c2a",
+        description="Plan and control modular soft robot arms. "
+        "`s2c2a --version` prints the version.",
+        args=arguments,
+    )
 
 
 def _exit_with(message: str) -> None:
