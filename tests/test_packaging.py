@@ -183,6 +183,16 @@ def test_the_command_of_the_dockerfile_opens_the_page(monkeypatch):
     assert opened.value.args == ("0.0.0.0", port)
 
 
+def test_the_citation_names_the_newest_release():
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    release = re.search(r"^## \[(\d+\.\d+\.\d+)\](?: - (\S+))?$", changes, re.M)
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version = re.search(r"^version: (\S+)$", citation, re.M)
+    date = re.search(r"^date-released: \"?([\d-]+)\"?$", citation, re.M)
+    assert version[1] == release[1]
+    assert (date and date[1]) == release[2]
+
+
 def _instructions(name: str) -> list[list[str]]:
     """Instructions of the Dockerfile with this name, as words."""
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
