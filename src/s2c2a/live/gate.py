@@ -3,8 +3,8 @@
 viser does not check origins, so any page in the same browser could drive the arm. The
 gate listens on 127.0.0.1 by default, accepts only pages that it served itself under a
 name of this machine, and passes only messages of known form at a limited rate. viser
-listens behind it on another port of 127.0.0.1 and accepts websockets from the gate only, which sends a secret as their
-origin.
+listens behind it on another port of 127.0.0.1 and accepts websockets from the gate
+only, which sends a secret as their origin.
 
 The gate serves the page, so it also adds the Stop button, which works independently of
 viser.
