@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import tyro
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
 ]
-THIS_MACHINE = "127.0.0.1"
+THIS_MACHINE: Final = "127.0.0.1"
 Host = Literal["127.0.0.1", "0.0.0.0"]
 
 
@@ -81,7 +81,7 @@ def live(
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     _check_host(host, factory)
     on_message = partial(print, flush=True)
-    options = {
+    options: dict[str, Any] = {
         "weights": weights,
         "strategies": strategy,
         "guard": guard,
