@@ -7,7 +7,7 @@ MAKEFLAGS += --jobs=2
 
 .PHONY: demo test check style types imports docs docs-site bench format setup browser clean
 
-demo: setup  ## from nothing to a table, a figure and a replay page
+demo: .venv/installed  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
 
 test: check browser  ## style, types, imports, tests
@@ -49,12 +49,16 @@ browser:  ## what the tests of the pages need; they are skipped without it, and 
 		apt-get update -q && apt-get install -y -q --no-install-recommends chromium; } || \
 		echo "no Chromium here, and no right to install it: the tests of the pages will be skipped"
 
-.venv/ready: pyproject.toml constraints.txt
+.venv/ready: .venv/installed  # what the checks and the tests need, too
+	$(BIN)/pip install -q -c constraints.txt -e ".[dev]"
+	touch .venv/ready
+
+.venv/installed: pyproject.toml constraints.txt  # the package and the live page
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "$(PYTHON) is older than 3.11; name another one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install -q -c constraints.txt -e ".[dev]"
-	touch .venv/ready
+	$(BIN)/pip install -q -c constraints.txt -e ".[live]"
+	touch .venv/installed
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis

@@ -123,6 +123,11 @@ def test_a_missing_arm_names_the_presets(capsys):
     assert "twin_arm" in failing(capsys, "arm", "check", "no_such_arm")
 
 
+def test_the_page_of_another_robot_is_for_this_machine_only(capsys):
+    options = ("--robot", "dynamixel", "--host", "0.0.0.0")
+    assert "leave out --host" in failing(capsys, "live", *options)
+
+
 def test_an_unknown_task_names_the_tasks(capsys, tmp_path):
     assert "circle" in failing(
         capsys, "run", "triangle", "--out", str(tmp_path / "run")

@@ -10,6 +10,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from s2c2a.live.gate import STOP, STOP_HEADER
+from s2c2a.live.window import Window
 from s2c2a.spaces import Stage
 
 from live_tabs import until  # type: ignore[import-not-found]
@@ -172,3 +173,16 @@ def test_a_flood_of_valid_messages_is_disconnected(page):
     with browser(page) as flood, pytest.raises(ConnectionClosed):
         send_all(flood)
     assert page.gate.refused["flood"] == 1
+
+
+def test_a_page_that_listens_on_all_addresses_keeps_its_checks(twin):
+    opened = Window(twin).open(0, host="0.0.0.0")
+    try:
+        port = opened.gate.port
+        assert status_of(port, f"localhost:{port}") == 200
+        assert status_of(port, f"192.168.1.10:{port}") == 403
+        address = f"http://192.168.1.10:{port}"
+        with pytest.raises(InvalidStatus):
+            browser(opened, origin=address)
+    finally:
+        opened.close()

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import tyro
 
@@ -19,6 +19,7 @@ from s2c2a.cli.execution import (
     require,
     robot_factory_for,
 )
+from s2c2a.errors import S2C2AError
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
 ]
+THIS_MACHINE: Final = "127.0.0.1"
+Host = Literal["127.0.0.1", "0.0.0.0"]
 
 
 def live(
@@ -42,6 +45,7 @@ def live(
     guard: GuardName = "tip",
     seed: int = 0,
     port: Port = 8080,
+    host: Host = THIS_MACHINE,
     out: Path = Path("runs"),
     release_after: float = 10.0,
     model: ModelName = None,
@@ -66,6 +70,8 @@ def live(
         guard: what avoids obstacles: the tip, or the whole arm.
         seed: random seed of the simulated noise.
         port: port of the page; the next free one if it is taken.
+        host: address to listen on. 0.0.0.0 is for a container whose port is published
+            on 127.0.0.1 of its host, and for the simulated arm only.
         out: folder of the run directories of recordings.
         release_after: time without a connected page until the arm returns to rest [s];
             until then it holds its position.
@@ -73,14 +79,16 @@ def live(
     """
     require("live", "viser", "websockets", "msgspec")
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
+    _check_host(host, factory)
     on_message = partial(print, flush=True)
-    options = {
+    options: dict[str, Any] = {
         "weights": weights,
         "strategies": strategy,
         "guard": guard,
         "seed": seed,
         "release_after": release_after,
         "model": model,
+        "host": host,
     }
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         if hasattr(signal, "SIGUSR1"):  # not on Windows
@@ -90,6 +98,15 @@ def live(
     at_rest = latest and latest.stage is Stage.IDLE
     state = "at rest" if at_rest else "check whether it is at rest"
     print(f"{arm} has stopped; {state}.")
+
+
+def _check_host(host: str, factory: "RobotFactory") -> None:
+    """Raise S2C2AError if other machines could move a real arm."""
+    if host != THIS_MACHINE and not factory.simulated:
+        raise S2C2AError(
+            f"--host {host} lets other machines connect, and {factory.name} may be a "
+            "real arm; leave out --host, and use `ssh -L` from another machine"
+        )
 
 
 def wait_for_interrupt() -> None:
@@ -105,6 +122,7 @@ def running_page(
     port: int = 8080,
     out: Path = Path("runs"),
     on_message: "Callable[[str], None]" = lambda _: None,
+    host: str = THIS_MACHINE,
     **options: Any,
 ) -> "Iterator[tuple[ControlProcess, LivePage]]":
     """Run the control process and its page; close both at the end.
@@ -115,6 +133,7 @@ def running_page(
         port: port of the page.
         out: folder of recordings.
         on_message: called with messages for the user.
+        host: address to listen on.
         options: of `arm_control`.
 
     Raises:
@@ -135,7 +154,7 @@ def running_page(
         from s2c2a.live.page import LivePage
 
         survey = partial(_import_and_call, "s2c2a.live.workspace:survey", spec)
-        page = LivePage(control, port, out, survey)
+        page = LivePage(control, port, out, survey, host)
         stack.callback(page.close)
         on_message(f"open {page.gate.address}")
         control.wait_until_ready()

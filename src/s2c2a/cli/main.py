@@ -4,7 +4,9 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
+from typing import Literal
 
+from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
@@ -40,6 +42,20 @@ RESUME_HINTS = {
 }
 """How to continue an interrupted command, by command."""
 
+
+def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
+    """Print a script that completes commands and options in a shell.
+
+    Load it in the present shell with `source <(s2c2a completion bash)`, or
+    `s2c2a completion fish | source`.
+
+    Args:
+        shell: the shell that reads the script.
+    """
+    # a file named "-" is the standard output
+    _run_command(("--tyro-write-completion", shell, "-"))
+
+
 VERBS: dict[str, Callable[..., None]] = {
     "demo": reproduce.demo,
     "live": live.live,
@@ -53,6 +69,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "import": import_.import_,
     "bench": bench.bench,
     "doctor": doctor.doctor,
+    "completion": completion,
 }
 GROUPS = {
     "arm": (arm.app, "Check, describe, draw, copy or randomize an arm file."),
@@ -84,11 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         _check_command(given)
         with interrupts_as_exceptions():
-            app.cli(
-                prog="s2c2a",
-                description="Plan and control modular soft robot arms.",
-                args=given,
-            )
+            _run_command(given)
     except S2C2AError as error:
         _exit_with(str(error))
     except BrokenPipeError:
@@ -102,6 +115,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         verb = next(iter(given), "")
         print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+def _run_command(arguments: Sequence[str]) -> None:
+    app.cli(
+        prog="s2c2a",
+        description="Plan and control modular soft robot arms. "
+        "`s2c2a --version` prints the version.",
+        args=arguments,
+    )
 
 
 def _check_command(given: Sequence[str]) -> None:

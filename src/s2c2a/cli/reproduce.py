@@ -161,19 +161,19 @@ def circle(
     print_results(f"circle, {seeds} seeds", rows, pictures, directory)
 
 
-def demo(seed: int = 0, folder: Folder = NEW_FOLDER) -> None:
+def demo(seed: int = 0, work: Work = ALL_CORES) -> None:
     """Run the whole pipeline on both simulated arms: collect, train, follow a circle.
 
     The last step compares the errors with those of the paper.
 
     Args:
         seed: random seed.
-        folder: run directory.
+        work: run directory and parallel execution.
     """
     from s2c2a.studies.circle import circle_table
 
     _, recipe = _seeds_and_recipe(1)
-    with run_directory("demo", {"seed": seed}, folder, own_data=True) as (
+    with run_directory("demo", {"seed": seed}, work, own_data=True) as (
         directory,
         make,
     ):

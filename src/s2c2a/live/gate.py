@@ -1,9 +1,10 @@
 """Access control in front of viser: who may connect, and which messages pass.
 
 viser does not check origins, so any page in the same browser could drive the arm. The
-gate listens on 127.0.0.1, accepts only pages that it served itself, and passes only
-messages of known form at a limited rate. viser listens behind it on another port and
-accepts websockets from the gate only, which sends a secret as their origin.
+gate listens on 127.0.0.1 by default, accepts only pages that it served itself under a
+name of this machine, and passes only messages of known form at a limited rate. viser
+listens behind it on another port of 127.0.0.1 and accepts websockets from the gate
+only, which sends a secret as their origin.
 
 The gate serves the page, so it also adds the Stop button, which works independently of
 viser, and keeps keys of the panel from the camera.
@@ -92,7 +93,7 @@ def only_with(secret: str) -> AbstractContextManager:
 
 
 class Gate:
-    """Proxy on 127.0.0.1 in front of a viser server, in a separate thread.
+    """Proxy in front of a viser server, in a separate thread.
 
     Attributes:
         port: of the page.
@@ -106,6 +107,7 @@ class Gate:
         viser_port: int,
         secret: str,
         on_stop: Callable[[], str] | None = None,
+        host: str = HOST,
     ):
         """Listen on `port`, or on the next free port after it.
 
@@ -115,11 +117,14 @@ class Gate:
             secret: origin that viser accepts.
             on_stop: stops the arm; returns the text that the Stop button then shows, or
                 nothing if the arm did not obey. No Stop button if None.
+            host: address to listen on. Whatever it is, browsers must name the page as
+                localhost or 127.0.0.1.
 
         Raises:
             S2C2AError: no port is free, or viser does not respond.
         """
         self.port = port
+        self._host = host
         self.refused = Counter[str]()
         self._viser_port = viser_port
         self._secret = secret
@@ -155,7 +160,7 @@ class Gate:
             with suppress(OSError):
                 async with server.serve(
                     self._relay,
-                    HOST,
+                    self._host,
                     port,
                     process_request=self._admit,
                     select_subprotocol=_viser_protocol,

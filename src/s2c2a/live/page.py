@@ -13,6 +13,7 @@ import viser
 from jaxtyping import Float
 
 from s2c2a.evaluation import describe_step_estimates
+from s2c2a.live.gate import HOST
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
@@ -49,6 +50,7 @@ class LivePage(Window):
         port: int,
         runs: Path,
         survey: Callable[[], Survey] | None = None,
+        host: str = HOST,
     ):
         """Open the page; until the first snapshot it shows that the arm is prepared.
 
@@ -58,6 +60,7 @@ class LivePage(Window):
             runs: folder of the recordings.
             survey: computes the workspace; called after the first snapshot, in a
                 separate thread.
+            host: address to listen on.
 
         Raises:
             S2C2AError: no port is free.
@@ -85,7 +88,7 @@ class LivePage(Window):
         self.server.on_client_connect(self._add_client)
         self.server.on_client_disconnect(self._remove_client)
         self.every(self._draw)
-        self.open(port, self._stop)
+        self.open(port, self._stop, host)
 
     def close(self) -> None:
         """See `Window`; writes a recording that runs."""

@@ -69,17 +69,24 @@ class Window:
         self.scene = ArmScene(self.server.scene, arm)
         self.closing = threading.Event()
 
-    def open(self, port: int, on_stop: Callable[[], str] | None = None) -> Self:
+    def open(
+        self,
+        port: int,
+        on_stop: Callable[[], str] | None = None,
+        host: str = HOST,
+    ) -> Self:
         """Accept browsers on `port`, or on the next free port; returns the window.
 
         Args:
             port: of the page.
             on_stop: see `Gate`.
+            host: address to listen on.
 
         Raises:
             S2C2AError: no port is free.
         """
-        self.gate = Gate(port, self.server.get_port(), self._secret, on_stop)
+        viser_port = self.server.get_port()
+        self.gate = Gate(port, viser_port, self._secret, on_stop, host)
         return self
 
     def every(self, draw: Callable[[float], None]) -> None:
