@@ -99,15 +99,8 @@ MAIN_LINES = (
 @table("main")
 def main_table() -> str:
     """Tasks of the paper on `twin_arm`."""
-    known = find_row(
-        "sensors/twin_arm.json",
-        task="circle",
-        strategy="encoders-known-payload, 50 g",
-        metric="position",
-    )
-    estimated = find_row(
-        "sensors/twin_arm.json", task="circle", strategy="imu, 50 g", metric="position"
-    )
+    known = _sensor_row("encoders-known-payload", 50)
+    estimated = _sensor_row("imu", 50)
     rest = [MISSING] * 4
     lines = [
         ["the same, payload known [cm]", with_spread(known), *rest],
@@ -361,19 +354,124 @@ def sensors_table() -> str:
     }
     lines = []
     for sensors, label in names.items():
-        cells = [
-            with_spread(
-                find_row(
-                    "sensors/twin_arm.json",
-                    task="circle",
-                    strategy=f"{sensors}, {payload} g",
-                    metric="position",
-                )
-            )
-            for payload in PAYLOADS_G
-        ]
+        cells = [with_spread(_sensor_row(sensors, payload)) for payload in PAYLOADS_G]
         lines.append([label, *cells])
     return markdown(["sensors", "no payload", "50 g", "100 g"], lines)
+
+
+SENSOR_OPTIONS = (
+    ("encoders, and an unknown payload", "", "encoders"),
+    ("the payload, weighed", "`--known-payload 0.05`", "encoders-known-payload"),
+    ("inertial sensors at the module ends", "`[sensors.imu]`", "imu"),
+    ("motor currents", "`motor.current_noise`", "current"),
+    ("a camera that sees the tip", "`[sensors.camera]`", "camera"),
+    (
+        "motion capture in every run",
+        '`[sensors.camera]` with `sees = "ends"`',
+        "motion-capture",
+    ),
+    ("flex sensors", "`[sensors.flex]`", "flex"),
+)
+
+
+@table("sensor-options")
+def sensor_options_table() -> str:
+    """The circle with payloads, by what a user has."""
+    lines = []
+    for has, option, sensors in SENSOR_OPTIONS:
+        cells = [
+            number(_sensor_row(sensors, payload)["mean"]) for payload in PAYLOADS_G
+        ]
+        lines.append([has, option, *cells])
+    head = ["you have", "option or arm file", "0 g", "50 g", "100 g"]
+    return markdown(head, lines)
+
+
+def _sensor_row(sensors: str, payload: int) -> dict[str, Any]:
+    """The circle of `twin_arm` with a set of sensors and a payload [g]."""
+    return find_row(
+        "sensors/twin_arm.json",
+        task="circle",
+        strategy=f"{sensors}, {payload} g",
+        metric="position",
+    )
+
+
+@table("choosing")
+def choosing_table() -> str:
+    """Which strategy to use, with its error on the circle."""
+    lines = [
+        [
+            "15 minutes of motion with known module ends (simulation, tracking, a log)",
+            "`s2c2a` with `best`, the default",
+            _circle("best", "s2c2a"),
+        ],
+        [
+            "cables that become slack, and an hour",
+            "`s2c2a` with `best-long`",
+            f"{_strong_mismatch('best-long')} instead of {_strong_mismatch('best')} "
+            "(three arms with strong mismatch)",
+        ],
+        ["no tracking and no log", "`--strategy pcc`", _circle("best", "pcc")],
+        [
+            "no tracking, but time for a simulation of your arm file",
+            "a [prior](transfer.md) without data",
+            f"{_from_prior('from a prior, 0 samples')} (three randomized arms; "
+            f"{_from_prior('whole recording')} with all data)",
+        ],
+        [
+            "50 s of tracked motion",
+            "the prior, trained on them",
+            f"{_from_prior('from a prior, 500 samples')} (the same arms)",
+        ],
+        [
+            "networks of another arm of the same make, and 50 s of tracked motion",
+            "`train --from`, see [transfer](transfer.md)",
+            f"{_from_prior('from another, 500 samples')} (the same arms)",
+        ],
+        [
+            "a need to explain every parameter, and data",
+            "`--strategy pcc-fitted`",
+            _circle("best", "pcc-fitted"),
+        ],
+        [
+            "the wish to compare with the paper",
+            "`--recipe paper`",
+            _circle("paper", "s2c2a"),
+        ],
+    ]
+    return markdown(
+        ["if you have", "then use", "error on the circle of `twin_arm` [cm]"], lines
+    )
+
+
+def _circle(folder: str, strategy: str) -> str:
+    row = find_row(
+        f"{folder}/tracking.json",
+        experiment="tracking",
+        arm="twin_arm",
+        task="circle",
+        strategy=strategy,
+        metric="position",
+    )
+    return number(row["mean"])
+
+
+def _strong_mismatch(recipe: str) -> str:
+    file = "randomised-arms/strength-1.0.json"
+    return number(_mean_value(file, "circle", "position", recipe))
+
+
+def _from_prior(strategy: str) -> str:
+    row = find_row(
+        "transfer/twin_arm.json",
+        arm="mean of 3 arms at 0.5, 3 modules",
+        task="circle",
+        strategy=strategy,
+        metric="position",
+        unit="cm",
+    )
+    return number(row["mean"])
 
 
 REAL_MODELS = ("best", "kernels with plays", "kernels", "chain")
