@@ -5,7 +5,7 @@ Run `python -m tools.make_reference` from the root of the repository.
 
 from pathlib import Path
 
-from tools.markdown import ROOT
+from tools.pages import ROOT
 from tools.reference_api import api_pages
 from tools.reference_commands import commands_page
 from tools.reference_episodes import episodes_page

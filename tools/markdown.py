@@ -1,4 +1,4 @@
-"""Markdown of generated pages: tables, and links to pages that texts name."""
+"""Markdown that tools write: tables, and links to pages that texts name."""
 
 import re
 import tomllib
@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+from tools.pages import ROOT
+
 COMMAND = "python -m tools.make_reference"
 PAGE_NAME = re.compile(r"docs/([a-z/-]+\.md)")
 

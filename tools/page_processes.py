@@ -24,7 +24,15 @@ DRIVER = Path(__file__).with_name("python_blocks.py")
 
 
 class BlockError(Exception):
-    """A block failed; the message says why."""
+    """A block failed; the message says why.
+
+    Attributes:
+        output: end of what it printed.
+    """
+
+    def __init__(self, message: str, output: str = "") -> None:
+        super().__init__(message)
+        self.output = output
 
 
 class Process:

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from tools.markdown import table
 from tools.results_tables import (
     MISSING,
     Column,
     Line,
     find_row,
     find_rows,
-    markdown,
     number,
     table_of,
     with_spread,
@@ -31,8 +31,8 @@ PAYLOADS_G = (0, 50, 100)
 PACES = ("circle", "square", "eight", "circle@0.5", "square@0.5", "eight@0.5")
 
 
-def table(name: str) -> Callable[[Callable[[], str]], Callable[[], str]]:
-    """Register a function that makes a table."""
+def shown_as(name: str) -> Callable[[Callable[[], str]], Callable[[], str]]:
+    """Register a function that makes the table of this name."""
 
     def registered(make: Callable[[], str]) -> Callable[[], str]:
         TABLES[name] = make
@@ -46,15 +46,15 @@ def paper_value(row: dict[str, Any]) -> str:
     return number(row["paper_mean"], 1)
 
 
-def _columns(arm: str = "twin_arm") -> list[Column]:
+def _columns() -> list[Column]:
     """Strategies of the tables of the paper, and the paper's own values."""
-    of_arm = {"arm": arm}
+    networks = {"arm": "twin_arm", "strategy": "s2c2a"}
     return [
-        Column("`best`", "best", {**of_arm, "strategy": "s2c2a"}),
-        Column("`paper`", "paper", {**of_arm, "strategy": "s2c2a"}),
-        Column("`pcc-fitted`", "best", {**of_arm, "strategy": "pcc-fitted"}),
-        Column("`pcc`", "best", {**of_arm, "strategy": "pcc"}),
-        Column("the paper's arm", "best", {**of_arm, "strategy": "s2c2a"}, paper_value),
+        Column("`best`", "best", networks),
+        Column("`paper`", "paper", networks),
+        Column("`pcc-fitted`", "best", {**networks, "strategy": "pcc-fitted"}),
+        Column("`pcc`", "best", {**networks, "strategy": "pcc"}),
+        Column("the paper's arm", "best", networks, paper_value),
     ]
 
 
@@ -96,7 +96,7 @@ MAIN_LINES = (
 )
 
 
-@table("main")
+@shown_as("main")
 def main_table() -> str:
     """Tasks of the paper on `twin_arm`."""
     known = _sensor_row("encoders-known-payload", 50)
@@ -109,7 +109,7 @@ def main_table() -> str:
     return table_of(MAIN_LINES, _columns(), lines)
 
 
-@table("tilts")
+@shown_as("tilts")
 def tilts_table() -> str:
     """Every tilt task on `twin_arm`."""
     lines = [
@@ -123,7 +123,7 @@ def tilts_table() -> str:
     return table_of(lines, _columns())
 
 
-@table("hysteresis")
+@shown_as("hysteresis")
 def hysteresis_table() -> str:
     """Arms with other hysteresis."""
     other = "tracking, other hysteresis"
@@ -144,7 +144,7 @@ def hysteresis_table() -> str:
     return table_of(lines, columns)
 
 
-@table("simulated-arm")
+@shown_as("simulated-arm")
 def simulated_arm_table() -> str:
     """The circle of the arm with tension control."""
     names = {
@@ -154,33 +154,22 @@ def simulated_arm_table() -> str:
         "pcc": "PCC",
         "pcc-fitted": "PCC, fitted gains",
     }
-    found = find_rows("best/simulation.json", metric="position")
-    cases = []
-    for row in found:
-        case = (row["experiment"], row["arm"], row["task"], row["strategy"])
-        if case not in cases:
-            cases.append(case)
+    fields = ("experiment", "arm", "task", "strategy", "metric")
     lines = []
-    for experiment, arm, task, strategy in cases:
-        match = {
-            "experiment": experiment,
-            "arm": arm,
-            "task": task,
-            "strategy": strategy,
-            "metric": "position",
-        }
-        ours = find_row("best/simulation.json", **match)
+    for ours in find_rows("best/simulation.json", metric="position"):
+        match = {name: ours[name] for name in fields}
         paper = find_rows("paper/simulation.json", **match)
         of_paper = with_spread(paper[0]) if paper else MISSING
-        label = f"`{arm}`, {names.get(strategy, strategy)}"
+        strategy = names.get(ours["strategy"], ours["strategy"])
+        label = f"`{ours['arm']}`, {strategy}"
         lines.append([label, with_spread(ours), of_paper, paper_value(ours)])
-    return markdown(["`circle` [cm]", "`best`", "`paper`", "the paper's arm"], lines)
+    return table(["`circle` [cm]", "`best`", "`paper`", "the paper's arm"], lines)
 
 
 OBSTACLE_TASKS = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 
 
-@table("obstacles")
+@shown_as("obstacles")
 def obstacles_table() -> str:
     """Clearances and path lengths past obstacles."""
     tip = ("reached", "clearance", "path length")
@@ -199,7 +188,7 @@ def obstacles_table() -> str:
                 cells += [_obstacle_cell(folder, metric, match) for metric in metrics]
             lines.append(cells)
     head = ["", "reached", "clearance [cm]", "path length [cm]"]
-    return markdown([*head, *(f"`paper`: {title}" for title in head[1:])], lines)
+    return table([*head, *(f"`paper`: {title}" for title in head[1:])], lines)
 
 
 def _obstacle_cell(folder: str, metric: str, match: dict[str, str]) -> str:
@@ -213,7 +202,7 @@ def _obstacle_cell(folder: str, metric: str, match: dict[str, str]) -> str:
     return with_spread(rows[0])
 
 
-@table("networks")
+@shown_as("networks")
 def networks_table() -> str:
     """Held-out errors of the networks."""
     lines = []
@@ -222,10 +211,10 @@ def networks_table() -> str:
         paper = find_row("paper/networks.json", **match)
         label = f"`{row['arm']}`, {row['strategy']}: {row['metric']} [{row['unit']}]"
         lines.append([label, with_spread(row), with_spread(paper), paper_value(row)])
-    return markdown(["", "`best`", "`paper`", "the paper's arm"], lines)
+    return table(["", "`best`", "`paper`", "the paper's arm"], lines)
 
 
-@table("paths")
+@shown_as("paths")
 def paths_table() -> str:
     """Paths that need an S shape."""
     lines = [
@@ -254,59 +243,56 @@ def _mean_and_worst(file: str, strategies: Sequence[str]) -> str:
         unit = ""
         for strategy in strategies:
             match = {"task": task, "metric": metric, "strategy": strategy}
-            mean, worst = (
-                _mean_row(file, "mean", match),
-                _mean_row(file, "worst", match),
-            )
+            mean = _mean_row(file, "mean", match)
+            worst = _mean_row(file, "worst", match)
             if mean is None or worst is None:
                 cells.append(MISSING)
                 continue
             unit = mean["unit"]
             cells.append(f"{number(mean['mean'])} ({number(worst['mean'])})")
         lines.append([f"{task}: {metric} [{unit}]", *cells])
-    return markdown(["", *(f"`{name}`" for name in strategies)], lines)
+    return table(["", *(f"`{name}`" for name in strategies)], lines)
 
 
 def _mean_row(file: str, which: str, match: dict[str, str]) -> dict[str, Any] | None:
     """The row of the mean or the worst of all arms."""
-    rows = [
-        row for row in find_rows(file, **match) if row["arm"].startswith(f"{which} of")
-    ]
-    return rows[0] if rows else None
+    for row in find_rows(file, **match):
+        if row["arm"].startswith(f"{which} of"):
+            return row
+    return None
 
 
-@table("randomized-mild")
+@shown_as("randomized-mild")
 def randomized_table() -> str:
     """Ten arms at strength 0.5."""
     strategies = ("best", "paper", "pcc", "pcc-fitted")
     return _mean_and_worst("randomised-arms/strength-0.5.json", strategies)
 
 
-@table("randomized-strong")
+@shown_as("randomized-strong")
 def strong_mismatch_table() -> str:
     """Three arms at strength 1."""
     strategies = ("best", "best-long", "paper", "pcc-fitted")
     return _mean_and_worst("randomised-arms/strength-1.0.json", strategies)
 
 
-@table("paces")
+@shown_as("paces")
 def paces_table() -> str:
     """Paths at two paces on randomized arms."""
     lines = []
     for strength in ("0.5", "1.0"):
         file = f"randomised-arms/paths-strength-{strength}.json"
         for strategy in ("best", "best-active"):
-            for metric, unit, digits in (
-                ("position", " [cm]", 2),
-                ("errors within twice the std", "", 2),
+            for metric, unit in (
+                ("position", " [cm]"),
+                ("errors within twice the std", ""),
             ):
                 cells = [
-                    number(_mean_value(file, task, metric, strategy), digits)
-                    for task in PACES
+                    number(_mean_value(file, task, metric, strategy)) for task in PACES
                 ]
                 label = f"strength {strength}, `{strategy}`: {metric}{unit}"
                 lines.append([label, *cells])
-    return markdown(["", *(f"`{task}`" for task in PACES)], lines)
+    return table(["", *(f"`{task}`" for task in PACES)], lines)
 
 
 def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | None:
@@ -315,7 +301,7 @@ def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | Non
     return None if row is None else row["mean"]
 
 
-@table("other-data")
+@shown_as("other-data")
 def other_data_table() -> str:
     """The model of `best` with other training data."""
     folder = "randomised-arms"
@@ -335,10 +321,10 @@ def other_data_table() -> str:
         known = None if None in again else sum(again)
         lines.append([label, *map(number, [*cells, sum(cells), known])])
     tasks = (f"`{task}`" for task in PACES)
-    return markdown(["data", *tasks, "sum", "sum, seed 1"], lines)
+    return table(["data", *tasks, "sum", "sum, seed 1"], lines)
 
 
-@table("sensors")
+@shown_as("sensors")
 def sensors_table() -> str:
     """The circle with unknown payloads, by sensors."""
     names = {
@@ -356,7 +342,7 @@ def sensors_table() -> str:
     for sensors, label in names.items():
         cells = [with_spread(_sensor_row(sensors, payload)) for payload in PAYLOADS_G]
         lines.append([label, *cells])
-    return markdown(["sensors", "no payload", "50 g", "100 g"], lines)
+    return table(["sensors", "no payload", "50 g", "100 g"], lines)
 
 
 SENSOR_OPTIONS = (
@@ -374,7 +360,7 @@ SENSOR_OPTIONS = (
 )
 
 
-@table("sensor-options")
+@shown_as("sensor-options")
 def sensor_options_table() -> str:
     """The circle with payloads, by what a user has."""
     lines = []
@@ -384,7 +370,7 @@ def sensor_options_table() -> str:
         ]
         lines.append([has, option, *cells])
     head = ["you have", "option or arm file", "0 g", "50 g", "100 g"]
-    return markdown(head, lines)
+    return table(head, lines)
 
 
 def _sensor_row(sensors: str, payload: int) -> dict[str, Any]:
@@ -397,7 +383,7 @@ def _sensor_row(sensors: str, payload: int) -> dict[str, Any]:
     )
 
 
-@table("choosing")
+@shown_as("choosing")
 def choosing_table() -> str:
     """Which strategy to use, with its error on the circle."""
     lines = [
@@ -440,7 +426,7 @@ def choosing_table() -> str:
             _circle("paper", "s2c2a"),
         ],
     ]
-    return markdown(
+    return table(
         ["if you have", "then use", "error on the circle of `twin_arm` [cm]"], lines
     )
 
@@ -477,26 +463,27 @@ def _from_prior(strategy: str) -> str:
 REAL_MODELS = ("best", "kernels with plays", "kernels", "chain")
 
 
-def _real_line(label: str, file: str, task: str) -> list[str]:
-    found = []
+def _real_line(file: str, task: str) -> list[str]:
+    """Errors of all models on one kind of held-out rows."""
+    cells = [task]
     for model in REAL_MODELS:
         match = {"task": task, "strategy": model, "metric": "tip"}
-        found.append(number(find_row(f"real/{file}.json", **match)["mean"], 1))
-    return [label, *found]
+        cells.append(number(find_row(f"real/{file}.json", **match)["mean"], 1))
+    return cells
 
 
-@table("real")
+@shown_as("real")
 def real_table() -> str:
     """Errors of models on recordings of real arms."""
     lines = [
-        _real_line(f"{row['task']}", file, row["task"])
+        _real_line(file, row["task"])
         for file in ("opencr_v4", "opencr_v4_largest", "stanford_trunk_largest")
         for row in find_rows(f"real/{file}.json", strategy="best", metric="tip")
     ]
-    return markdown(["held out", *(f"{model} [mm]" for model in REAL_MODELS)], lines)
+    return table(["held out", *(f"{model} [mm]" for model in REAL_MODELS)], lines)
 
 
-@table("payloads")
+@shown_as("payloads")
 def payloads_table() -> str:
     """Payloads of a real arm: tip error without and with estimation."""
     file = "payloads/stanford_trunk.json"
@@ -515,10 +502,10 @@ def payloads_table() -> str:
     ]
     lines.append(["estimated payload [g]", *(number(mass, 0) for mass in masses)])
     names = {"full": "no payload", "100g": "100 g", "300g": "300 g"}
-    return markdown(["", *(names.get(task, task) for task in tasks)], lines)
+    return table(["", *(names.get(task, task) for task in tasks)], lines)
 
 
-@table("stability")
+@shown_as("stability")
 def stability_table() -> str:
     """Motion and error of the tip at a held point."""
     file = "stability/results.json"
@@ -538,10 +525,10 @@ def stability_table() -> str:
                 error = find_row(file, metric="position, last quarter", **match)
                 cells.append(f"{number(moved['mean'], 1)} / {number(error['mean'], 1)}")
             lines.append([f"`{arm}`, {sensors}", *cells])
-    return markdown(["", *(f"{payload} g" for payload in payloads)], lines)
+    return table(["", *(f"{payload} g" for payload in payloads)], lines)
 
 
-@table("repetition")
+@shown_as("repetition")
 def repetition_table() -> str:
     """Iterative learning: whole run, and its last quarter."""
     file = "repetition/results.json"
@@ -558,7 +545,7 @@ def repetition_table() -> str:
             last = find_row(file, metric="position, last quarter", **match)
             cells.append(f"{number(whole['mean'])} ({number(last['mean'])})")
         lines.append([label, *cells])
-    return markdown(["repetition [cm]", *(f"`{arm}`" for arm in arms)], lines)
+    return table(["repetition [cm]", *(f"`{arm}`" for arm in arms)], lines)
 
 
 TRANSFER_CASES = (
@@ -591,7 +578,7 @@ def _transfer_table(start: str) -> str:
                 )
             lines.append([f"{label}, {task} [{unit}]", *cells])
     head = ["", "whole recording, 9000", *map(str, SAMPLES)]
-    return markdown(head, lines)
+    return table(head, lines)
 
 
 FAULTS = {
@@ -606,7 +593,7 @@ FAULTS = {
 }
 
 
-@table("sensor-faults")
+@shown_as("sensor-faults")
 def sensor_faults_table() -> str:
     """Largest tip error after a fault, and time until the sensor is rejected."""
     file = "sensor-faults/results.json"
@@ -625,16 +612,16 @@ def sensor_faults_table() -> str:
                 cells.append(f"{number(worst, 1)} / {time}")
         lines.append([label, *cells])
     head = ["fault", "bends", "inertial sensors", "motor currents", "camera"]
-    return markdown(head, lines)
+    return table(head, lines)
 
 
-@table("transfer-prior")
+@shown_as("transfer-prior")
 def transfer_from_prior_table() -> str:
     """A new arm from the prior over randomized arms."""
     return _transfer_table("from a prior")
 
 
-@table("transfer-another")
+@shown_as("transfer-another")
 def transfer_from_another_table() -> str:
     """A new arm from the networks of another one."""
     return _transfer_table("from another")

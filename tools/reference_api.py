@@ -9,7 +9,8 @@ from pathlib import Path
 import griffe
 
 from tools.api_pages import PAGES, Page
-from tools.markdown import ROOT, first_paragraph, header, linked, table
+from tools.markdown import first_paragraph, header, linked, table
+from tools.pages import ROOT
 
 FOLDER = "reference/api"
 INDEX = """# Python API

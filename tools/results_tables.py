@@ -4,10 +4,11 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+from tools.markdown import table
+from tools.pages import ROOT
+
 RESULTS = ROOT / "results"
 MISSING = "-"
 
@@ -87,12 +88,6 @@ class Column:
     value: Callable[[dict[str, Any]], str] = with_spread
 
 
-def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    rows = [head, ["---"] * len(head), *lines]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
-
-
 def table_of(
     lines: Sequence[Line],
     columns: Sequence[Column],
@@ -100,4 +95,4 @@ def table_of(
 ) -> str:
     """A table of lines and columns, and further lines of cells below."""
     cells = [[line.label, *(line.cell(column) for column in columns)] for line in lines]
-    return markdown(["", *(column.title for column in columns)], [*cells, *further])
+    return table(["", *(column.title for column in columns)], [*cells, *further])

@@ -106,7 +106,8 @@ class PageRun:
             work(block)
         except BlockError as error:
             outcome = FAILED
-            detail, output = error.args if len(error.args) > 1 else (str(error), "")
+            detail = str(error)
+            output = error.output
         seconds = time.monotonic() - began
         return Result(block.place, block.language, outcome, seconds, detail, output)
 

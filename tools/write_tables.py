@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tools.page_tables import TABLES
-from tools.results_tables import ROOT
+from tools.pages import ROOT
 
 MARKED = re.compile(
     r"(<!-- table: (?P<name>[\w-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from tools.page_tables import TABLES
-from tools.results_tables import ROOT, find_row
+from tools.pages import ROOT
+from tools.results_tables import find_row
 from tools.write_tables import MARKED, pages_with_tables, written
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")

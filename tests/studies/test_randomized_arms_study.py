@@ -94,9 +94,9 @@ def test_invalid_options_are_rejected(wrong):
 
 
 def test_each_strength_has_its_arms():
-    drawn = RandomizedArmsStudy(TWIN, arms=2, strengths=(0.5, 1.0)).randomized()
-    assert [strength for strength, _ in drawn] == [0.5, 0.5, 1.0, 1.0]
-    assert len({arm.name for _, arm in drawn}) == 4
+    randomized = RandomizedArmsStudy(TWIN, arms=2, strengths=(0.5, 1.0)).randomized()
+    assert [strength for strength, _ in randomized] == [0.5, 0.5, 1.0, 1.0]
+    assert len({arm.name for _, arm in randomized}) == 4
 
 
 def test_runs_use_aged_arms_and_recordings_new_ones():

@@ -18,7 +18,7 @@ from s2c2a.studies.transfer import (
 
 
 def test_every_arm_starts_from_the_networks_of_the_next(twin):
-    pairs = Transfer(twin, drawn=(0, 1, 2)).pairs()
+    pairs = Transfer(twin, arm_seeds=(0, 1, 2)).pairs()
     assert [pair.arm.name for pair in pairs] == [
         "twin_arm_50_0",
         "twin_arm_50_1",
@@ -66,7 +66,7 @@ def test_errors_are_divided_by_those_of_a_whole_recording():
 
 def test_a_single_arm_is_rejected(twin):
     with pytest.raises(S2C2AError, match="1 arms"):
-        Transfer(twin, drawn=(0,))
+        Transfer(twin, arm_seeds=(0,))
 
 
 def test_every_sample_count_has_every_start_but_none_is_from_scratch_without_data(twin):

@@ -75,7 +75,7 @@ def randomized_arms(
 
 def sensors(
     arm: Arm = "twin_arm",
-    drawn: int = 0,
+    random_arms: int = 0,
     strength: float = 0.5,
     sets: tuple[str, ...] = (
         "encoders",
@@ -95,13 +95,12 @@ def sensors(
 ) -> None:
     """Tip errors under unknown payloads for sets of sensors (docs/guides/sensors.md).
 
-    Networks are trained without payload,
-    once for all sets except `flex`, whose sensor model is trained too. Repeat the
-    command to continue an interrupted run.
+    Networks are trained without payload, once for all sets except `flex`, whose sensor
+    model is trained too. Repeat the command to continue an interrupted run.
 
     Args:
         arm: a preset or an arm file.
-        drawn: number of randomized arms, sampled as `s2c2a arm random` does, to use
+        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
             instead of this arm; none if zero.
         strength: magnitude of their mismatch.
         sets: sets of sensors; encoders-known-payload is encoders and a known payload.
@@ -119,7 +118,7 @@ def sensors(
 
     options = {
         "arm": arm,
-        "drawn": drawn,
+        "random_arms": random_arms,
         "strength": strength,
         "sets": sets,
         "payloads_g": payloads_g,
@@ -128,7 +127,7 @@ def sensors(
         "seeds": seeds,
     }
     compared = study.SensorStudy(
-        arms=study.randomized_arms(load_arm(arm), drawn, strength),
+        arms=study.randomized_arms(load_arm(arm), random_arms, strength),
         sets=sets,
         payloads=tuple(payload / 1000 for payload in payloads_g),
         tasks=tasks,
@@ -154,7 +153,7 @@ def sensors(
 
 def stability(
     arm: Arm = "twin_arm",
-    drawn: int = 3,
+    random_arms: int = 3,
     strengths: tuple[float, ...] = (0.5, 1.0),
     sets: tuple[str, ...] = ("bends", "imu", "current", "camera"),
     payloads_g: tuple[float, ...] = (0.0, 50.0, 100.0, 150.0),
@@ -169,7 +168,7 @@ def stability(
 
     Args:
         arm: a preset or an arm file.
-        drawn: number of randomized arms at each strength, beside this arm.
+        random_arms: number of randomized arms at each strength, beside this arm.
         strengths: magnitudes of their mismatch.
         sets: sets of sensors.
         payloads_g: masses at the tip [g].
@@ -184,9 +183,9 @@ def stability(
 
     base = load_arm(arm)
     arms = [base]
-    if drawn:
+    if random_arms:
         for strength in strengths:
-            arms += randomized_arms(base, drawn, strength)
+            arms += randomized_arms(base, random_arms, strength)
     payloads = tuple(payload / 1000 for payload in payloads_g)
     numbers = tuple(checked_seeds(0, seeds))
     compared = study.StabilityStudy(tuple(arms), sets, payloads, numbers, seconds)
@@ -204,7 +203,7 @@ def stability(
 
 def repetition(
     arm: Arm = "twin_arm",
-    drawn: int = 3,
+    random_arms: int = 3,
     strength: float = 1.0,
     tasks: tuple[str, ...] = ("circle",),
     repetitions: int = 5,
@@ -217,7 +216,7 @@ def repetition(
 
     Args:
         arm: a preset or an arm file.
-        drawn: number of randomized arms, sampled as `s2c2a arm random` does, to use
+        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
             instead of this arm; none if zero.
         strength: magnitude of their mismatch.
         tasks: names of tasks.
@@ -230,7 +229,7 @@ def repetition(
     from s2c2a.studies import repetition as study
     from s2c2a.studies.sensors import randomized_arms
 
-    arms = randomized_arms(load_arm(arm), drawn, strength)
+    arms = randomized_arms(load_arm(arm), random_arms, strength)
     numbers = tuple(checked_seeds(0, seeds))
     repeated = study.RepetitionStudy(arms, tasks, repetitions, numbers)
     options = asdict(repeated) | {"arms": [one.name for one in arms]}
@@ -294,7 +293,7 @@ def sensor_faults(
 
 
 def transfer(
-    drawn: tuple[int, ...] = (0, 20, 21),
+    arm_seeds: tuple[int, ...] = (0, 20, 21),
     counts: tuple[int, int] = (4, 6),
     halves: tuple[int, ...] = (20, 21),
     strength: float = 0.5,
@@ -310,7 +309,7 @@ def transfer(
     Repeat the command to continue an interrupted run.
 
     Args:
-        drawn: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
+        arm_seeds: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
             training from the networks of the next.
         counts: module counts of the source and of the target; their modules have half
             the length of the base's.
@@ -328,7 +327,7 @@ def transfer(
     from s2c2a.studies.transfer import EXPERIMENT, Transfer, transfer_rows
 
     study = Transfer(
-        load_arm(base), drawn, counts, halves, strength, tasks, samples, seed, prior
+        load_arm(base), arm_seeds, counts, halves, strength, tasks, samples, seed, prior
     )
     options = asdict(study) | {"base": base}
     with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):

@@ -69,7 +69,7 @@ class Transfer:
 
     Attributes:
         base: the arm whose mismatch is randomized.
-        drawn: seeds of randomized arms with the modules of the base, each of which
+        arm_seeds: seeds of randomized arms with the modules of the base, each of which
             starts from the networks of the next.
         counts: number of half modules of the arm with networks, and of the new arm.
         halves: seeds of randomized arms with either number of half modules.
@@ -81,7 +81,7 @@ class Transfer:
     """
 
     base: ArmSpec
-    drawn: tuple[int, ...] = (0, 20, 21)
+    arm_seeds: tuple[int, ...] = (0, 20, 21)
     counts: tuple[int, int] = (4, 6)
     halves: tuple[int, ...] = (20, 21)
     strength: float = 0.5
@@ -97,9 +97,9 @@ class Transfer:
             S2C2AError: a single arm, no task, or samples that are no whole episodes.
         """
         uneven = [count for count in self.samples if count % EPISODE or count < 0]
-        if len(self.drawn) == 1 or not self.tasks or uneven:
+        if len(self.arm_seeds) == 1 or not self.tasks or uneven:
             raise S2C2AError(
-                f"{len(self.drawn)} arms, {len(self.tasks)} tasks and {self.samples} "
+                f"{len(self.arm_seeds)} arms, {len(self.tasks)} tasks and {self.samples} "
                 "samples; give no arm or at least two, at least one task, and "
                 f"multiples of {EPISODE} samples, or 0"
             )
@@ -119,7 +119,9 @@ class Transfer:
 
     def pairs(self) -> list[ArmPair]:
         """Arms of the same module count."""
-        arms = [randomized_arm(self.base, seed, self.strength) for seed in self.drawn]
+        arms = [
+            randomized_arm(self.base, seed, self.strength) for seed in self.arm_seeds
+        ]
         others = arms[1:] + arms[:1]
         return [
             ArmPair(arm, other, self.base)
