@@ -90,7 +90,7 @@ def run_page(root: Path, name: str, **options):
 
 def test_command_lines_are_found_in_blocks_and_in_text(page, tmp_path):
     name = page(
-        "Run `s2c2a doctor`, or `run circle --video`; `s2c2a.runtime` is a module.",
+        "Run `s2c2a doctor | head`, or `run circle --video`; `s2c2a.runtime` is a module.",
         "```sh",
         "cd x && s2c2a run circle \\",
         "  --event '6 payload 0.05'   # s2c2a bogus",
