@@ -117,9 +117,9 @@ def _is_short_form(words: Sequence[str]) -> bool:
 
 
 def _words(code: str) -> list[str]:
-    """Words of inline code, without brackets of optional parts and dots."""
+    """Words of inline code, without brackets of optional parts, dots and pipes."""
     try:
-        words = shlex.split(code)
+        words = shlex.split(code.partition(" | ")[0])
     except ValueError:  # a quotation mark alone: no command line
         return []
     bare = [word.strip("[]") if "[" in word or "]" in word else word for word in words]
