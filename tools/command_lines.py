@@ -10,7 +10,6 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 
 import tyro
@@ -118,12 +117,11 @@ def _is_short_form(words: Sequence[str]) -> bool:
 
 
 def _words(code: str) -> list[str]:
-    """Words of the first command of inline code, without brackets and dots."""
+    """Words of inline code, without brackets of optional parts, dots and pipes."""
     try:
-        words = shlex.split(code)
+        words = shlex.split(code.partition(" | ")[0])
     except ValueError:  # a quotation mark alone: no command line
         return []
-    words = list(takewhile(lambda word: not SEPARATOR.match(word), words))
     bare = [word.strip("[]") if "[" in word or "]" in word else word for word in words]
     return [word for word in bare if word not in ("", "...")]
 

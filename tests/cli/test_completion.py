@@ -71,7 +71,8 @@ def test_an_unknown_shell_is_reported_with_the_known_ones(capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["completion", "tcsh"])
     assert stopped.value.code == 2
-    assert "'bash', 'zsh', 'fish'" in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert all(f"'{shell}'" in message for shell in ("tcsh", "bash", "zsh", "fish"))
 
 
 def test_the_version_is_printed(capsys):

@@ -353,5 +353,7 @@ def test_waypoints_need_no_file():
 
 def test_positions_in_millimeters_are_refused(twin):
     far = Waypoints(-1, np.array([1.0, 2.0]), np.full((2, 3), 300.0), None)
-    with pytest.raises(TargetError, match=r"lie up to 520 m .* \(at 1 s\).* in meters"):
+    with pytest.raises(
+        TargetError, match=r"coordinates of up to 300 m \(at 1 s\).* in meters"
+    ):
         waypoints_task("millimeters", [far], twin)

@@ -261,13 +261,14 @@ def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None
 
 def _check_units(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
     for track in tracks:
-        distances = np.linalg.norm(track.positions, axis=-1)
-        farthest = int(distances.argmax())
-        if distances[farthest] > MAX_DISTANCE * arm.length:
+        # the largest coordinate, since squares of absurd numbers overflow
+        largest = np.abs(track.positions).max(axis=-1)
+        farthest = int(largest.argmax())
+        if largest[farthest] > MAX_DISTANCE * arm.length:
             raise TargetError(
-                f"the waypoints of '{name}' lie up to {distances[farthest]:.3g} m from "
-                f"the base (at {track.times[farthest]:g} s), and '{arm.name}' is "
-                f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
+                f"the waypoints of '{name}' have coordinates of up to "
+                f"{largest[farthest]:.3g} m (at {track.times[farthest]:g} s), and "
+                f"'{arm.name}' is {arm.length:.3g} m long; write positions in meters: 0.1, not 100"
             )
 
 
