@@ -66,7 +66,7 @@ def check(arm: File) -> None:
 
 
 def _unusual_properties(frequency: float, damping: float) -> list[str]:
-    """Ask about a first mode [Hz] and damping ratio that few soft arms have."""
+    """Lines about a first mode [Hz] and damping ratio that few soft arms have."""
     lines = []
     low, high = USUAL_FREQUENCIES
     if not low <= frequency <= high:
