@@ -2,7 +2,9 @@
 
 import re
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import (
@@ -23,6 +25,7 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 
+NewFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 USUAL_FREQUENCIES = (0.2, 20.0)  # Hz
 USUAL_DAMPING = 0.03
 
@@ -173,7 +176,7 @@ def draw(arm: File, out: Path | None = None) -> None:
 
 
 @app.command
-def copy(arm: File, out: File, overwrite: bool = False) -> None:
+def copy(arm: File, out: NewFile, overwrite: bool = False) -> None:
     """Copy an arm to a new arm file, named after the file, to edit it there.
 
     Args:
@@ -181,7 +184,7 @@ def copy(arm: File, out: File, overwrite: bool = False) -> None:
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", Path(out).stem) or "arm"
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", out.stem) or "arm"
     table = load_arm(arm).model_dump() | {"name": name, "description": ""}
     save_arm(ArmSpec.model_validate(table), out, overwrite)
     print(f"arm: {out}; edit it and run `s2c2a arm check {out}`")
