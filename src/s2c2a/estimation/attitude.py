@@ -36,8 +36,9 @@ class Inclinometer:
             from vqf import VQF  # noqa: PLC0415  # an extra
         except ImportError as error:
             raise S2C2AError(
-                "inertial sensors need the package vqf; install it with `pip install "
-                "'s2c2a[sensors]'`, or remove [sensors.imu] from the arm file"
+                "inertial sensors need the package vqf; install it, in your clone of "
+                's2c2a, with `pip install ".[sensors]"`, or remove [sensors.imu] from '
+                "the arm file"
             ) from error
         self._filter_class = VQF
         self._arm = arm
