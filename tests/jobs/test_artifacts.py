@@ -63,6 +63,14 @@ def test_the_path_of_networks_depends_on_all_training_inputs(cache):
     assert len({one.path(cache) for one in [networks, *different]}) == 6
 
 
+@pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
+@pytest.mark.parametrize("recipe", ["best", "paper"])
+def test_networks_of_a_recipe_are_those_of_its_runs(name, recipe):
+    arm, chosen = load_arm(name), recipe_named(recipe)
+    (job,) = jobs_for(["circle"], arm, ["s2c2a"], [3], chosen)
+    assert job.needs == (NetworksArtifact.of_recipe(arm, chosen, 3),)
+
+
 @pytest.fixture
 def waypoints(tmp_path):
     """A task of a second."""

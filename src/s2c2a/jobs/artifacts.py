@@ -178,6 +178,11 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     seed: int
     strategy: StrategyOptions = S2C2A()  # noqa: RUF009  # frozen
 
+    @classmethod
+    def of_recipe(cls, arm: ArmSpec, recipe: Recipe, seed: int) -> "NetworksArtifact":
+        """Networks of the paper's strategy, those that runs on this arm use."""
+        return cls(recipe.training_arm(arm), recipe, seed)
+
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:
         """See `Artifact`."""

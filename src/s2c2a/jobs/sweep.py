@@ -181,7 +181,7 @@ def save_best(
     """
     best = best_recipe(sweep, trials)
     name = f"{sweep.recipe.name}-swept"
-    artifact = NetworksArtifact(sweep.arm, best, sweep.seeds[0])
+    artifact = NetworksArtifact.of_recipe(sweep.arm, best, sweep.seeds[0])
     networks = replace(made(artifact, cache, progress), recipe=replace(best, name=name))
     weights = folder / "best.safetensors"
     save_strategy(networks, weights)

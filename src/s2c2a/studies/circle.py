@@ -60,7 +60,9 @@ def circle_table(
     runs_by_arm = jobs.in_groups(make, groups)
     rows: list[Row] = []
     for arm, runs in zip(arms, runs_by_arm, strict=True):
-        trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
+        trained = make(
+            [jobs.NetworksArtifact.of_recipe(arm, recipe, seed) for seed in seeds]
+        )
         rows += jobs.score_rows("circle", runs)
         rows += jobs.training_rows("circle", trained)
     save_results(folder, rows, [run for runs in runs_by_arm for run in runs])
@@ -86,7 +88,9 @@ def controller_table(
     rows = []
     end_errors = []
     for arm in arms:
-        trained = make([jobs.NetworksArtifact(arm, recipe, seed) for seed in seeds])
+        trained = make(
+            [jobs.NetworksArtifact.of_recipe(arm, recipe, seed) for seed in seeds]
+        )
         recipe_name = trained[0].recipe.name
         used_seeds = tuple(networks.seed for networks in trained)
         heading = jobs.Heading("controller", arm, recipe_name, used_seeds)

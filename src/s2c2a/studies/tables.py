@@ -205,7 +205,7 @@ def _networks(
 ) -> tuple[list[Row], list[Path]]:
     """Rows of held-out errors; no figure."""
     groups = [
-        [jobs.NetworksArtifact(arm(), recipe, seed) for seed in seeds]
+        [jobs.NetworksArtifact.of_recipe(arm(), recipe, seed) for seed in seeds]
         for arm in (_TWIN, _SIMULATED)
     ]
     rows = []
