@@ -1,4 +1,4 @@
-"""The page on the architecture quotes the code as it is."""
+"""The pages on architecture and planning quote the code as it is."""
 
 import inspect
 from pathlib import Path
@@ -6,14 +6,15 @@ from pathlib import Path
 from s2c2a.planning import Outcome
 from s2c2a.runtime import Loop
 
-PAGE = Path(__file__).parents[1] / "docs" / "contribute" / "architecture.md"
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 def test_the_control_step_on_the_page_is_the_one_in_the_code():
-    assert inspect.getsource(Loop._control_step) in PAGE.read_text(encoding="utf-8")
+    page = (DOCS / "contribute" / "architecture.md").read_text(encoding="utf-8")
+    assert inspect.getsource(Loop._control_step) in page
 
 
 def test_every_planner_outcome_stands_on_the_page():
-    page = PAGE.read_text(encoding="utf-8")
+    page = (DOCS / "concepts" / "planning.md").read_text(encoding="utf-8")
     for outcome in Outcome:
         assert f"| {outcome.value} | `{outcome.name}` | {outcome.sentence} |" in page
