@@ -207,6 +207,8 @@ def networks_table() -> str:
     """Held-out errors of the networks."""
     lines = []
     for row in find_rows("best/networks.json"):
+        if row["strategy"] not in ("C2S", "C2A"):
+            continue
         match = {name: row[name] for name in ("arm", "task", "metric", "strategy")}
         paper = find_row("paper/networks.json", **match)
         label = f"`{row['arm']}`, {row['strategy']}: {row['metric']} [{row['unit']}]"
@@ -233,10 +235,17 @@ def paths_table() -> str:
     return table_of(lines, columns)
 
 
+UNCERTAINTY = ("model error", "predictive std", "errors within twice the std")
+
+
 def _mean_and_worst(file: str, strategies: Sequence[str]) -> str:
     """Mean of the arms, and the worst one in brackets."""
     means = [row for row in find_rows(file) if row["arm"].startswith("mean of")]
-    keys = list(dict.fromkeys((row["task"], row["metric"]) for row in means))
+    keys = dict.fromkeys(
+        (row["task"], row["metric"])
+        for row in means
+        if row["metric"] not in UNCERTAINTY
+    )
     lines = []
     for task, metric in keys:
         cells = []
