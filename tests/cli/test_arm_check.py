@@ -3,6 +3,7 @@
 import pytest
 
 from s2c2a.arm import Tracking, load_arm, save_arm, servos_of
+from s2c2a.arm.sensors import Inertial
 from s2c2a.cli.arm import check
 from s2c2a.errors import S2C2AError
 
@@ -33,6 +34,16 @@ def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, tmp_path):
     save_arm(twin.model_copy(update={"sensing": sensing}), path)
     with pytest.raises(S2C2AError, match=reason):
         check(str(path))
+
+
+def test_a_package_that_a_sensor_needs_is_asked_for(tmp_path, capsys, monkeypatch):
+    twin = load_arm("twin_arm")
+    sensors = twin.sensors.model_copy(update={"imu": Inertial()})
+    path = tmp_path / "mine.toml"
+    save_arm(twin.model_copy(update={"sensors": sensors}), path)
+    monkeypatch.setattr("s2c2a.cli.arm.find_spec", lambda name: None)
+    check(str(path))
+    assert "[sensors.imu] needs the package vqf" in capsys.readouterr().out
 
 
 def test_unusual_values_are_asked_about(tmp_path, capsys):

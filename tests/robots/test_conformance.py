@@ -194,7 +194,7 @@ FAULTS = {
     _ClockRuns: "its clock advanced by 2.000 s",
     _AdvancesInSend: "time passes in send",
     _DoesNotMove: "wrong sign, or nothing moves",
-    _MovesInTheWrongDirection: "'cables' moved -1.. %",
+    _MovesInTheWrongDirection: "those of module 3 moved -1.. %",
     _CablesAreCrossed: r"commanded towards \+x, the tip moved",
     _ReturnsTheRequestedAction: "did not limit a far too large action",
     _AcceptsNaN: "accepted NaN",

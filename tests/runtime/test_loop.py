@@ -360,6 +360,38 @@ def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(
         Loop(puppet, actor, clock)
 
 
+class _Incomplete:
+    """Driver that lacks what a user may forget."""
+
+    sensors = ()
+
+    def __init__(self, arm):
+        self.arm = arm
+
+    def start(self, reading): ...
+
+    def estimate(self, reading, last_command): ...
+
+    def plan(self, estimate, goal): ...
+
+    def act(self, plan, estimate): ...
+
+
+def test_a_driver_without_a_method_is_refused(puppet, clock, twin):
+    with pytest.raises(
+        S2C2AError, match=r"_Incomplete has no `sent\(\)`, `diagnostics\(\)`"
+    ):
+        Loop(puppet, _Incomplete(twin), clock)
+
+
+def test_a_command_of_another_shape_names_the_controller(loop, actor, monkeypatch):
+    monkeypatch.setattr(actor, "act", lambda plan, estimate: np.zeros((3, 4)))
+    with pytest.raises(
+        S2C2AError, match=r"`act` .* Actor returned shape \(3, 4\).*\(3, 3\)"
+    ):
+        loop.tick(StepRequest())
+
+
 def test_another_driver_starts_when_the_arm_next_runs_from_rest(loop, actor, twin):
     for _ in range(4):
         loop.tick(StepRequest())

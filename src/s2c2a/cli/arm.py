@@ -1,6 +1,7 @@
 """Commands `s2c2a arm` (keys, check, describe, draw, copy, random), `s2c2a robot`."""
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -64,7 +65,11 @@ def check(arm: File) -> None:
         f"{spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
     )
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
-    for line in [*_unusual_properties(frequency, damping), *_hardware_lines(spec)]:
+    for line in [
+        *_unusual_properties(frequency, damping),
+        *_hardware_lines(spec),
+        *_missing_packages(spec),
+    ]:
         print(line)
 
 
@@ -83,6 +88,16 @@ def _unusual_properties(frequency: float, damping: float) -> list[str]:
             "for minutes; check damping_time [s]"
         )
     return lines
+
+
+def _missing_packages(spec: ArmSpec) -> list[str]:
+    """Lines about packages that the sensors of the arm need in a run."""
+    if spec.sensors.imu is None or find_spec("vqf") is not None:
+        return []
+    return [
+        "missing: [sensors.imu] needs the package vqf; install it, in your clone of "
+        's2c2a, with: pip install ".[sensors]"'
+    ]
 
 
 def _hardware_lines(spec: ArmSpec) -> list[str]:

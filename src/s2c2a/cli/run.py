@@ -218,10 +218,18 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
 
     paced = paced_task(task, spec, pace)
     if task.endswith(".csv"):
-        for waypoint in unreachable_waypoints(load_waypoints(task), spec):
+        tracks = load_waypoints(task)
+        for waypoint in unreachable_waypoints(tracks, spec):
+            is_tip = waypoint.module in (-1, spec.module_count - 1)
+            end = "the tip" if is_tip else f"module {waypoint.module}, from 0"
             print(
                 f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
-                f"{waypoint.time:g} s, module {waypoint.module}"
+                f"{waypoint.time:g} s of {end}"
+            )
+        if all((track.positions[:, 2] < 0).all() for track in tracks):
+            print(
+                "all waypoints have z < 0, behind the base: z grows from the base "
+                "toward the tip at rest, also on a hanging arm"
             )
     return paced
 

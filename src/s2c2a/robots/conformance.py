@@ -153,12 +153,17 @@ def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
     _move(robot, geometry.action_neutral, target)
     after = robot.read()
     if "cables" in robot.sensors:
-        motion = np.sum((after["cables"] - before["cables"]) * towards_x)
-        percent = 100 * motion / np.sum(towards_x**2)
+        moved = (after["cables"] - before["cables"]) * towards_x
+        shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
+        wrong = [
+            f"those of module {number} moved {share:.0f} %"
+            for number, share in enumerate(shares, start=1)
+            if not share > 50
+        ]
         _require(
-            percent > 50,
-            f"'cables' moved {percent:.0f} % of the commanded displacement: "
-            "wrong sign, or nothing moves",
+            not wrong,
+            f"'cables' do not follow: {', '.join(wrong)} of the commanded "
+            "displacement: wrong sign, or nothing moves",
         )
     if "states" in robot.sensors:
         displacement = after["states"][-1, POSITION] - before["states"][-1, POSITION]

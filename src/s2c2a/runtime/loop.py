@@ -93,6 +93,27 @@ class Driver(Protocol):
         """Return telemetry of the last step, by column of an episode (`planned`)."""
 
 
+METHODS = ("start", "estimate", "plan", "act", "sent", "diagnostics")
+ATTRIBUTES = ("arm", "sensors")
+
+
+def _check_methods(driver: Driver) -> None:
+    """Check that a controller, perhaps a user's own, has what the loop calls.
+
+    Raises:
+        S2C2AError: it lacks a method or an attribute.
+    """
+    missing = [
+        *(f"`{name}`" for name in ATTRIBUTES if not hasattr(driver, name)),
+        *(f"`{name}()`" for name in METHODS if not hasattr(driver, name)),
+    ]
+    if missing:
+        raise S2C2AError(
+            f"the controller {type(driver).__name__} has no {', '.join(missing)}; see "
+            "`runtime.Driver` (docs/guides/extending.md)"
+        )
+
+
 class Loop:
     """Control loop of one robot: one `tick` a control period.
 
@@ -170,6 +191,7 @@ class Loop:
         Raises:
             S2C2AError: see `Loop`.
         """
+        _check_methods(driver)
         required = self.required_sensors(driver)
         self.driver = driver
         self._check = ReadingCheck(
@@ -256,6 +278,21 @@ class Loop:
         if isinstance(error, EmergencyStopError):
             self._halted = True
             self._robot.halt()
+
+    def _checked_shape(self, desired: Actions) -> Actions:
+        """The command that the controller desires, if it has a value for every cable.
+
+        Raises:
+            S2C2AError: it has another shape.
+        """
+        expected = (self.arm.module_count, self.arm.cable_count)
+        if np.shape(desired) != expected:
+            raise S2C2AError(
+                f"`act` of the controller {type(self.driver).__name__} returned shape "
+                f"{np.shape(desired)}; it must return the command of every cable "
+                f"[m or N], shape (modules, cables) {expected}"
+            )
+        return desired
 
     def release(self) -> None:
         """Begin to move the arm to rest within its limits; no reading is needed."""
@@ -390,7 +427,7 @@ class Loop:
         self.driver.feedback = self.feedback.share
         estimate = self.driver.estimate(reading, self._limiter.command)
         plan = self.driver.plan(estimate, goal)
-        desired = self.driver.act(plan, estimate)
+        desired = self._checked_shape(self.driver.act(plan, estimate))
         self._monitor_vibration(desired, reading, goal)
         self._tick_time = time.perf_counter() - began
         command = self._limiter.limit(self._allowed(desired))
