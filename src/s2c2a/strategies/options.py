@@ -43,7 +43,8 @@ class StrategyOptions(ABC):
     alone.
 
     Attributes:
-        name: in result rows and figures.
+        name: in messages and weight files; rows and figures show the name that the
+            command gives.
         supports: which settings of a run it supports
             (`EstimationSettings.check_supported`).
     """

@@ -1,0 +1,24 @@
+"""What `run` says about waypoints before the arm moves."""
+
+from s2c2a.arm import load_arm
+from s2c2a.cli.run import _paced_task
+
+
+def written(tmp_path, *rows):
+    path = tmp_path / "path.csv"
+    path.write_text("\n".join(["time,x,y,z", *rows]), encoding="utf-8")
+    return str(path)
+
+
+def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
+    _paced_task(
+        written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), load_arm("twin_arm"), 1
+    )
+    printed = capsys.readouterr().out
+    assert "waypoint at 0 s of the tip" in printed
+    assert "z grows from the base toward the tip" in printed
+
+
+def test_reachable_waypoints_are_silent(tmp_path, capsys):
+    _paced_task(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), load_arm("twin_arm"), 1)
+    assert capsys.readouterr().out == ""
