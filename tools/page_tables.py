@@ -207,8 +207,6 @@ def networks_table() -> str:
     """Held-out errors of the networks."""
     lines = []
     for row in find_rows("best/networks.json"):
-        if row["strategy"] not in ("C2S", "C2A"):
-            continue
         match = {name: row[name] for name in ("arm", "task", "metric", "strategy")}
         paper = find_row("paper/networks.json", **match)
         label = f"`{row['arm']}`, {row['strategy']}: {row['metric']} [{row['unit']}]"

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
+from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
 from s2c2a.robots.simulation.modes import first_mode
@@ -268,6 +269,8 @@ def tick_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
 def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[Row]:
     """Make a row of the held-out error of each network [% of full range].
 
+    The modal model has none: its percentage is a share of the vibration.
+
     Args:
         experiment: its name.
         trained: networks of one arm, one for each seed.
@@ -277,6 +280,8 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
     heading = Heading(experiment, first.arm, first.recipe.name, seeds)
     rows = []
     for name in first.percent:
+        if name == MODAL_MODEL:
+            continue
         means = [networks.percent[name][0] for networks in trained]
         spreads = [networks.percent[name][1] for networks in trained]
         names = ("training", name, "held-out error", "%")
