@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from s2c2a.tasks import registry
+
 from tools.markdown import table
 from tools.results_tables import (
     MISSING,
@@ -19,14 +21,6 @@ TABLES: dict[str, Callable[[], str]] = {}
 """Functions that make a table, by its name on the pages."""
 
 TILTS = "mean of 6 tilt tasks"
-TILT_TASKS = (
-    "tilt-40",
-    "tilt-50",
-    "tilt-60",
-    "tilt-0",
-    "tilt-50-a20",
-    "tilt-50-c20",
-)
 PAYLOADS_G = (0, 50, 100)
 PACES = ("circle", "square", "eight", "circle@0.5", "square@0.5", "eight@0.5")
 
@@ -114,7 +108,7 @@ def tilts_table() -> str:
     """Every tilt task on `twin_arm`."""
     lines = [
         _line(f"`{task}` [cm; deg]", "tracking", task, "position", "tilt")
-        for task in TILT_TASKS
+        for task in registry.TILTS
     ]
     azimuths = "mean of 2 tilt tasks"
     lines.append(

@@ -221,7 +221,8 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
         tracks = load_waypoints(task)
         for waypoint in unreachable_waypoints(tracks, spec):
             is_tip = waypoint.module in (-1, spec.module_count - 1)
-            end = "the tip" if is_tip else f"module {waypoint.module}, from 0"
+            number = f"module {waypoint.module} (counted from 0)"
+            end = "the tip" if is_tip else f"the end of {number}"
             print(
                 f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
                 f"{waypoint.time:g} s of {end}"
