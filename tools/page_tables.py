@@ -589,6 +589,7 @@ FAULTS = {
     "noise": "noise, 20 times the usual one",
     "offset": "offset",
     "negated": "sign inverted",
+    "zeros": "zeros",
     "frozen": "frozen",
     "reversed": "modules swapped",
 }
@@ -601,7 +602,7 @@ def sensor_faults_table() -> str:
     lines = []
     for fault, label in FAULTS.items():
         cells = []
-        for sensor in ("bends", "imu", "current", "camera"):
+        for sensor in ("encoders", "bends", "imu", "current", "camera"):
             case = fault if fault == "healthy" else f"{fault}, to the end"
             strategy = f"{sensor}, {case}"
             worst = find_row(file, strategy=strategy, metric="worst error")["mean"]
@@ -612,7 +613,14 @@ def sensor_faults_table() -> str:
                 time = number(times[0]["mean"], 1) if times else MISSING
                 cells.append(f"{number(worst, 1)} / {time}")
         lines.append([label, *cells])
-    head = ["fault", "bends", "inertial sensors", "motor currents", "camera"]
+    head = [
+        "fault",
+        "encoders",
+        "bends",
+        "inertial sensors",
+        "motor currents",
+        "camera",
+    ]
     return table(head, lines)
 
 

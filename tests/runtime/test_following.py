@@ -5,10 +5,11 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation.transmission import compute_motor_path
-from s2c2a.runtime.following import MARGIN, MAX_LAG, FollowingMonitor
+from s2c2a.runtime.following import MARGIN, MAX_LAG, SUDDEN, FollowingMonitor
 from s2c2a.spaces import Reading
 
 STEPS = 120
+HOLD = slice(25, 55)
 
 
 def commands_of(arm):
@@ -106,11 +107,46 @@ def test_the_fault_names_the_module_and_the_cable(twin):
     assert "module 2, cable 3;" in fault
 
 
-def test_a_shorter_deviation_is_no_fault(twin):
-    commands = commands_of(twin)
+@pytest.mark.parametrize("gain", [0.8, 1.2])
+def test_a_gain_that_is_wrong_by_a_fifth_passes(arm, gain):
+    commands = commands_of(arm)
+    rest = ArmGeometry.of(arm).action_neutral
+    readings = rest + gain * (lagging(commands, arm, time_constant=0.1) - rest)
+    assert not any(faults_of(arm, readings, commands))
+
+
+def commands_with_a_hold(arm):
+    """Commands that stand still while readings are refused, as those of the loop."""
+    commands = commands_of(arm)
+    commands[HOLD] = commands[HOLD.start]
+    return commands
+
+
+@pytest.mark.parametrize("count", [1, 5, 20])
+@pytest.mark.parametrize("cables", ["one", "all"])
+def test_readings_that_leave_at_once_are_refused_until_they_return(arm, cables, count):
+    commands = commands_with_a_hold(arm)
     readings = commands.copy()
-    readings[10:15, 0, 0] += 0.5 * ArmGeometry.of(twin).action_scale[0]
-    assert not any(faults_of(twin, readings, commands))
+    which = (0, 0) if cables == "one" else (slice(None), slice(None))
+    begin = HOLD.start + round(MAX_LAG * arm.control_rate) + 1
+    away = 1.2 * SUDDEN * np.abs(ArmGeometry.of(arm).action_scale).max()
+    readings[(slice(begin, begin + count), *which)] += away
+    faults = faults_of(arm, readings, commands)
+    assert all(faults[begin : begin + count])
+    assert not any(faults[:begin] + faults[begin + count :])
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_readings_that_contradict_their_commands_stay_refused(arm, name):
+    """The wrong readings do not become the measure of the next ones."""
+    geometry = ArmGeometry.of(arm)
+    commands = commands_with_a_hold(arm)
+    readings = commands.copy()
+    away = commands[HOLD] - geometry.action_neutral
+    readings[HOLD] = geometry.action_neutral + WRONG[name](away)
+    faults = faults_of(arm, readings, commands)
+    assert all(faults[HOLD])
+    assert not any(faults[: HOLD.start] + faults[HOLD.stop :])
 
 
 def test_deviations_within_the_margin_are_no_fault(twin):

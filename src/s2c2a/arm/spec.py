@@ -195,6 +195,21 @@ class Motor(Frozen):
         0, 500, "N", "friction of the gear, which the current contains", 0.0
     )
 
+    @property
+    def tick_length(self) -> float:
+        """Displacement of one encoder tick [m]."""
+        return 2 * np.pi * self.pulley_radius / self.ticks_per_turn
+
+    def measurement_noise(self, actuation: str) -> float:
+        """Standard deviation of encoders [m] or tension sensors [N].
+
+        Args:
+            actuation: of the arm, `displacement` or `tension`.
+        """
+        if actuation == "tension":
+            return self.noise_tension
+        return self.tick_length * (1 + self.noise_ticks)
+
 
 def counts_of(modules: tuple[Module, ...]) -> list[int]:
     """Return the number of cables of every module."""

@@ -244,13 +244,14 @@ def repetition(
 
 def sensor_faults(
     arm: Arm = "twin_arm",
-    sets: tuple[str, ...] = ("bends", "imu", "current", "camera"),
+    sets: tuple[str, ...] = ("encoders", "bends", "imu", "current", "camera"),
     faults: tuple[str, ...] = (
         "drift",
         "latency",
         "noise",
         "offset",
         "negated",
+        "zeros",
         "frozen",
         "reversed",
     ),

@@ -39,10 +39,13 @@ class Conditions:
     Attributes:
         robot: that is driven.
         run: options of the strategies.
+        may_end_early: whether a run that an error ends is a result, too; its episode
+            has the option `interrupted`.
     """
 
     robot: RobotFactory = RobotFactory.simulation()  # noqa: RUF009  # frozen
     run: RunOptions = RunOptions()  # noqa: RUF009  # frozen
+    may_end_early: bool = False
 
     @property
     def fidelity(self) -> str:
@@ -185,6 +188,7 @@ class Job(Artifact[Run]):
         """Run the task and its repetitions.
 
         If an error interrupts a real arm, the steps until then are saved in a file.
+        They are the result if the run may end early.
         """
         robot = self.robot()
         task = self.weighted_task
@@ -194,6 +198,7 @@ class Job(Artifact[Run]):
         def keep(episode: episodes.Episode) -> None:
             if not robot.own_time:
                 episodes.save_episodes([episode], interrupted)
+            if not robot.own_time or self.conditions.may_end_early:
                 kept.append(episode)
 
         try:
@@ -205,6 +210,8 @@ class Job(Artifact[Run]):
         except S2C2AError as error:
             if not kept:  # the file may be that of an earlier run
                 raise
+            if self.conditions.may_end_early:
+                return kept
             text = f"{error}; the steps until then are kept: {interrupted}"
             raise S2C2AError(text) from error
 
@@ -225,8 +232,8 @@ class Job(Artifact[Run]):
         return Run(self, episode, self.score(episode), tuple(earlier))
 
     def score(self, episode: episodes.Episode) -> list[evaluation.ScoreResult]:
-        """Scores of an episode of the task; none if true states are missing."""
-        if "states" not in episode.sensors:
+        """Scores of a whole episode of the task; none if true states are missing."""
+        if "states" not in episode.sensors or "interrupted" in episode.options:
             return []
         return evaluation.score_run(episode, self.weighted_task, self.recipe.name)
 

@@ -84,9 +84,9 @@ class ArmControl(Control):
         self._disturbances = Disturbances(robot)
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         strategy = strategies[self._name]()
-        faults = self._disturbances.corrupt
+        sensing = self._disturbances.corrupt
         self._loop = Loop(
-            robot, strategy, WallClock(), patience=patience, faults=faults
+            robot, strategy, WallClock(), patience=patience, sensing=sensing
         )
         self._commands: deque[Callable[[], None]] = deque()
         self._stopping = threading.Event()

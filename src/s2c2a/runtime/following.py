@@ -1,7 +1,9 @@
-"""Following error: cables whose readings contradict the commands that were sent.
+"""Following error: readings of the cables that contradict the commands that were sent.
 
-Causes are a wrong gain, a wrong sign, or motors that do not move. A controller that
-plans from encoders does not notice them, because it takes their values for true.
+Causes are encoders that err, a wrong gain, a wrong sign, or motors that do not move. A
+controller that plans from encoders does not notice them, because it takes their values
+for true. So a reading that the commands do not explain is refused, and so are all that
+follow, until one agrees with the commands again.
 """
 
 from collections import deque
@@ -12,36 +14,49 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.spaces import Actions, Reading
 
 MAX_LAG = 0.5  # s; beyond the time constant of the motors
-MARGIN = 0.25  # part of a module's action range
-MIN_DURATION = 0.5  # s; a shorter time outside of the band is no fault
+MARGIN = 0.25  # part of a module's action range, of an error that lasts
+# The same for an error that appears at once. Motors that are slower than those of the
+# arm file by 0.3 s stay within half of it. An encoder that errs by just so much moves
+# the tip of `twin_arm` by 5 cm (tests/runtime/test_encoder_faults.py).
+SUDDEN = 0.08
+NOISE_LIMIT = 6.0  # standard deviations of the measurement
 
 
 class FollowingMonitor:
     """Compares the readings of the cables with the latest commands.
 
-    A motor that follows with a lag is within the range of these commands. This band,
-    widened by `MARGIN`, contracts no faster than the motors' speed limit.
+    A motor that follows with a lag is within the range of the commands of the last
+    `MAX_LAG`, which contracts no faster than the motors' speed limit. Wrong gains and
+    loads move it out of this range gradually. So a reading agrees with the commands if
+
+    - it is within `MARGIN` of their range, and
+    - it is within `SUDDEN` of their range, or its deviation from the last command is
+      that of the last reading that agreed, within `SUDDEN`.
+
+    While readings are refused, the arm holds, so an honest motor comes to agree.
     """
 
     def __init__(self, arm: ArmSpec):
         """A monitor of an arm at rest."""
         self._geometry = ArmGeometry.of(arm)
+        self._scale = np.abs(self._geometry.action_scale)[:, None]
         motor = arm.motor
         speed = np.inf if motor.speed_limit is None else motor.speed_limit
         self._max_step = speed * arm.control_period
-        self._margin = MARGIN * np.abs(self._geometry.action_scale)[:, None]
+        noise = NOISE_LIMIT * motor.measurement_noise(arm.actuation) / self._scale
+        self._margin = MARGIN + noise
+        self._sudden = SUDDEN + noise
         lag = MAX_LAG + motor.time_constant
         self._lag_steps = max(round(lag * arm.control_rate), 2)
-        self._max_outside = max(round(MIN_DURATION * arm.control_rate), 3)
         self.reset()
 
     def reset(self) -> None:
-        """Forget all commands, as after the robot was opened at rest."""
+        """Forget all commands and readings, as after the robot was opened at rest."""
         rest = self._geometry.action_neutral
         self._commands = deque([rest], maxlen=self._lag_steps)
         self._low = rest
         self._high = rest
-        self._outside = np.zeros(rest.shape, int)
+        self._last_deviation: Actions | None = None
 
     def sent(self, command: Actions) -> None:
         """Add a command that the robot sent.
@@ -62,17 +77,21 @@ class FollowingMonitor:
                 cables), nothing is compared.
         """
         cables = reading.get("cables")
-        shape = self._outside.shape
-        if not isinstance(cables, np.ndarray) or cables.shape != shape:
+        if not isinstance(cables, np.ndarray) or cables.shape != self._low.shape:
             return ""
+        deviation = (cables - self._commands[-1]) / self._scale
+        nearest = np.clip(cables, self._low, self._high)
+        distance = np.abs(cables - nearest) / self._scale
+        last = deviation if self._last_deviation is None else self._last_deviation
+        is_known = np.abs(deviation - last) <= self._sudden
         # comparisons with NaN are false: a missing measurement is no fault
-        below = cables < self._low - self._margin
-        above = cables > self._high + self._margin
-        self._outside = np.where(below | above, self._outside + 1, 0)
-        module, cable = np.unravel_index(np.argmax(self._outside), shape)
-        if self._outside[module, cable] <= self._max_outside:
-            return ""
-        return (
-            f"the cables do not follow the commands: module {module + 1}, "
-            f"cable {cable + 1}; check gain, sign and motors (`s2c2a robot check`)"
-        )
+        contradicts = distance > np.where(is_known, self._margin, self._sudden)
+        if contradicts.any():
+            module, cable = np.argwhere(contradicts)[0]
+            return (
+                "the cables do not follow the commands: "
+                f"module {module + 1}, cable {cable + 1}; check encoders, gain, sign "
+                "and motors (`s2c2a robot check`)"
+            )
+        self._last_deviation = np.where(np.isnan(deviation), last, deviation)
+        return ""

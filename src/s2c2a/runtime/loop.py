@@ -139,6 +139,7 @@ class Loop:
         patience: Patience | None = None,
         on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
+        sensing: Callable[[Reading], Reading] = lambda reading: reading,
         monitors_vibration: bool = True,
         emergency_stop: EmergencyStop = EMERGENCY_STOP,
     ):
@@ -153,6 +154,8 @@ class Loop:
             patience: time limits for unsound readings and for an absent operator.
             on_step: called with the record of every step; it must be quick.
             faults: fault injection for tests: changes every reading before the check.
+            sensing: what the controller sees of a reading that passed the check, such
+                as the inaccurate sensors of the live page.
             monitors_vibration: whether vibration reduces the feedback; not for a driver
                 that plays back motions, which may vibrate on purpose.
             emergency_stop: ends the motion within one control step; the robot then
@@ -178,6 +181,7 @@ class Loop:
         self.late_steps = 0
         self.phase = Phase()
         self._following = FollowingMonitor(self.arm)
+        self._sensing = sensing
         self._monitor = OscillationMonitor(self.arm)
         self._monitors_vibration = monitors_vibration
         self._emergency_stop = emergency_stop
@@ -195,7 +199,7 @@ class Loop:
         required = self.required_sensors(driver)
         self.driver = driver
         self._check = ReadingCheck(
-            self._robot.sensors, required, self.arm.control_period
+            self._robot.sensors, required, self.arm.control_period, self._following
         )
 
     def required_sensors(self, driver: Driver) -> list[str]:
@@ -249,9 +253,10 @@ class Loop:
         moment, delay = self._wait()
         with self._stop_on_error():
             self._emergency_stop.check()
-            measured = self._read()
-            reading = self._faults(measured)
-            fault = self._find_fault(measured, reading, moment)
+            reading = self._faults(self._read())
+            fault = self._find_fault(reading, moment)
+            if not fault:
+                reading = self._sensing(reading)
             previous_stage = self._update_stage(request, fault)
             if self._is_passive(fault):
                 sent = self._passive_step()
@@ -354,7 +359,6 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
-        self._following.reset()
         self._monitor.reset()
         self.feedback = Feedback()
         self.vibration = ""
@@ -387,18 +391,16 @@ class Loop:
             self.stop(error)
             raise
 
-    def _find_fault(self, measured: Reading, reading: Reading, moment: float) -> str:
-        """Describe a blocked call, an unsound reading or cables that do not follow.
+    def _find_fault(self, reading: Reading, moment: float) -> str:
+        """Describe a blocked call or an unsound reading.
 
         Args:
-            measured: reading of the robot; injected faults do not move cables.
-            reading: the same with injected faults.
+            reading: of this step.
             moment: of this step, on the loop's clock [s].
         """
-        following_fault = self._following.find_fault(measured)
         fault = self._blocked or self._check_reading(reading, moment)
         self._blocked = ""
-        return fault or following_fault
+        return fault
 
     def _check_reading(self, reading: Reading, moment: float) -> str:
         """Describe the fault of a reading, if any; in simulation, none is too old."""

@@ -1,4 +1,4 @@
-"""Plausibility check of readings: present, recent, in range, not jumping, not frozen.
+"""Plausibility check of readings: present, recent, in range, steady, following commands.
 
 `RepeatDetector` is the one place that decides whether a measurement is new.
 """
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.spaces import Reading, Sensor
 
 MAX_AGE = 3.0  # control periods
@@ -45,7 +46,11 @@ class ReadingCheck:
     """Checks the required sensors of every reading; other sensors are not checked."""
 
     def __init__(
-        self, sensors: Mapping[str, Sensor], required: Sequence[str], period: float
+        self,
+        sensors: Mapping[str, Sensor],
+        required: Sequence[str],
+        period: float,
+        following: FollowingMonitor | None = None,
     ):
         """A check before its first reading.
 
@@ -53,7 +58,9 @@ class ReadingCheck:
             sensors: sensors that the robot declares, by name.
             required: names of the sensors that must be sound.
             period: of the control steps [s].
+            following: compares the cables with the commands; None compares nothing.
         """
+        self._following = following
         self._sensors = sensors
         self._required = tuple(required)
         self._period = period
@@ -61,6 +68,8 @@ class ReadingCheck:
 
     def reset(self) -> None:
         """Forget all readings, as after the robot was opened again."""
+        if self._following is not None:
+            self._following.reset()
         self._last_sound: Reading | None = None
         self._last_values: dict[str, np.ndarray] = {}
         self._repeats = RepeatDetector()
@@ -82,6 +91,8 @@ class ReadingCheck:
         for name in self._required:
             fault = fault or self._value_fault(name, reading)
         fault = fault or self._frozen_fault(reading, last_change)
+        if not fault and self._following is not None:
+            fault = self._following.find_fault(reading)
         if not fault:
             self._last_sound = reading
         return fault

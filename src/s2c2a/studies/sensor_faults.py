@@ -12,6 +12,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.evaluation.estimates import REJECTED
 from s2c2a.robots import RobotFactory
+from s2c2a.spaces import Stage
 from s2c2a.strategies import recipe_named
 from s2c2a.studies.sensors import with_sensors
 
@@ -40,6 +41,7 @@ class SensedValue:
 
 
 VALUES: dict[str, tuple[SensedValue, ...]] = {
+    "encoders": (SensedValue("cables", 0.001, 0.0003, 0.005),),
     "bends": (SensedValue("configurations", 0.5, 0.06, 0.4),),
     "imu": (
         SensedValue("accelerations", 10.0, 4.0, 5.0),
@@ -49,7 +51,17 @@ VALUES: dict[str, tuple[SensedValue, ...]] = {
     "camera": (SensedValue("camera_positions", 0.05, 0.06, 0.1),),
 }
 """By set of sensors (`sensors.SENSOR_SETS`)."""
-FAULTS = ("drift", "latency", "noise", "offset", "negated", "frozen", "reversed")
+BESIDE_ENCODERS = "imu"  # a set that finds the payload, when the encoders fail
+FAULTS = (
+    "drift",
+    "latency",
+    "noise",
+    "offset",
+    "negated",
+    "zeros",
+    "frozen",
+    "reversed",
+)
 LATENCY = 2.0  # s
 
 
@@ -143,18 +155,22 @@ def sensor_fault_rows(study: SensorFaultStudy, make: jobs.Make) -> list[Row]:
 
 def _jobs(study: SensorFaultStudy, case: _Case) -> list[jobs.Job]:
     robot = RobotFactory.simulation(payload=study.payload, events=case.events)
+    sensors = BESIDE_ENCODERS if case.sensors == "encoders" else case.sensors
     return jobs.jobs_for(
         ["circle"],
-        with_sensors(study.arm, case.sensors),
+        with_sensors(study.arm, sensors),
         ["s2c2a"],
         study.seeds,
         recipe_named("best"),
-        jobs.Conditions(robot),
+        jobs.Conditions(robot, may_end_early=True),
     )
 
 
 def _rows(case: _Case, runs: Sequence[jobs.Run]) -> list[Row]:
-    """Worst error before and from the fault on, and the time until a rejection."""
+    """Worst error before and from the fault on, and the time until a rejection.
+
+    Only steps before the arm moves to rest count; one that does has not recovered.
+    """
     errors = [_errors(run) for run in runs]
     rate = runs[0].job.arm.control_rate
     start = round(START * rate)
@@ -164,7 +180,7 @@ def _rows(case: _Case, runs: Sequence[jobs.Run]) -> list[Row]:
         ("worst error", "cm"): [each[start:].max() for each in errors],
     }
     recovered = START + case.duration + RECOVERY_TIME
-    if np.isfinite(recovered):
+    if np.isfinite(recovered) and not any(_ended_early(run) for run in runs):
         first = round(recovered * rate)
         after = [each[first:].max() for each in errors]
         metrics["worst error after recovery", "cm"] = after
@@ -181,15 +197,26 @@ def _rows(case: _Case, runs: Sequence[jobs.Run]) -> list[Row]:
 
 
 def _errors(run: jobs.Run) -> Float[np.ndarray, " steps"]:
-    """Distance of the tip from its target [cm]."""
+    """Distance of the tip from its target [cm]; the target waits while the arm holds."""
     states = run.episode.after("states")
-    return position_errors(states, run.job.task.desired_positions())
+    steps = np.arange(len(states))
+    runs = run.episode.ran("stage") == Stage.RUN
+    last_run = np.maximum.accumulate(np.where(runs, steps, 0))
+    return position_errors(states, run.job.task.desired_positions()[last_run])
+
+
+def _ended_early(run: jobs.Run) -> bool:
+    """Whether the arm was moved to rest because of the fault."""
+    return "interrupted" in run.episode.options
 
 
 def _rejection_time(run: jobs.Run, start: int) -> float:
-    """From the beginning of the fault [s]; infinity if no sensor is rejected."""
+    """From the beginning of the fault [s]; infinity if no sensor is rejected.
+
+    The arm holds while a reading is refused; other sensors are rejected alone.
+    """
     columns = [name for name in run.episode.columns if name.startswith(REJECTED)]
-    is_rejected = np.zeros(len(run.episode.running), bool)
+    is_rejected = run.episode.ran("stage") == Stage.HOLD
     for name in columns:
         is_rejected |= run.episode.ran(name) > 0
     if not is_rejected[start:].any():

@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm import ArmGeometry, Cable, Mismatch, Motor
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.robots.simulation.transmission import CableTransmission, tick_length
+from s2c2a.robots.simulation.transmission import CableTransmission
 
 WEIGHTLESS = {"gravity_direction": (0.0, 0.0, 0.0), "modules": 1}
 NOTHING, STRAIGHT = np.zeros((1, 3)), np.zeros(1)
@@ -45,7 +45,7 @@ def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_
         errors.append(robot._transmission.transmitted)
     assert np.std(errors) == pytest.approx(3e-4, rel=0.1)
     assert abs(np.mean(errors)) < 5e-5
-    assert np.abs(said).max() <= tick_length(arm.motor)
+    assert np.abs(said).max() <= arm.motor.tick_length
 
 
 def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):

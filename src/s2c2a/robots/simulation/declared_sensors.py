@@ -3,7 +3,6 @@
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.robots.simulation.transmission import tick_length
 from s2c2a.spaces import CENTER_LINE_POINTS, Sensor
 
 # Readings change faster than commands, since the arm vibrates and lags.
@@ -44,10 +43,7 @@ def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
     A quarter of the range plus noise beyond the limits is still plausible.
     """
     displacement = arm.actuation == "displacement"
-    deviation = arm.motor.noise_tension
-    if displacement:
-        deviation = tick_length(arm.motor) * (1 + arm.motor.noise_ticks)
-    noise = NOISE_LIMIT * deviation
+    noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
     scale = np.abs(geometry.action_scale)[:, None]
     bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
     rate = scale / geometry.action_bends[:, None] * bend_rate

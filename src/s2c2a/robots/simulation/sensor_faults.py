@@ -12,6 +12,7 @@ KINDS = {
     "noise": 1,  # standard deviation, in its unit
     "latency": 1,  # s
     "negated": 0,
+    "zeros": 0,
     "frozen": 0,
     "reversed": 0,  # the last module's values come first; not for a single number
     "repaired": 0,
@@ -85,6 +86,8 @@ class SensorFaults:
                 return self._at(name, fault.began, values)
             case "negated":
                 return -values
+            case "zeros":
+                return np.zeros_like(values)
             case "reversed" if np.ndim(values) > 1:
                 return np.flip(values, axis=-2)
         return values

@@ -51,16 +51,11 @@ def compute_motor_path(
     return command + np.sign(error) * remaining
 
 
-def tick_length(motor: Motor) -> float:
-    """Return the displacement of one encoder tick [m]."""
-    return 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
-
-
 def read_encoders(
     position: Float[np.ndarray, "*cables"], motor: Motor, random: np.random.Generator
 ) -> Float[np.ndarray, "*cables"]:
     """Return measured displacements [m]: noise is added, then whole ticks remain."""
-    tick = tick_length(motor)
+    tick = motor.tick_length
     noise = random.normal(scale=motor.noise_ticks, size=position.shape)
     return tick * np.round(position / tick + noise)
 
