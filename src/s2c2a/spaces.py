@@ -15,9 +15,13 @@ A displacement is positive where the cable gets longer (Chen et al. 2025, sec. I
 tension is never negative.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from functools import partial
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +52,34 @@ Actions = Float[np.ndarray, "*batch modules cables"]
 
 FOLLOWS_FROM = {"configurations": "states"}
 """Sensors that can be computed from another sensor of the robot."""
+
+
+def immutable(values: np.ndarray) -> np.ndarray:
+    """Return a copy of an array that nothing can change, not even by its flags.
+
+    The memory belongs to Python bytes. Such an array is returned as it is.
+    """
+    if values.dtype.hasobject:
+        copied = deepcopy(values)
+        copied.setflags(write=False)
+        return copied
+    if type(values) is np.ndarray and isinstance(values.base, bytes):
+        return values
+    return np.ndarray(values.shape, values.dtype, values.tobytes())
+
+
+def immutable_table(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a copy of named values that nothing can change; see `immutable`."""
+    return MappingProxyType(
+        {name: _immutable_value(value) for name, value in table.items()}
+    )
+
+
+def _immutable_value(value: Any) -> Any:
+    """A copy of a value; a robot may return anything where an array is due."""
+    if isinstance(value, np.ndarray):
+        return immutable(value)
+    return deepcopy(value) if isinstance(value, list | dict | bytearray) else value
 
 
 class Stage(IntEnum):
@@ -124,6 +156,9 @@ class Reading:
     since the last reading. At rest, accelerations point up. Camera positions are NaN
     where an end is not visible, and absent without a new image.
 
+    Nothing can change a reading: it copies its arrays when it is built, so that a robot
+    may use its buffers again. `dataclasses.replace` makes a changed one.
+
     Attributes:
         time: time since the arm was opened [s].
         sensors: name -> values.
@@ -134,6 +169,14 @@ class Reading:
     time: float
     sensors: Mapping[str, np.ndarray]
     fault: str = ""
+
+    def __post_init__(self):
+        """Copy the values."""
+        object.__setattr__(self, "sensors", immutable_table(self.sensors))
+
+    def __reduce__(self):
+        """Support pickling, since readings travel between processes."""
+        return rebuilt(self)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the values of a sensor.
@@ -149,3 +192,30 @@ class Reading:
     def get(self, name: str) -> np.ndarray | None:
         """Return the values of a sensor, or None if it is not in this reading."""
         return self.sensors.get(name)
+
+    def numbers(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray | None:
+        """Return the values of a sensor as floats, if they are numbers of this shape.
+
+        Args:
+            name: of the sensor.
+            shape: that is expected; None where any length is.
+        """
+        values = self.sensors.get(name)
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
+            return None
+        if len(values.shape) != len(shape):
+            return None
+        sizes = zip(values.shape, shape, strict=True)
+        if any(expected not in (None, size) for size, expected in sizes):
+            return None
+        return values.astype(float)
+
+
+def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:
+    """Return how `pickle` builds a frozen dataclass with immutable tables again."""
+    values = {field.name: getattr(value, field.name) for field in fields(value)}
+    plain = {
+        name: dict(content) if isinstance(content, MappingProxyType) else content
+        for name, content in values.items()
+    }
+    return partial(type(value), **plain), ()

@@ -113,7 +113,7 @@ def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Epi
         return build_episode(
             steps,
             loop.arm,
-            strategy=loop.driver.name,
+            strategy=loop.driver_name,
             task=task.name,
             late_steps=loop.late_steps - late_before,
             **options,

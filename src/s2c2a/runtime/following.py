@@ -61,9 +61,9 @@ class FollowingMonitor:
             reading: of this control step. Without `cables` [m or N], shape (modules,
                 cables), nothing is compared.
         """
-        cables = reading.get("cables")
         shape = self._outside.shape
-        if not isinstance(cables, np.ndarray) or cables.shape != shape:
+        cables = reading.numbers("cables", shape)
+        if cables is None:
             return ""
         # comparisons with NaN are false: a missing measurement is no fault
         below = cables < self._low - self._margin

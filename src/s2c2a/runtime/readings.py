@@ -54,7 +54,7 @@ class ReadingCheck:
             required: names of the sensors that must be sound.
             period: of the control steps [s].
         """
-        self._sensors = sensors
+        self._sensors = dict(sensors)
         self._required = tuple(required)
         self._period = period
         self.reset()
