@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import TargetError
-from s2c2a.spaces import immutable
+from s2c2a.immutable import immutable
 
 MAX_OBSTACLES = 64
 LARGEST = 1e6

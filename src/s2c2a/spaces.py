@@ -15,18 +15,15 @@ A displacement is positive where the cable gets longer (Chen et al. 2025, sec. I
 tension is never negative.
 """
 
-from collections.abc import Callable, Mapping
-from copy import deepcopy
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import ReadingError
+from s2c2a.immutable import immutable_table, rebuilt
 
 POSITION = slice(0, 3)
 AXIS = slice(3, 6)
@@ -52,34 +49,6 @@ Actions = Float[np.ndarray, "*batch modules cables"]
 
 FOLLOWS_FROM = {"configurations": "states"}
 """Sensors that can be computed from another sensor of the robot."""
-
-
-def immutable(values: np.ndarray) -> np.ndarray:
-    """Return a copy of an array that nothing can change, not even by its flags.
-
-    The memory belongs to Python bytes. Such an array is returned as it is.
-    """
-    if values.dtype.hasobject:
-        copied = deepcopy(values)
-        copied.setflags(write=False)
-        return copied
-    if type(values) is np.ndarray and isinstance(values.base, bytes):
-        return values
-    return np.ndarray(values.shape, values.dtype, values.tobytes())
-
-
-def immutable_table(table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a copy of named values that nothing can change; see `immutable`."""
-    return MappingProxyType(
-        {name: _immutable_value(value) for name, value in table.items()}
-    )
-
-
-def _immutable_value(value: Any) -> Any:
-    """A copy of a value; a robot may return anything where an array is due."""
-    if isinstance(value, np.ndarray):
-        return immutable(value)
-    return deepcopy(value) if isinstance(value, list | dict | bytearray) else value
 
 
 class Stage(IntEnum):
@@ -209,13 +178,3 @@ class Reading:
         if any(expected not in (None, size) for size, expected in sizes):
             return None
         return values.astype(float)
-
-
-def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:
-    """Return how `pickle` builds a frozen dataclass with immutable tables again."""
-    values = {field.name: getattr(value, field.name) for field in fields(value)}
-    plain = {
-        name: dict(content) if isinstance(content, MappingProxyType) else content
-        for name, content in values.items()
-    }
-    return partial(type(value), **plain), ()

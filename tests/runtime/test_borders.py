@@ -15,8 +15,9 @@ from conftest import (  # type: ignore[import-not-found]
 )
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
+from s2c2a.immutable import immutable
 from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
-from s2c2a.spaces import Reading, Stage, immutable
+from s2c2a.spaces import Reading, Stage
 
 STEPS = 12
 

@@ -6,26 +6,31 @@ from collections.abc import Mapping
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots.robot import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor
 
 TEST_BEND = 0.05  # of the full bend
 SETTLING_TIME = 1.0  # s
+POLL_PERIOD = 0.02  # s between looks at the emergency stop
 
 
 def check_robot(robot: Robot) -> list[str]:
     """Open a robot, move it a little and check that it fulfills `Robot`.
 
     The test moves every cable by at most 5 % of its range, no faster than the arm's
-    step limit, and leaves the arm at rest.
+    step limit, and leaves the arm at rest. It obeys the emergency stop: the robot is then
+    halted where it is.
 
     Returns:
         One line for every check that passed.
 
     Raises:
         S2C2AError: a check failed; the message says which.
+        EmergencyStopError: the emergency stop was triggered.
     """
+    EMERGENCY_STOP.check()
     try:
         robot.close()  # before it was opened
         try:
@@ -35,7 +40,13 @@ def check_robot(robot: Robot) -> list[str]:
                 f"open() returned {first!r}, not the first reading",
             )
             geometry = ArmGeometry.of(robot.arm)
-            passed = [check(robot, geometry) for check in CHECKS]
+            passed = []
+            for check in CHECKS:
+                EMERGENCY_STOP.check()
+                passed.append(check(robot, geometry))
+        except EmergencyStopError:
+            robot.halt()
+            raise
         finally:
             robot.close()
         robot.close()
@@ -75,6 +86,7 @@ def _check_values(name: str, values: np.ndarray, sensor: Sensor) -> None:
         values.shape == sensor.shape,
         f"'{name}' has shape {values.shape}, declared as {sensor.shape}",
     )
+    _require(values.dtype.kind in "fiub", f"'{name}' holds {values.dtype}, no numbers")
     finite = np.isfinite(values)
     _require(bool(finite.all()) or not sensor.always, f"'{name}' is not finite")
     plausible = (values >= sensor.low) & (values <= sensor.high)
@@ -152,6 +164,16 @@ def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
     target = geometry.action_neutral + towards_x
     _move(robot, geometry.action_neutral, target)
     after = robot.read()
+    try:
+        _check_displacement(robot, before, after, towards_x)
+    finally:
+        _move(robot, target, geometry.action_neutral)
+    return "the arm moves as commanded"
+
+
+def _check_displacement(
+    robot: Robot, before: Reading, after: Reading, towards_x: Actions
+) -> None:
     if "cables" in robot.sensors:
         moved = (after["cables"] - before["cables"]) * towards_x
         shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
@@ -171,8 +193,32 @@ def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
             displacement[0] > 0 and displacement[0] > 2 * abs(displacement[1]),
             f"commanded towards +x, the tip moved by {displacement.round(4)} m",
         )
-    _move(robot, target, geometry.action_neutral)
-    return "the arm moves as commanded"
+
+
+def _check_buffers(robot: Robot, geometry: ArmGeometry) -> str:
+    """Check that `send` neither changes its argument nor returns the same array twice.
+
+    Readings copy their arrays, so that a robot may use those again.
+    """
+    small = 1e-3 * np.abs(geometry.action_scale)[:, None]
+    first = np.array(geometry.action_neutral + small)
+    for action in (first, first.astype(np.float32)):
+        given = action.copy()
+        robot.send(given)
+        _require(
+            bool(np.array_equal(given, action)),
+            "send() changes its argument; change a copy, such as action.copy()",
+        )
+    sent = robot.send(first.copy())
+    kept = np.array(sent)
+    other = robot.send(np.array(geometry.action_neutral))
+    is_shared = isinstance(sent, np.ndarray) and isinstance(other, np.ndarray)
+    _require(
+        bool(np.array_equal(kept, sent))
+        and not (is_shared and np.shares_memory(sent, other)),
+        "send() returns the same array again and changes it; return a copy",
+    )
+    return "send() keeps its argument and returns a new array"
 
 
 def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
@@ -264,6 +310,7 @@ CHECKS = (
     _check_arm_sensors,
     _check_invalid_actions,
     _check_no_waiting,
+    _check_buffers,
     _check_clock,
     _check_motion,
     _check_limits,
@@ -271,10 +318,12 @@ CHECKS = (
 
 
 def _move(robot: Robot, start: Actions, end: Actions) -> None:
-    """Move from one action to another within the step limit, then let it settle."""
+    """Move from one action to another within the limits, then let it settle."""
     geometry = ArmGeometry.of(robot.arm)
-    bend_deg = TEST_BEND * np.rad2deg(geometry.action_bends.max())
-    steps = int(np.ceil(bend_deg / robot.arm.step_limit_deg))
+    bend = TEST_BEND * geometry.action_bends.max()
+    # it starts and stops: the whole first change is an acceleration
+    largest = min(geometry.step_limit, geometry.acceleration_limit)
+    steps = int(np.ceil(bend / largest))
     tolerance = 0.02 * np.abs(geometry.action_scale)[:, None]
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         action = start + share * (end - start)
@@ -291,10 +340,19 @@ def _move(robot: Robot, start: Actions, end: Actions) -> None:
 
 
 def _wait(robot: Robot, seconds: float) -> None:
+    """Wait, unless the emergency stop is triggered.
+
+    Raises:
+        EmergencyStopError: it is; nothing is sent any more.
+    """
     if robot.own_time:
+        EMERGENCY_STOP.check()
         robot.advance(seconds)
-    else:
-        time.sleep(seconds)
+    end = time.monotonic() + (0.0 if robot.own_time else seconds)
+    while (remaining := end - time.monotonic()) > 0:
+        EMERGENCY_STOP.check()
+        time.sleep(min(POLL_PERIOD, remaining))
+    EMERGENCY_STOP.check()
 
 
 def _require(condition: bool, fault: str) -> None:

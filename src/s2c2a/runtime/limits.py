@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.spaces import Actions, immutable
+from s2c2a.immutable import immutable
+from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
 EQUAL = 1e-6  # of the full bend; commands that differ by less are the same

@@ -436,10 +436,7 @@ class Loop:
         pause = self._clock.with_sleep() - self._commanded_at
         if pause <= self.arm.control_period + self._patience.standstill:
             return
-        self.standstill = (
-            f"the program stood still for {pause:.1f} s and holds the arm; make sure that "
-            "nobody touches it, then resume"
-        )
+        self.standstill = f"the program stood still for {pause:.1f} s"
         self.phase = with_hold(self.phase)
         self.fault = self.standstill
 
