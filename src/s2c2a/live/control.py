@@ -110,9 +110,11 @@ class ArmControl(Control):
 
     def ask(self, **changes: Any) -> Request:
         """See `Control`; `stopped=False` also resumes after a standstill."""
-        if changes.get("stopped") is False and self._loop.standstill:
-            self._commands.append(self._loop.resume)
-        return super().ask(**changes)
+        with self._lock:
+            resumes = self.request.stopped and changes.get("stopped") is False
+            if resumes and self._loop.standstill:
+                self._commands.append(self._loop.resume)
+            return super().ask(**changes)
 
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`."""

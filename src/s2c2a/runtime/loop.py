@@ -308,7 +308,6 @@ class Loop:
         """
         self.standstill = ""
         self._commanded_at = self._clock.with_sleep()
-        self._due = self._clock.now()
 
     def _checked_command(self, answer: Any) -> Actions:
         """A copy of the desired command, if it has a number for every cable.
