@@ -45,4 +45,5 @@ def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:
         name: dict(content) if isinstance(content, MappingProxyType) else content
         for name, content in values.items()
     }
-    return partial(type(value), **plain), ()
+    build: Callable[..., Any] = type(value)
+    return partial(build, **plain), ()

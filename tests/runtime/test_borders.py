@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from conftest import (  # type: ignore[import-not-found]
+from puppets import (  # type: ignore[import-not-found]
     Actor,
     ManualClock,
     Puppet,
 )
+
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.immutable import immutable
