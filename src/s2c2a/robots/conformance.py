@@ -40,10 +40,7 @@ def check_robot(robot: Robot) -> list[str]:
                 f"open() returned {first!r}, not the first reading",
             )
             geometry = ArmGeometry.of(robot.arm)
-            passed = []
-            for check in CHECKS:
-                EMERGENCY_STOP.check()
-                passed.append(check(robot, geometry))
+            passed = [check(robot, geometry) for check in CHECKS]
         except EmergencyStopError:
             robot.halt()
             raise
@@ -204,14 +201,14 @@ def _check_buffers(robot: Robot, geometry: ArmGeometry) -> str:
     first = np.array(geometry.action_neutral + small)
     for action in (first, first.astype(np.float32)):
         given = action.copy()
-        robot.send(given)
+        _send(robot, given)
         _require(
             bool(np.array_equal(given, action)),
             "send() changes its argument; change a copy, such as action.copy()",
         )
-    sent = robot.send(first.copy())
+    sent = _send(robot, first.copy())
     kept = np.array(sent)
-    other = robot.send(np.array(geometry.action_neutral))
+    other = _send(robot, np.array(geometry.action_neutral))
     is_shared = isinstance(sent, np.ndarray) and isinstance(other, np.ndarray)
     _require(
         bool(np.array_equal(kept, sent))
@@ -242,14 +239,14 @@ def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
 def _check_no_waiting(robot: Robot, geometry: ArmGeometry) -> str:
     if robot.own_time:
         before = robot.read().time
-        robot.send(geometry.action_neutral)
+        _send(robot, geometry.action_neutral)
         _require(
             robot.read().time == before,
             "time passes in send(); it may pass in advance() only",
         )
         return "time passes in advance() only"
     start = time.perf_counter()
-    robot.send(geometry.action_neutral)
+    _send(robot, geometry.action_neutral)
     sent = time.perf_counter()
     robot.read()
     duration = max(sent - start, time.perf_counter() - sent)
@@ -262,7 +259,7 @@ def _check_no_waiting(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     """Check that actions beyond the limits are clipped, on simulated robots only."""
-    sent = robot.send(geometry.action_neutral + 1e-9)
+    sent = _send(robot, geometry.action_neutral + 1e-9)
     _require(
         np.shape(sent) == geometry.action_neutral.shape,
         f"send() returned {sent!r}, not the action sent",
@@ -276,8 +273,8 @@ def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     low = geometry.action_low - 0.02 * scale
     high = geometry.action_high + 0.02 * scale
     for action in (geometry.action_high + 10 * scale, geometry.action_low - 10 * scale):
-        limited = np.asarray(robot.send(action))
-        robot.send(geometry.action_neutral)
+        limited = np.asarray(_send(robot, action))
+        _send(robot, geometry.action_neutral)
         inside = (limited >= low) & (limited <= high)
         _require(bool(inside.all()), "send() did not limit a far too large action")
     return "actions stay within the arm's limits"
@@ -292,9 +289,11 @@ def _check_invalid_actions(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_rejected(robot: Robot, name: str, action: np.ndarray) -> None:
     try:
-        robot.send(action)
+        _send(robot, action)
     except ActionError:
         return
+    except EmergencyStopError:
+        raise
     except Exception as error:
         raise _violation(
             f"send() of {name} raised {error!r}; it must raise ActionError"
@@ -327,7 +326,7 @@ def _move(robot: Robot, start: Actions, end: Actions) -> None:
     tolerance = 0.02 * np.abs(geometry.action_scale)[:, None]
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         action = start + share * (end - start)
-        sent = np.asarray(robot.send(action))
+        sent = np.asarray(_send(robot, action))
         _require(
             sent.shape == action.shape, f"send() returned {sent!r}, not the action sent"
         )
@@ -337,6 +336,16 @@ def _move(robot: Robot, start: Actions, end: Actions) -> None:
         )
         _wait(robot, robot.arm.control_period)
     _wait(robot, SETTLING_TIME)
+
+
+def _send(robot: Robot, action: Actions) -> Actions:
+    """Send an action, unless the emergency stop is triggered.
+
+    Raises:
+        EmergencyStopError: it is.
+    """
+    EMERGENCY_STOP.check()
+    return robot.send(action)
 
 
 def _wait(robot: Robot, seconds: float) -> None:
