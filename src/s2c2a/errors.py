@@ -36,6 +36,10 @@ class RobotError(S2C2AError):
     """A robot's method failed or returned nonsense; the message names both."""
 
 
+class ControllerError(S2C2AError):
+    """A controller's method failed or returned nonsense; the message names both."""
+
+
 class ReadingError(S2C2AError):
     """A sensor reading is incomplete or implausible."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import TargetError
+from s2c2a.immutable import immutable
 
 MAX_OBSTACLES = 64
 LARGEST = 1e6
@@ -56,7 +57,7 @@ class Goal(NamedTuple):
             thresholds=np.zeros(MAX_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=_weight(change_weight),
-        )
+        )._unchangeable()
 
     def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
         """Add a desired end position of a module [m], base frame.
@@ -125,7 +126,15 @@ class Goal(NamedTuple):
         for name, value in values.items():
             fields[name] = np.array(getattr(self, name))
             fields[name][module] = value
-        return self._replace(**fields)
+        return self._replace(**fields)._unchangeable()
+
+    def _unchangeable(self) -> "Goal":
+        """The goal with arrays that a controller cannot change."""
+        values = [
+            immutable(value) if isinstance(value, np.ndarray) else value
+            for value in self
+        ]
+        return Goal(*values)
 
     def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles.
@@ -163,7 +172,7 @@ class Goal(NamedTuple):
             ),
             thresholds=np.concatenate([thresholds, unused.thresholds[count:]]),
             obstacle_weight=_weight(weight),
-        )
+        )._unchangeable()
 
 
 def _numbers(

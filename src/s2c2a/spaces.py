@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import ReadingError
+from s2c2a.immutable import immutable_table, rebuilt
 
 POSITION = slice(0, 3)
 AXIS = slice(3, 6)
@@ -124,6 +125,9 @@ class Reading:
     since the last reading. At rest, accelerations point up. Camera positions are NaN
     where an end is not visible, and absent without a new image.
 
+    Nothing can change a reading: it copies its arrays when it is built, so that a robot
+    may use its buffers again. `dataclasses.replace` makes a changed one.
+
     Attributes:
         time: time since the arm was opened [s].
         sensors: name -> values.
@@ -134,6 +138,14 @@ class Reading:
     time: float
     sensors: Mapping[str, np.ndarray]
     fault: str = ""
+
+    def __post_init__(self):
+        """Copy the values."""
+        object.__setattr__(self, "sensors", immutable_table(self.sensors))
+
+    def __reduce__(self):
+        """Support pickling, since readings travel between processes."""
+        return rebuilt(self)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the values of a sensor.
@@ -149,3 +161,20 @@ class Reading:
     def get(self, name: str) -> np.ndarray | None:
         """Return the values of a sensor, or None if it is not in this reading."""
         return self.sensors.get(name)
+
+    def numbers(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray | None:
+        """Return the values of a sensor as floats, if they are numbers of this shape.
+
+        Args:
+            name: of the sensor.
+            shape: that is expected; None where any length is.
+        """
+        values = self.sensors.get(name)
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
+            return None
+        if len(values.shape) != len(shape):
+            return None
+        sizes = zip(values.shape, shape, strict=True)
+        if any(expected not in (None, size) for size, expected in sizes):
+            return None
+        return values.astype(float)

@@ -1,5 +1,7 @@
 """Rollouts with a robot and a strategy that number their steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,9 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RecordingError, S2C2AError, SimulationError
 from s2c2a.evaluation import position_errors, rollout, score_run
 from s2c2a.goals import Goal
+from s2c2a.operator import OPERATOR
 from s2c2a.robots import Robot, checked_action
+from s2c2a.runtime import StepClock
 from s2c2a.spaces import Reading, Sensor, Stage
 from s2c2a.tasks import Task
 
@@ -327,3 +331,79 @@ def test_an_interrupted_run_hands_over_its_steps(robot, script, task):
     (episode,) = kept
     assert len(episode.columns["time"]) == 3
     assert episode.options["interrupted"] == "no power"
+
+
+class Sleeper(StepClock):
+    """A clock on which the computer sleeps once, in the third step."""
+
+    slept = 0.0
+
+    def with_sleep(self):
+        return self.now() + self.slept
+
+    def wait_until(self, moment):
+        super().wait_until(moment)
+        if moment > 0.25:
+            self.slept = 600.0
+
+
+class RealCounter(Counter):
+    """The same in real time; it keeps its cables where they are."""
+
+    own_time = False
+
+    def __init__(self, arm, clock):
+        super().__init__(arm)
+        self.clock = clock
+
+    def read(self):
+        self.number = getattr(self, "number", 0) + 1
+        reading = super().read()
+        cables = np.full(self.geometry.action_neutral.shape, 1e-5 * self.number)
+        sensors = {**reading.sensors, "cables": cables}
+        return replace(reading, time=self.clock.now() + 1e-6, sensors=sensors)
+
+
+@pytest.fixture
+def make_counting(twin, task):
+    """Function that makes a robot in real time, a strategy, a task and a clock."""
+
+    def make():
+        clock = Sleeper()
+        return RealCounter(twin, clock), Script(twin), task, clock
+
+    return make
+
+
+@pytest.fixture
+def operator():
+    """The operator of this process, absent afterwards."""
+    yield OPERATOR
+    OPERATOR.attends = False
+
+
+def test_without_an_operator_a_run_ends_at_rest_after_a_standstill(make_counting):
+    robot, strategy, task, clock = make_counting()
+    with pytest.raises(
+        S2C2AError, match=r"stood still for 600\.\d s; the arm was moved"
+    ):
+        rollout(robot, strategy, task, clock=clock)
+    assert robot.closed
+
+
+def test_an_operator_who_agrees_lets_a_run_go_on(make_counting, operator, monkeypatch):
+    robot, strategy, task, clock = make_counting()
+    operator.attends = True
+    monkeypatch.setattr(operator, "ask", lambda text: operator.agree())
+    episode = rollout(robot, strategy, task, clock=clock)
+    stages = list(episode["stage"])
+    assert stages.count(Stage.HOLD) >= 1
+    assert stages.count(Stage.RUN) == STEPS
+
+
+def test_an_operator_who_does_not_answer_ends_a_run_at_rest(make_counting, operator):
+    robot, strategy, task, clock = make_counting()
+    operator.attends = True
+    with pytest.raises(S2C2AError, match="stood still"):
+        rollout(robot, strategy, task, clock=clock)
+    assert clock.now() == pytest.approx(10.5, abs=1.0)

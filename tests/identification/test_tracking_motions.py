@@ -5,8 +5,9 @@ from tracked_simulation import SimulatedTracker, TrackedSimulation
 
 from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.errors import RobotError
 from s2c2a.identification import tracking
-from s2c2a.runtime import CommandLimits
+from s2c2a.runtime import CommandLimits, StepClock
 from s2c2a.tracking import Pose, Tracker, TrackingError
 from s2c2a.tracking.tracked_robot import calibration_of
 
@@ -122,3 +123,56 @@ def test_each_result_changes_its_part_of_the_file(tmp_path):
     calibration = tracking.load_or_empty(path, ARM)
     assert calibration.latency == 0.02
     assert set(calibration.end_offsets) == {"end-1", "end-2", "end-3"}
+
+
+def with_travel(travel):
+    """The arm with cables of a travel [m]."""
+    modules = tuple(
+        module.model_copy(
+            update={"cable": module.cable.model_copy(update={"travel": travel})}
+        )
+        for module in ARM.modules
+    )
+    return ARM.model_copy(update={"modules": modules})
+
+
+@pytest.mark.parametrize("travel", [0.002, 0.008])
+def test_held_bends_are_within_the_travel_of_the_cables(travel):
+    arm = with_travel(travel)
+    limits = ArmGeometry.of(arm).action_bends
+    targets = [bend for pair in tracking.held_bends(arm) for bend in pair]
+    sizes = np.linalg.norm(targets, axis=-1)
+    assert (sizes <= limits + 1e-9).all()
+    assert np.abs(tracking.chirp(arm, 5.0)).max() <= limits[0]
+
+
+def test_a_bend_out_of_reach_is_an_error_and_no_endless_motion():
+    robot = TrackedSimulation(with_travel(0.008))
+    robot.open()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
+    bends = np.zeros((robot.arm.module_count, 2))
+    bends[1, 0] = np.deg2rad(40.0)
+    with pytest.raises(RobotError, match="module 2 shall bend by 40 deg"):
+        motion.hold(bends, 0.0)
+
+
+def test_a_motion_that_does_not_arrive_ends_in_time(monkeypatch):
+    robot = TrackedSimulation(ARM)
+    robot.open()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
+    monkeypatch.setattr(motion._limiter, "changed", lambda target: True)
+    with pytest.raises(RobotError, match="does not reach its target in time"):
+        motion.hold(np.zeros((robot.arm.module_count, 2)), 0.0)
+
+
+def test_a_motion_does_not_go_on_after_a_standstill(monkeypatch):
+    robot = TrackedSimulation(ARM)
+    robot.open()
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    clock = StepClock()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot), clock)
+    bends = np.zeros((robot.arm.module_count, 2))
+    motion.step(bends)
+    clock.wait_until(clock.now() + 30.0)
+    with pytest.raises(RobotError, match=r"stood still for 30\.0 s"):
+        motion.step(bends)

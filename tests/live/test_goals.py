@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from s2c2a.goals import Goal
-from s2c2a.live.goals import goal_of, tip_errors
+from s2c2a.live.goals import Disturbances, goal_of, tip_errors
 from s2c2a.live.request import Obstacle, Request, Weights
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.spaces import Reading
 
 
 def test_the_drivers_obstacles_and_weights_join_the_tasks():
@@ -31,3 +33,13 @@ def test_tip_errors_are_distances_to_the_target_and_the_nearest_threshold():
     error, clearance = tip_errors(Goal.of(3), np.zeros(3))
     assert np.isnan(error)
     assert np.isinf(clearance)
+
+
+@pytest.mark.parametrize("changes", [{"noise": 0.001}, {"coupling": 0.5}])
+def test_disturbed_sensors_keep_the_fault_and_the_time_of_the_robot(twin, changes):
+    disturbances = Disturbances(SimulatedRobot(twin))
+    disturbances.apply(Request(**changes))
+    cables = np.zeros((3, 3))
+    reading = Reading(1.5, {"cables": cables}, "servo 3 overheated")
+    disturbed = disturbances.corrupt(reading)
+    assert (disturbed.time, disturbed.fault) == (1.5, "servo 3 overheated")

@@ -8,6 +8,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot, check_robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
@@ -351,3 +352,86 @@ def test_a_sensor_of_the_arm_file_that_the_robot_lacks_is_named(
     robot = _WallClockRobot(make_arm(1, control_rate=20.0, sensors=sensors))
     with pytest.raises(S2C2AError, match=f"the arm file has .*provides {lacking}"):
         check_robot(robot)
+
+
+class _ChangesItsArgument(_CountingRobot):
+    def send(self, action):
+        sent = super().send(action)
+        action *= 1000
+        return sent
+
+
+class _ShiftsItsArgument(_CountingRobot):
+    def send(self, action):
+        sent = super().send(action)
+        action -= 0.001
+        return sent
+
+
+class _ReusesItsBuffer(_CountingRobot):
+    def send(self, action):
+        if not hasattr(self, "_out"):
+            self._out = np.zeros(np.shape(action))
+        self._out[...] = super().send(action)
+        return self._out
+
+
+class _ReturnsViewsOfItsBuffer(_ReusesItsBuffer):
+    def send(self, action):
+        return super().send(action)[:]
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (_ChangesItsArgument, "changes its argument"),
+        (_ShiftsItsArgument, "changes its argument"),
+        (_ReusesItsBuffer, "returns the same array again"),
+        (_ReturnsViewsOfItsBuffer, "returns the same array again"),
+    ],
+)
+def test_a_robot_that_shares_its_arrays_is_found(twin, kind, text):
+    with pytest.raises(S2C2AError, match=text):
+        check_robot(kind(twin))
+
+
+class _Stoppable(_CountingRobot):
+    """Counts commands, and the stop is triggered after some of them."""
+
+    sent = 0
+    halted = 0
+    stop_after = 10**6
+
+    def send(self, action):
+        self.sent += 1
+        if self.sent == self.stop_after:
+            EMERGENCY_STOP.trigger("a test")
+        return super().send(action)
+
+    def halt(self):
+        self.halted += 1
+
+
+@pytest.fixture
+def emergency_stop():
+    """The stop of this process, reset afterwards."""
+    yield EMERGENCY_STOP
+    EMERGENCY_STOP.reset()
+
+
+def test_nothing_moves_while_the_emergency_stop_is_triggered(twin, emergency_stop):
+    robot = _Stoppable(twin)
+    emergency_stop.trigger("a test")
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert robot.sent == 0
+
+
+@pytest.mark.parametrize("after", range(8, 14))
+def test_an_emergency_stop_ends_the_check_at_once(twin, emergency_stop, after):
+    robot = _Stoppable(twin)
+    robot.stop_after = after
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert robot.sent <= after + 2
+    assert (robot.halted, robot.closed) == (1, 2)

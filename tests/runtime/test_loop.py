@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 
-from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
 from s2c2a.spaces import Reading, Stage
@@ -258,7 +258,7 @@ def test_after_any_error_a_real_arm_moves_to_rest_within_limits_and_is_closed(
         lambda number: fault(next(calls)),
     )
     with (
-        pytest.raises((RobotError, OSError, KeyboardInterrupt)),
+        pytest.raises((RobotError, ControllerError, KeyboardInterrupt)),
         Loop(puppet, actor, clock) as loop,
     ):
         run_steps(loop, 20)
@@ -318,7 +318,8 @@ def test_a_robot_that_fails_for_good_is_closed(puppet, actor, clock):
 
 def test_a_robot_that_does_not_open_is_closed(puppet, actor, clock):
     puppet.before_read = lambda number: (_ for _ in ()).throw(OSError("no power"))
-    with pytest.raises(OSError, match="no power"), Loop(puppet, actor, clock):
+    expected = r"Puppet\.open failed in step 0: OSError: no power"
+    with pytest.raises(RobotError, match=expected), Loop(puppet, actor, clock):
         pass
     assert puppet.notes == ["open", "close"]
     assert puppet.sent == []
@@ -495,4 +496,101 @@ def test_a_robot_that_blocks_is_reported_and_held(
     assert faults[0] == f"Puppet.{method} blocked for {seconds:.1f} s"
     held = [step.stage for step in steps if step.fault.startswith("Puppet")]
     assert held == [HOLD]
-    assert steps[-1].stage is RUN
+    # after a long gap, somebody must ask it to resume
+    assert steps[-1].stage is (RUN if seconds < 2.0 else HOLD)
+
+
+def leave_gap(loop, clock, seconds):
+    """The record of a step that begins late, of an arm in motion."""
+    run_steps(loop, 4)
+    clock.let_pass(seconds)
+    return loop.tick(StepRequest())
+
+
+@pytest.mark.parametrize("seconds", [2.5, 30.0, 4e4])
+def test_after_a_long_gap_the_arm_is_held_until_it_is_asked_to_resume(
+    loop, puppet, actor, clock, seconds
+):
+    step = leave_gap(loop, clock, seconds)
+    held = puppet.sent[-1]
+    steps = [step, *run_steps(loop, 20)]
+    assert {step.stage for step in steps} == {HOLD}
+    assert "the program stood still for" in loop.standstill
+    assert {step.fault for step in steps} == {loop.standstill}
+    np.testing.assert_array_equal(puppet.sent[-1], held)
+    assert len(actor.steps) == 4
+    loop.resume()
+    assert loop.tick(StepRequest()).stage is RUN
+    assert loop.fault == loop.standstill == ""
+
+
+def test_a_short_gap_needs_nobody(loop, clock):
+    assert leave_gap(loop, clock, 1.9).stage is RUN
+
+
+def test_a_controller_that_takes_too_long_in_motion_moves_nothing(
+    loop, puppet, actor, clock
+):
+    actor.before_step = lambda number: clock.let_pass(30.0 if number == 4 else 0.0)
+    run_steps(loop, 4)
+    before = puppet.sent[-1]
+    assert loop.tick(StepRequest()).stage is HOLD
+    np.testing.assert_array_equal(puppet.sent[-1], before)
+
+
+def test_a_controller_that_compiles_at_rest_may_take_long(loop, actor, clock):
+    actor.before_step = lambda number: clock.let_pass(30.0 if number == 0 else 0.0)
+    assert {step.stage for step in run_steps(loop, 5)} == {RUN}
+
+
+def test_an_arm_that_nobody_resumes_goes_to_rest_and_stays_there(loop, puppet, clock):
+    leave_gap(loop, clock, 30.0)
+    alone = StepRequest(operator_present=False)
+    stages = [loop.tick(alone).stage for _ in range(140)]
+    assert stages[-1] is IDLE
+    assert at_rest(puppet)
+    assert {step.stage for step in run_steps(loop, 5)} == {IDLE}
+
+
+def test_a_computer_that_slept_is_noticed_though_its_clock_stood(
+    loop, clock, monkeypatch
+):
+    run_steps(loop, 4)
+    monkeypatch.setattr(clock, "with_sleep", lambda: clock.now() + 600.0)
+    assert loop.tick(StepRequest()).stage is HOLD
+
+
+def test_a_simulation_with_its_own_time_resumes_by_itself(puppet, actor, clock):
+    puppet.own_time = True
+    loop = Loop(puppet, actor, clock)
+    loop.open()
+    assert leave_gap(loop, clock, 30.0).stage is RUN
+
+
+@pytest.mark.parametrize("error", [OSError("noise"), RobotError("noise")])
+@pytest.mark.parametrize("every", [2, 5])
+def test_single_failures_do_not_end_the_way_to_rest(puppet, actor, clock, every, error):
+    calls = iter(range(1, 1000))
+
+    def fail(number):
+        if next(calls) % every == 0:
+            raise error
+
+    with Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 8)
+        puppet.before_send = fail
+    assert at_rest(puppet)
+    assert puppet.notes == ["open", "close"]
+    assert sizes_of(puppet)[0].max() <= 1 + 1e-9
+
+
+def test_the_way_to_rest_ends_where_the_robot_fails_for_a_second(puppet, actor, clock):
+    def fail(number):
+        raise OSError("unplugged")
+
+    with Loop(puppet, actor, clock) as loop:
+        run_steps(loop, 8)
+        puppet.before_send = fail
+        began = clock.now()
+    assert clock.now() - began == pytest.approx(1.0, abs=0.15)
+    assert puppet.notes == ["open", "close"]

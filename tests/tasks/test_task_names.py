@@ -29,3 +29,11 @@ def test_an_impossible_pace_is_refused(pace):
 def test_a_name_with_another_ending_is_no_pace():
     with pytest.raises(TargetError):
         load_task("square@slow", TWIN)
+
+
+@pytest.mark.parametrize(
+    "make", [load_task, lambda task, arm: paced_task(task, arm, 0.5)]
+)
+def test_a_task_instead_of_its_name_is_refused(make):
+    with pytest.raises(TargetError, match="give its name or file, such as 'circle'"):
+        make(load_task("circle", TWIN), TWIN)

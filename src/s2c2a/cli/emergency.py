@@ -10,6 +10,7 @@ from contextlib import contextmanager, nullcontext
 from s2c2a.robots.factory import RobotFactory
 
 STOP_KEYS = b" \x1b"  # space bar, Escape
+RESUME_KEYS = b"rR"
 POLL_PERIOD = 0.02  # s; a key acts before the next control step
 
 
@@ -63,13 +64,18 @@ def _is_in_background(keyboard: int) -> bool:
 
 def _watch_keys(keyboard: int, done: threading.Event) -> None:
     from s2c2a.emergency import EMERGENCY_STOP
+    from s2c2a.operator import OPERATOR
 
+    OPERATOR.attends = True
     while not done.is_set():
         is_ready, _, _ = select.select([keyboard], [], [], POLL_PERIOD)
         if not is_ready:
             continue
         key = os.read(keyboard, 1)
         if not key:  # the terminal is closed
-            return
+            break
         if key in STOP_KEYS:
             EMERGENCY_STOP.trigger("the keyboard")
+        if key in RESUME_KEYS:
+            OPERATOR.agree()
+    OPERATOR.attends = False

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -85,7 +86,7 @@ class TagCameraRobot(SimulatedRobot):
             self._last_time = reading.time
             self._expose(reading.time)
             values |= self._arrived(reading.time)
-        return Reading(reading.time, values, reading.fault)
+        return replace(reading, sensors=values)
 
     def close(self) -> None:
         """See `Robot`."""

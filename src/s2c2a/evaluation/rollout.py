@@ -6,6 +6,8 @@ import numpy as np
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
+from s2c2a.goals import Goal
+from s2c2a.operator import OPERATOR
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.spaces import Stage
@@ -113,7 +115,7 @@ def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Epi
         return build_episode(
             steps,
             loop.arm,
-            strategy=loop.driver.name,
+            strategy=loop.driver_name,
             task=task.name,
             late_steps=loop.late_steps - late_before,
             **options,
@@ -136,6 +138,8 @@ def _do_steps(
         steps.append(loop.tick(StepRequest(goal)))
         while steps[-1].stage is Stage.START:
             steps.append(loop.tick(StepRequest(goal)))
+        if loop.standstill:
+            _await_resume(loop, goal, steps)
         if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
             steps.extend(loop.to_rest())
             raise S2C2AError(
@@ -144,6 +148,23 @@ def _do_steps(
             )
         progress(number, len(task.goals))
     steps.extend(loop.to_rest())
+
+
+def _await_resume(loop: Loop, goal: Goal, steps: list[StepRecord]) -> None:
+    """Hold the arm until the operator resumes.
+
+    Without an answer for as long as an absent operator may take (10 s, see `Patience`),
+    or without an operator, the arm goes to rest.
+    """
+    OPERATOR.ask(loop.standstill)
+    while loop.standstill and OPERATOR.attends and steps[-1].stage is Stage.HOLD:
+        steps.append(loop.tick(StepRequest(goal, operator_present=False)))
+        if OPERATOR.agrees:
+            loop.resume()
+    if loop.standstill:
+        steps.extend(loop.to_rest())
+    else:
+        steps.append(loop.tick(StepRequest(goal)))
 
 
 def _rest(loop: Loop) -> None:

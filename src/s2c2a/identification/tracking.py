@@ -19,6 +19,7 @@ from s2c2a.errors import RobotError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimiter
+from s2c2a.runtime.stages import STANDSTILL
 from s2c2a.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.tracking.calibration import (
     FrameResidual,
@@ -45,6 +46,7 @@ OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
 AVERAGING_TIME = 1.0  # s
 MIN_HELD_FRAMES = 10
+MAX_APPROACH = 60.0  # s; from full bend to full bend takes 7 s at 0.5 deg a step
 Progress = Callable[[int, int], None]
 
 
@@ -89,6 +91,7 @@ class TrackedMotion:
         self._geometry = ArmGeometry.of(robot.arm)
         self._due = self._clock.now()
         self._sound_time = self._due
+        self._stepped_at = self._clock.with_sleep()
         self._last: PoseFrame | None = None
 
     def step(self, bends: Float[np.ndarray, "modules 2"]) -> None:
@@ -102,18 +105,64 @@ class TrackedMotion:
         self._send(self._geometry.actions_at(shares))
 
     def hold(self, bends: Float[np.ndarray, "modules 2"], seconds: float) -> None:
-        """Approach bends [rad] within the limits, then hold them for a time."""
+        """Approach bends [rad] within the limits, then hold them for a time.
+
+        Raises:
+            RobotError: the cables do not reach these bends, or not in `MAX_APPROACH`;
+                see also `step`.
+        """
         shares = bends / self._geometry.action_bends[:, None]
         target = self._geometry.actions_at(shares)
+        self._check_reach(target, bends)
+        end = self._end_of_approach()
         while self._limiter.changed(target):
+            self._check_time(end)
             self._send(target)
         for _ in range(round(seconds * COMMAND_RATE)):
             self._send(target)
 
     def rest(self) -> None:
-        """Return to rest."""
+        """Return to rest.
+
+        Raises:
+            RobotError: it is not at rest after `MAX_APPROACH`; see also `step`.
+        """
+        end = self._end_of_approach()
         while not self._limiter.at_rest:
+            self._check_time(end)
             self._send(self._limiter.towards_rest())
+
+    def _check_reach(
+        self, target: np.ndarray, bends: Float[np.ndarray, "modules 2"]
+    ) -> None:
+        """Raise an error for a target out of the actions' range: it is never reached."""
+        geometry = self._geometry
+        tolerance = 1e-6 * np.abs(geometry.action_scale)[:, None]
+        is_low = target < geometry.action_low - tolerance
+        is_high = target > geometry.action_high + tolerance
+        modules = np.flatnonzero((is_low | is_high).any(axis=-1))
+        if modules.size:
+            module = int(modules[0])
+            wanted = np.rad2deg(np.linalg.norm(bends[module]))
+            limit = np.rad2deg(geometry.action_bends[module])
+            raise RobotError(
+                f"module {module + 1} shall bend by {wanted:.0f} deg, but the range of "
+                f"its cables ends at {limit:.0f} deg; correct cable.travel or "
+                "bend_limit_deg in the arm file"
+            )
+
+    def _end_of_approach(self) -> float:
+        # an arm with slow limits may take longer
+        bend = 4.0 * float(self._geometry.action_bends.max())
+        speed = self._geometry.step_limit * self.arm.control_rate
+        return self._clock.now() + max(MAX_APPROACH, bend / speed)
+
+    def _check_time(self, end: float) -> None:
+        if self._clock.now() > end:
+            raise RobotError(
+                "the arm does not reach its target in time; it stays where it is: check "
+                "the faults of its readings (`s2c2a robot check`)"
+            )
 
     def _send(self, desired: np.ndarray) -> None:
         try:
@@ -121,11 +170,24 @@ class TrackedMotion:
         except EmergencyStopError:
             self._robot.halt()
             raise
+        self._check_standstill()
         is_sound = self._read()
         limiter = self._limiter
-        self._robot.send(limiter.limit(desired) if is_sound else limiter.hold())
+        command = limiter.limit(desired if is_sound else limiter.hold())
+        self._robot.send(command.copy())
         self._robot.advance(self._period)
         self._wait()
+
+    def _check_standstill(self) -> None:
+        """Raise an error if the program stood still: nobody expects the arm to move."""
+        now = self._clock.with_sleep()
+        pause = now - self._stepped_at
+        self._stepped_at = now
+        if not self._robot.own_time and pause > self._period + STANDSTILL:
+            raise RobotError(
+                f"the program stood still for {pause:.1f} s; the arm stays where it is: "
+                "start again"
+            )
 
     def _read(self) -> bool:
         """Log a reading; returns whether it is sound. A single one may be missed."""
@@ -235,6 +297,7 @@ def chirp(
     speed = LIMIT_SHARE * geometry.step_limit * arm.control_rate
     acceleration = LIMIT_SHARE * geometry.acceleration_limit * arm.control_rate**2
     largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[0] / 2)
+    largest = min(largest, geometry.action_bends[0])
     amplitude = np.minimum(largest, np.minimum(speed / omega, acceleration / omega**2))
     ramp = np.clip(np.minimum(times, duration - times) / RAMP, 0.0, 1.0)
     return ramp * amplitude * np.sin(phase)
@@ -300,7 +363,10 @@ def held_bends(arm: ArmSpec) -> list[tuple[np.ndarray, np.ndarray]]:
     one, in which signs are reversed and bends are passed before they are held, from
     negative ones.
     """
-    sizes = np.minimum(np.deg2rad(HELD_BEND_DEG), ArmGeometry.of(arm).bend_limits / 2)
+    geometry = ArmGeometry.of(arm)
+    sizes = np.minimum(np.deg2rad(HELD_BEND_DEG), geometry.bend_limits / 2)
+    # cables may be shorter than the module can bend
+    sizes = np.minimum(sizes, geometry.action_bends / OVERSHOOT)
     all_bent = np.sqrt(0.5) * np.stack([sizes, sizes], axis=1)
     targets = []
     for sign, overshoot in ((1.0, 1.0), (-1.0, OVERSHOOT)):

@@ -103,6 +103,19 @@ class ArmControl(Control):
         """See `Control`."""
         return self._thread.is_alive()
 
+    @property
+    def standstill(self) -> str:
+        """How long this process stood still, until a driver resumes; or nothing."""
+        return self._loop.standstill
+
+    def ask(self, **changes: Any) -> Request:
+        """See `Control`; `stopped=False` also resumes after a standstill."""
+        with self._lock:
+            resumes = self.request.stopped and changes.get("stopped") is False
+            if resumes and self._loop.standstill:
+                self._commands.append(self._loop.resume)
+            return super().ask(**changes)
+
     def order(self, name: str, *arguments: Any) -> None:
         """See `Control`."""
         self._commands.append(partial(getattr(self, f"_{name}"), *arguments))
@@ -162,6 +175,7 @@ class ArmControl(Control):
         try:
             while self._commands:
                 self._commands.popleft()()
+            standstill = self._loop.standstill
             request = self.request
             self._disturbances.apply(request)
             self._requested_goal = self._goal(request)
@@ -171,6 +185,8 @@ class ArmControl(Control):
                 request.driven,
             )
             self._publish(self._loop.tick(ask))
+            if not standstill and self._loop.standstill:
+                self.halt(self._loop.standstill)
         except Exception as error:
             if not self._opened.is_set():
                 raise

@@ -120,7 +120,7 @@ class Disturbances:
             scale = noise * geometry.bend_limits[:, None]
             error = scale * self._random.normal(size=axes.shape)
             sensors["configurations"] = unit(mixing @ axes + error)
-        return Reading(reading.time, sensors)
+        return replace(reading, sensors=sensors)
 
     def _mixed_cables(self, cables: np.ndarray, mixing: np.ndarray) -> np.ndarray:
         """Cables of the mixed bends; the cables' common part does not change."""

@@ -20,7 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
@@ -45,6 +45,17 @@ HEARTBEAT_TIMEOUT = 1.5  # s without a heartbeat until the arm is stopped
 IGNORED_SIGNALS = ("SIGINT", "SIGHUP")  # the page's process handles them
 PAGE_LOST = "no signal from the page"
 """Message and reason of a stop without heartbeats; the page confirms it by `known`."""
+
+
+@dataclass(frozen=True)
+class Halted:
+    """Message to the page: the control process stopped the arm.
+
+    Attributes:
+        reason: for the driver, who must resume.
+    """
+
+    reason: str
 
 
 class ControlProcess(Control):
@@ -202,7 +213,7 @@ class ControlProcess(Control):
         """Handle a message of the control process.
 
         It sends limits and strategies first or an error, then snapshots, the result of
-        each `use`, and `PAGE_LOST` after a stop without heartbeats.
+        each `use`, and `Halted` after a stop of its own.
         """
         self._last_message = time.perf_counter()
         match message:
@@ -213,9 +224,9 @@ class ControlProcess(Control):
                 self._fault = str(message)  # the process ends next
             case tuple():
                 self.limits, self.strategies = message
-            case _ if message == PAGE_LOST:
+            case Halted(reason=reason):
                 with self._lock:
-                    self.halt(PAGE_LOST)
+                    self.halt(reason)
                     self.order("known")
             case _:
                 self._use_results.put(message)
@@ -277,15 +288,22 @@ def _obey(control: "ArmControl", pipe: Connection, messages: queue.Queue) -> Non
 
     Stops the arm when heartbeats are missing.
     """
-    lost = False  # stopped without heartbeats, and the page has not confirmed it
+    lost = False  # stopped by this process, and the page has not confirmed it
+    standstill = ""
     with suppress(EOFError, OSError):
         while True:
             if not pipe.poll(HEARTBEAT_TIMEOUT):
                 if control.request.driven and not control.request.stopped:
                     control.halt(PAGE_LOST)
                     lost = True
-                    messages.put(PAGE_LOST)
+                    messages.put(Halted(PAGE_LOST))
                 continue
+            # requests of before it must not move the arm again
+            if control.standstill != standstill:
+                standstill = control.standstill
+                lost = lost or bool(standstill)
+                if standstill:
+                    messages.put(Halted(standstill))
             match pipe.recv():
                 case "ask", (request,):
                     if lost:

@@ -6,26 +6,31 @@ from collections.abc import Mapping
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots.robot import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor
 
 TEST_BEND = 0.05  # of the full bend
 SETTLING_TIME = 1.0  # s
+POLL_PERIOD = 0.02  # s between looks at the emergency stop
 
 
 def check_robot(robot: Robot) -> list[str]:
     """Open a robot, move it a little and check that it fulfills `Robot`.
 
     The test moves every cable by at most 5 % of its range, no faster than the arm's
-    step limit, and leaves the arm at rest.
+    step limit, and leaves the arm at rest. It obeys the emergency stop: the robot is then
+    halted where it is.
 
     Returns:
         One line for every check that passed.
 
     Raises:
         S2C2AError: a check failed; the message says which.
+        EmergencyStopError: the emergency stop was triggered.
     """
+    EMERGENCY_STOP.check()
     try:
         robot.close()  # before it was opened
         try:
@@ -36,6 +41,9 @@ def check_robot(robot: Robot) -> list[str]:
             )
             geometry = ArmGeometry.of(robot.arm)
             passed = [check(robot, geometry) for check in CHECKS]
+        except EmergencyStopError:
+            robot.halt()
+            raise
         finally:
             robot.close()
         robot.close()
@@ -75,6 +83,7 @@ def _check_values(name: str, values: np.ndarray, sensor: Sensor) -> None:
         values.shape == sensor.shape,
         f"'{name}' has shape {values.shape}, declared as {sensor.shape}",
     )
+    _require(values.dtype.kind in "fiub", f"'{name}' holds {values.dtype}, no numbers")
     finite = np.isfinite(values)
     _require(bool(finite.all()) or not sensor.always, f"'{name}' is not finite")
     plausible = (values >= sensor.low) & (values <= sensor.high)
@@ -152,6 +161,16 @@ def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
     target = geometry.action_neutral + towards_x
     _move(robot, geometry.action_neutral, target)
     after = robot.read()
+    try:
+        _check_displacement(robot, before, after, towards_x)
+    finally:
+        _move(robot, target, geometry.action_neutral)
+    return "the arm moves as commanded"
+
+
+def _check_displacement(
+    robot: Robot, before: Reading, after: Reading, towards_x: Actions
+) -> None:
     if "cables" in robot.sensors:
         moved = (after["cables"] - before["cables"]) * towards_x
         shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
@@ -171,8 +190,32 @@ def _check_motion(robot: Robot, geometry: ArmGeometry) -> str:
             displacement[0] > 0 and displacement[0] > 2 * abs(displacement[1]),
             f"commanded towards +x, the tip moved by {displacement.round(4)} m",
         )
-    _move(robot, target, geometry.action_neutral)
-    return "the arm moves as commanded"
+
+
+def _check_buffers(robot: Robot, geometry: ArmGeometry) -> str:
+    """Check that `send` neither changes its argument nor returns the same array twice.
+
+    Readings copy their arrays, so that a robot may use those again.
+    """
+    small = 1e-3 * np.abs(geometry.action_scale)[:, None]
+    first = np.array(geometry.action_neutral + small)
+    for action in (first, first.astype(np.float32)):
+        given = action.copy()
+        _send(robot, given)
+        _require(
+            bool(np.array_equal(given, action)),
+            "send() changes its argument; change a copy, such as action.copy()",
+        )
+    sent = _send(robot, first.copy())
+    kept = np.array(sent)
+    other = _send(robot, np.array(geometry.action_neutral))
+    is_shared = isinstance(sent, np.ndarray) and isinstance(other, np.ndarray)
+    _require(
+        bool(np.array_equal(kept, sent))
+        and not (is_shared and np.shares_memory(sent, other)),
+        "send() returns the same array again and changes it; return a copy",
+    )
+    return "send() keeps its argument and returns a new array"
 
 
 def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
@@ -196,14 +239,14 @@ def _check_clock(robot: Robot, geometry: ArmGeometry) -> str:
 def _check_no_waiting(robot: Robot, geometry: ArmGeometry) -> str:
     if robot.own_time:
         before = robot.read().time
-        robot.send(geometry.action_neutral)
+        _send(robot, geometry.action_neutral)
         _require(
             robot.read().time == before,
             "time passes in send(); it may pass in advance() only",
         )
         return "time passes in advance() only"
     start = time.perf_counter()
-    robot.send(geometry.action_neutral)
+    _send(robot, geometry.action_neutral)
     sent = time.perf_counter()
     robot.read()
     duration = max(sent - start, time.perf_counter() - sent)
@@ -216,7 +259,7 @@ def _check_no_waiting(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     """Check that actions beyond the limits are clipped, on simulated robots only."""
-    sent = robot.send(geometry.action_neutral + 1e-9)
+    sent = _send(robot, geometry.action_neutral + 1e-9)
     _require(
         np.shape(sent) == geometry.action_neutral.shape,
         f"send() returned {sent!r}, not the action sent",
@@ -230,8 +273,8 @@ def _check_limits(robot: Robot, geometry: ArmGeometry) -> str:
     low = geometry.action_low - 0.02 * scale
     high = geometry.action_high + 0.02 * scale
     for action in (geometry.action_high + 10 * scale, geometry.action_low - 10 * scale):
-        limited = np.asarray(robot.send(action))
-        robot.send(geometry.action_neutral)
+        limited = np.asarray(_send(robot, action))
+        _send(robot, geometry.action_neutral)
         inside = (limited >= low) & (limited <= high)
         _require(bool(inside.all()), "send() did not limit a far too large action")
     return "actions stay within the arm's limits"
@@ -246,9 +289,11 @@ def _check_invalid_actions(robot: Robot, geometry: ArmGeometry) -> str:
 
 def _check_rejected(robot: Robot, name: str, action: np.ndarray) -> None:
     try:
-        robot.send(action)
+        _send(robot, action)
     except ActionError:
         return
+    except EmergencyStopError:
+        raise
     except Exception as error:
         raise _violation(
             f"send() of {name} raised {error!r}; it must raise ActionError"
@@ -264,6 +309,7 @@ CHECKS = (
     _check_arm_sensors,
     _check_invalid_actions,
     _check_no_waiting,
+    _check_buffers,
     _check_clock,
     _check_motion,
     _check_limits,
@@ -271,14 +317,16 @@ CHECKS = (
 
 
 def _move(robot: Robot, start: Actions, end: Actions) -> None:
-    """Move from one action to another within the step limit, then let it settle."""
+    """Move from one action to another within the limits, then let it settle."""
     geometry = ArmGeometry.of(robot.arm)
-    bend_deg = TEST_BEND * np.rad2deg(geometry.action_bends.max())
-    steps = int(np.ceil(bend_deg / robot.arm.step_limit_deg))
+    bend = TEST_BEND * geometry.action_bends.max()
+    # it starts and stops: the whole first change is an acceleration
+    largest = min(geometry.step_limit, geometry.acceleration_limit)
+    steps = int(np.ceil(bend / largest))
     tolerance = 0.02 * np.abs(geometry.action_scale)[:, None]
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         action = start + share * (end - start)
-        sent = np.asarray(robot.send(action))
+        sent = np.asarray(_send(robot, action))
         _require(
             sent.shape == action.shape, f"send() returned {sent!r}, not the action sent"
         )
@@ -290,11 +338,30 @@ def _move(robot: Robot, start: Actions, end: Actions) -> None:
     _wait(robot, SETTLING_TIME)
 
 
+def _send(robot: Robot, action: Actions) -> Actions:
+    """Send an action, unless the emergency stop is triggered.
+
+    Raises:
+        EmergencyStopError: it is.
+    """
+    EMERGENCY_STOP.check()
+    return robot.send(action)
+
+
 def _wait(robot: Robot, seconds: float) -> None:
+    """Wait, unless the emergency stop is triggered.
+
+    Raises:
+        EmergencyStopError: it is; nothing is sent any more.
+    """
     if robot.own_time:
+        EMERGENCY_STOP.check()
         robot.advance(seconds)
-    else:
-        time.sleep(seconds)
+    end = time.monotonic() + (0.0 if robot.own_time else seconds)
+    while (remaining := end - time.monotonic()) > 0:
+        EMERGENCY_STOP.check()
+        time.sleep(min(POLL_PERIOD, remaining))
+    EMERGENCY_STOP.check()
 
 
 def _require(condition: bool, fault: str) -> None:

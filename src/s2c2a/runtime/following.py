@@ -76,8 +76,8 @@ class FollowingMonitor:
             reading: of this control step. Without `cables` [m or N], shape (modules,
                 cables), nothing is compared.
         """
-        cables = reading.get("cables")
-        if not isinstance(cables, np.ndarray) or cables.shape != self._low.shape:
+        cables = reading.numbers("cables", self._low.shape)
+        if cables is None:
             return ""
         deviation = (cables - self._commands[-1]) / self._scale
         nearest = np.clip(cables, self._low, self._high)

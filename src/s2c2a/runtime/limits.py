@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.immutable import immutable
 from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9
@@ -164,15 +165,16 @@ class CommandLimiter:
     """Applies `CommandLimits` to successive commands, beginning at rest.
 
     Attributes:
-        command: last command [m or N], shape (modules, cables).
+        command: last command [m or N], shape (modules, cables); nothing can change it.
     """
 
     def __init__(self, limits: CommandLimits):
         """A limiter whose last command is rest."""
         self._limits = limits
-        self.command = limits.rest.copy()
+        self.command = immutable(limits.rest)
         self._change = np.zeros_like(self.command)
         self._desired = self.command
+        self._before = self.command
 
     @property
     def last_change(self) -> float:
@@ -197,13 +199,22 @@ class CommandLimiter:
 
     def limit(self, desired: Actions) -> Actions:
         """Limit a desired command and remember the result as the last command."""
-        command = self._limits.limited(
+        limited = self._limits.limited(
             desired, self.command, self._change, self._desired
         )
+        command = immutable(limited)
         self._change = command - self.command
+        self._before = self.command
         self.command = command
-        self._desired = desired
+        # a controller may use its buffer again
+        self._desired = immutable(np.asarray(desired))
         return command
+
+    def not_sent(self) -> None:
+        """Return to the command before: the robot did not take the last one."""
+        self.command = self._before
+        self._change = np.zeros_like(self.command)
+        self._desired = self.command
 
     def changed(self, desired: Actions) -> bool:
         """Whether the last command differs from the desired one."""

@@ -4,22 +4,27 @@ Every arm, simulated or real, is driven by `Loop.tick`, once a control period. W
 a sensor, a plan, or a network outputs, the command that reaches the robot is limited in
 value, rate, and acceleration (`CommandLimits`). An arm whose readings fail the check is
 held, then moved to rest (`stages`). However the loop ends, it ends at rest.
+
+Robots and controllers may be anybody's: what they get and return is copied, so that they
+cannot change what the loop remembers, and their exceptions become errors that name them.
 """
 
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from typing import Any, Protocol, Self
 
 import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
-from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
+from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.following import FollowingMonitor
@@ -33,9 +38,10 @@ from s2c2a.runtime.stages import (
     StepRequest,
     next_phase,
     with_fault,
+    with_hold,
     with_release,
 )
-from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Stage
+from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor, Stage
 
 LATE = 0.1  # of a control period; a step with a longer delay counts as late
 INTERRUPTS = ("SIGINT", "SIGTERM", "SIGHUP")  # not every system has all
@@ -125,6 +131,8 @@ class Loop:
         driver: controller; may be replaced (`use`) while the arm is at rest.
         phase: stage of the arm and its counters.
         fault: reason of a stop, or fault of the latest reading; empty without one.
+        standstill: how long the program stood still, while the arm is held for that
+            reason; empty otherwise.
         late_steps: number of steps that began late.
         blocked_steps: number of calls in which the robot took too long to answer.
         feedback: share of the feedback in use, and how often the arm vibrated.
@@ -175,6 +183,7 @@ class Loop:
         self._clock = clock or (StepClock() if robot.own_time else WallClock())
         self._due = 0.0
         self._opened_at = 0.0
+        self._commanded_at = np.inf
         self._step_count = 0
         self._tick_time = 0.0
         self._blocked: str = ""
@@ -199,8 +208,16 @@ class Loop:
         required = self.required_sensors(driver)
         self.driver = driver
         self._check = ReadingCheck(
-            self._robot.sensors, required, self.arm.control_period, self._following
+            self._declared_sensors(),
+            required,
+            self.arm.control_period,
+            self._following,
         )
+
+    @property
+    def driver_name(self) -> str:
+        """Name of the controller in records; that of its class if it has none."""
+        return str(getattr(self.driver, "name", type(self.driver).__name__))
 
     def required_sensors(self, driver: Driver) -> list[str]:
         """Return the names of the robot's sensors that a controller requires.
@@ -208,17 +225,19 @@ class Loop:
         Raises:
             S2C2AError: see `Loop`.
         """
-        theirs = driver.arm.module_count, driver.arm.cable_count
+        with named_errors(ControllerError, f"{type(driver).__name__}.arm failed"):
+            theirs = driver.arm.module_count, driver.arm.cable_count
         ours = self.arm.module_count, self.arm.cable_count
         if theirs != ours:
             raise S2C2AError(
                 f"the controller is for an arm of (modules, cables) {theirs}; "
                 f"'{self.arm.name}' has {ours}; choose a controller for this arm"
             )
-        sensors = self._robot.sensors
+        sensors = self._declared_sensors()
+        with named_errors(ControllerError, f"{type(driver).__name__}.sensors failed"):
+            names = tuple(driver.sensors)
         required = [
-            name if name in sensors else FOLLOWS_FROM.get(name, name)
-            for name in driver.sensors
+            name if name in sensors else FOLLOWS_FROM.get(name, name) for name in names
         ]
         missing = [name for name in required if name not in sensors]
         if missing:
@@ -234,9 +253,12 @@ class Loop:
 
         Raises:
             EmergencyStopError: the emergency stop has not been reset.
+            RobotError: the robot failed.
         """
         self._emergency_stop.check()
-        first_reading = self._robot.open()
+        with self._robot_errors("open"):
+            answer = self._robot.open()
+        first_reading = self._checked_reading("open", answer)
         self._reset()
         self._due = self._clock.now()
         self._opened_at = self._due - first_reading.time
@@ -245,7 +267,7 @@ class Loop:
         """Wait for the next control step and do it.
 
         Raises:
-            Exception: any error of the robot or the controller; the arm then stays
+            S2C2AError: any error of the robot or the controller; the arm then stays
                 stopped until it is opened again.
         """
         if self._stopped:
@@ -254,6 +276,7 @@ class Loop:
         with self._stop_on_error():
             self._emergency_stop.check()
             reading = self._faults(self._read())
+            self._notice_standstill()
             fault = self._find_fault(reading, moment)
             if not fault:
                 reading = self._sensing(reading)
@@ -263,10 +286,11 @@ class Loop:
                 diagnostics = {}
             else:
                 if previous_stage in (Stage.IDLE, Stage.START):
-                    self.driver.start(reading)
+                    # an arm at rest may wait for a controller that compiles
+                    self._commanded_at = np.inf
+                    self._ask("start", reading)
                 sent = self._control_step(reading, self._goal(request))
-                diagnostics = dict(self.driver.diagnostics())
-                diagnostics["feedback"] = np.asarray(self.feedback.share)
+                diagnostics = self._diagnostics()
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
             diagnostics, self._tick_time, delay, self.fault, self.vibration,
@@ -282,20 +306,31 @@ class Loop:
         self._stopped = True
         if isinstance(error, EmergencyStopError):
             self._halted = True
-            self._robot.halt()
+            with self._robot_errors("halt"):
+                self._robot.halt()
 
-    def _checked_shape(self, desired: Actions) -> Actions:
-        """The command that the controller desires, if it has a value for every cable.
+    def resume(self) -> None:
+        """Let an arm go on that is held because the program stood still.
+
+        Whoever calls it makes sure that the arm may move.
+        """
+        self.standstill = ""
+        self._commanded_at = self._clock.with_sleep()
+
+    def _checked_command(self, answer: Any) -> Actions:
+        """A copy of the desired command, if it has a number for every cable.
 
         Raises:
-            S2C2AError: it has another shape.
+            ControllerError: it has another shape, or holds no numbers.
         """
+        with self._controller_errors("act"):
+            desired = np.array(answer, dtype=float)
         expected = (self.arm.module_count, self.arm.cable_count)
-        if np.shape(desired) != expected:
-            raise S2C2AError(
+        if desired.shape != expected:
+            raise ControllerError(
                 f"`act` of the controller {type(self.driver).__name__} returned shape "
-                f"{np.shape(desired)}; it must return the command of every cable "
-                f"[m or N], shape (modules, cables) {expected}"
+                f"{desired.shape} in step {self._step_count}; it must return the command "
+                f"of every cable [m or N], shape (modules, cables) {expected}"
             )
         return desired
 
@@ -312,7 +347,9 @@ class Loop:
     def close(self) -> None:
         """Move a real arm to rest, whatever it reads, and close the robot.
 
-        An emergency stop ends the motion.
+        A command that fails is repeated. The motion ends at an emergency stop, and where
+        the robot fails in every step for as long as readings may be unsound (1 s, see
+        `Patience`).
 
         Keyboard interrupts are ignored meanwhile: a second one does not leave the arm
         bent.
@@ -320,22 +357,36 @@ class Loop:
         self._due = self._clock.now()
         with _ignored_interrupts():
             try:
-                with suppress(Exception):  # a robot that fails now is closed, too
-                    while self._is_led_to_rest() and not self._limiter.at_rest:
-                        self._step_to_rest()
+                self._go_to_rest()
             finally:
-                self._robot.close()
+                self._close_robot()
 
     def __enter__(self) -> Self:
         try:
             self.open()
         except BaseException:
-            self._robot.close()
+            self._close_robot()
             raise
         return self
 
     def __exit__(self, *_: Any) -> None:
         self.close()
+
+    def _close_robot(self) -> None:
+        with self._robot_errors("close"):
+            self._robot.close()
+
+    def _go_to_rest(self) -> None:
+        """Move to rest past failures, until too many follow each other."""
+        failures = 0
+        while self._is_led_to_rest() and not self._limiter.at_rest:
+            try:
+                self._step_to_rest()
+                failures = 0
+            except Exception:  # of the robot; the next step may succeed
+                failures += 1
+            if failures >= self._patience.unsound:
+                return
 
     def _step_to_rest(self) -> None:
         """Wait, and send the next command on the way to rest.
@@ -367,6 +418,7 @@ class Loop:
         self.blocked_steps = 0
         self.phase = Phase()
         self.fault = ""
+        self.standstill = ""
         self._stopped = False
         self._halted = False
 
@@ -382,6 +434,17 @@ class Loop:
         self.late_steps += delay > LATE * period
         self._due += period * (1 + int(delay / period))
         return now, delay
+
+    def _notice_standstill(self) -> None:
+        """Hold a real arm in motion that had no command for too long."""
+        if self._robot.own_time or self.phase.stage not in (Stage.RUN, Stage.HOLD):
+            return
+        pause = self._clock.with_sleep() - self._commanded_at
+        if pause <= self.arm.control_period + self._patience.standstill:
+            return
+        self.standstill = f"the program stood still for {pause:.1f} s"
+        self.phase = with_hold(self.phase)
+        self.fault = self.standstill
 
     @contextmanager
     def _stop_on_error(self) -> Iterator[None]:
@@ -410,13 +473,15 @@ class Loop:
     def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
         previous = self.phase
+        if self.standstill:
+            request = replace(request, enabled=False)
         self.phase = next_phase(
             previous, request, not fault, self._limiter.at_rest, self._patience
         )
         if fault:
             self.fault = fault
         elif self.phase.stage is not Stage.FAULT and not self.phase.ends_in_fault:
-            self.fault = ""
+            self.fault = self.standstill
         return previous.stage
 
     def _control_step(self, reading: Reading, goal: Goal) -> Actions:
@@ -426,17 +491,27 @@ class Loop:
             The command that the robot sent [m or N], shape (modules, cables).
         """
         began = time.perf_counter()
-        self.driver.feedback = self.feedback.share
-        estimate = self.driver.estimate(reading, self._limiter.command)
-        plan = self.driver.plan(estimate, goal)
-        desired = self._checked_shape(self.driver.act(plan, estimate))
+        with self._controller_errors("feedback"):
+            self.driver.feedback = self.feedback.share
+        estimate = self._ask("estimate", reading, self._limiter.command)
+        plan = self._ask("plan", estimate, goal)
+        desired = self._checked_command(self._ask("act", plan, estimate))
         self._monitor_vibration(desired, reading, goal)
         self._tick_time = time.perf_counter() - began
+        self._notice_standstill()
         command = self._limiter.limit(self._allowed(desired))
         sent = self._send(command)
         if self._limiter.changed(desired):
-            self.driver.sent(command)
+            self._ask("sent", command)
         return sent
+
+    def _diagnostics(self) -> dict[str, np.ndarray]:
+        """Copies of the controller's telemetry, and the share of the feedback."""
+        with self._controller_errors("diagnostics"):
+            telemetry = dict(self.driver.diagnostics())
+            columns = {name: np.array(value) for name, value in telemetry.items()}
+        columns["feedback"] = np.asarray(self.feedback.share)
+        return columns
 
     def _monitor_vibration(
         self, desired: Actions, reading: Reading, goal: Goal
@@ -450,8 +525,9 @@ class Loop:
         self.vibration = str(vibration or "")
 
     def _allowed(self, desired: Actions) -> Actions:
-        """The desired command, or the last one while a vibration is held."""
-        return self._limiter.hold() if self.feedback.is_held else desired
+        """The desired command, or the last one while the arm is held."""
+        is_held = self.feedback.is_held or self.standstill
+        return self._limiter.hold() if is_held else desired
 
     def _passive_step(self) -> Actions:
         """Hold the last command, or move toward rest; the driver does not act."""
@@ -470,26 +546,50 @@ class Loop:
 
     def _is_passive(self, fault: str) -> bool:
         """Whether the controller does not act in this step."""
-        return bool(fault) or self.phase.stage not in (Stage.RUN, Stage.HOLD)
+        is_held = bool(fault or self.standstill)
+        return is_held or self.phase.stage not in (Stage.RUN, Stage.HOLD)
 
     def _read(self) -> Reading:
-        reading = self._call("read")
-        if not isinstance(reading, Reading):
-            raise self._robot_error("read", f"it returned {reading!r}, not a Reading")
-        return reading
+        return self._checked_reading("read", self._call("read"))
+
+    def _checked_reading(self, method: str, answer: Any) -> Reading:
+        """The answer of a robot, if it is a reading with a time.
+
+        Raises:
+            RobotError: it is not; the values of sensors are checked later.
+        """
+        if not isinstance(answer, Reading):
+            raise self._robot_error(method, f"it returned {answer!r}, not a Reading")
+        moment = np.asarray(answer.time)
+        if moment.dtype.kind not in "fiu" or moment.shape:
+            text = (
+                f"the time of its reading is {answer.time!r}, not a number of seconds"
+            )
+            raise self._robot_error(method, text)
+        if not isinstance(answer.fault, str):
+            text = f"the fault of its reading is {answer.fault!r}, not a text"
+            raise self._robot_error(method, text)
+        return answer
 
     def _send(self, command: Actions) -> Actions:
         """Send a command; return what the robot sent [m or N] after one period."""
-        answer = self._call("send", command)
+        self._commanded_at = self._clock.with_sleep()
         try:
-            sent = np.asarray(answer, dtype=float)
+            # its own copy, which it may change
+            answer = self._call("send", command.copy())
+        except BaseException:
+            self._limiter.not_sent()
+            raise
+        try:
+            sent = np.array(answer, dtype=float)
         except (TypeError, ValueError) as error:
             raise self._robot_error("send", f"it returned {answer!r}") from error
         if sent.shape != command.shape or not np.isfinite(sent).all():
             text = f"it returned {answer!r}, not the action that it sent"
             raise self._robot_error("send", text)
         self._following.sent(sent)
-        self._robot.advance(self.arm.control_period)
+        with self._robot_errors("advance"):
+            self._robot.advance(self.arm.control_period)
         return sent
 
     def _call(self, method: str, *arguments: Any) -> Any:
@@ -499,13 +599,8 @@ class Loop:
             RobotError: the method raised an error that is none of this package.
         """
         began = self._clock.now()
-        try:
+        with self._robot_errors(method):
             answer = getattr(self._robot, method)(*arguments)
-        except S2C2AError:
-            raise
-        except Exception as error:
-            text = f"{type(error).__name__}: {error}"
-            raise self._robot_error(method, text) from error
         elapsed = self._clock.now() - began
         if elapsed > BLOCKED_PERIODS * self.arm.control_period:
             self.blocked_steps += 1
@@ -513,9 +608,30 @@ class Loop:
             self._blocked = f"{name}.{method} blocked for {elapsed:.1f} s"
         return answer
 
+    def _ask(self, method: str, *arguments: Any) -> Any:
+        """Call a method of the controller.
+
+        Raises:
+            ControllerError: the method raised an error that is none of this package.
+        """
+        with self._controller_errors(method):
+            return getattr(self.driver, method)(*arguments)
+
+    def _declared_sensors(self) -> dict[str, Sensor]:
+        with self._robot_errors("sensors"):
+            return dict(self._robot.sensors)
+
     def _robot_error(self, method: str, text: str) -> RobotError:
-        name = type(self._robot).__name__
-        return RobotError(f"{name}.{method} failed in step {self._step_count}: {text}")
+        return RobotError(f"{self._failure(self._robot, method)}: {text}")
+
+    def _robot_errors(self, method: str) -> AbstractContextManager[None]:
+        return named_errors(RobotError, self._failure(self._robot, method))
+
+    def _controller_errors(self, method: str) -> AbstractContextManager[None]:
+        return named_errors(ControllerError, self._failure(self.driver, method))
+
+    def _failure(self, failed: object, method: str) -> str:
+        return f"{type(failed).__name__}.{method} failed in step {self._step_count}"
 
 
 @contextmanager

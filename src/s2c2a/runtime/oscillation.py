@@ -187,20 +187,17 @@ class OscillationMonitor:
 
         They drift with the bias of the gyroscopes; only their vibration counts.
         """
-        rates = reading.get("angular_velocities")
-        shape = (self._arm.module_count, 3)
-        if not isinstance(rates, np.ndarray) or rates.shape[1:] != shape:
+        rates = reading.numbers("angular_velocities", (None, self._arm.module_count, 3))
+        if rates is None or not len(rates) or not np.isfinite(rates).all():
             return {}
-        if not len(rates) or not np.isfinite(rates).all():
-            return {}
-        mean_rates = rates[..., :2].astype(float).mean(axis=0)
+        mean_rates = rates[..., :2].mean(axis=0)
         self._turned = self._turned + self._arm.control_period * mean_rates
         return {"angular_velocities": self._turned}
 
     def _camera_angles(self, reading: Reading) -> dict[str, np.ndarray]:
         """Last measured positions of the ends [arm lengths], which count as rad."""
         shape = (self._arm.module_count, 3)
-        positions = _array(reading, "camera_positions", shape)
+        positions = reading.numbers("camera_positions", shape)
         if positions is not None:
             is_measured = np.isfinite(positions)
             self._last_positions = np.where(
@@ -221,12 +218,12 @@ class OscillationMonitor:
         """Bends that encoders and bend sensors measure [rad], by sensor."""
         signals = {}
         modules = self._arm.module_count
-        cables = _array(reading, "cables", (modules, self._arm.cable_count))
+        cables = reading.numbers("cables", (modules, self._arm.cable_count))
         if cables is not None:
             angles = cables / self._geometry.cable_radii[:, None]
             bends = np.einsum("mkn,mn->mk", self._geometry.bend_matrices, angles)
             signals["cables"] = bends.reshape(-1)
-        axes = _array(reading, "configurations", (modules, 3))
+        axes = reading.numbers("configurations", (modules, 3))
         if axes is not None:
             signals["configurations"] = axes[:, :2].reshape(-1)
         return signals
@@ -255,11 +252,3 @@ def _vibration(
     amplitude = float(waves.amplitudes[channel])
     frequency = float(waves.frequencies()[channel])
     return Vibration(name, channel // channels, amplitude, frequency)
-
-
-def _array(reading: Reading, name: str, shape: tuple[int, ...]) -> np.ndarray | None:
-    """Values of a sensor; None if they are missing or of another shape."""
-    values = reading.get(name)
-    if isinstance(values, np.ndarray) and values.shape == shape:
-        return values.astype(float)
-    return None

@@ -61,7 +61,7 @@ class ReadingCheck:
             following: compares the cables with the commands; None compares nothing.
         """
         self._following = following
-        self._sensors = sensors
+        self._sensors = dict(sensors)
         self._required = tuple(required)
         self._period = period
         self.reset()

@@ -12,13 +12,14 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
+from s2c2a.immutable import immutable, immutable_table, rebuilt
 from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
 
 
 @dataclass(frozen=True)
 class StepRecord:
-    """Record of one control step.
+    """Record of one control step, which nothing can change.
 
     Attributes:
         number: of the step, from zero.
@@ -45,6 +46,15 @@ class StepRecord:
     late: float = 0.0
     fault: str = ""
     vibration: str = ""
+
+    def __post_init__(self):
+        """Copy the action and the diagnostics, which others may change later."""
+        object.__setattr__(self, "action", immutable(np.asarray(self.action)))
+        object.__setattr__(self, "diagnostics", immutable_table(self.diagnostics))
+
+    def __reduce__(self):
+        """Support pickling, since records travel between processes."""
+        return rebuilt(self)
 
 
 def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
@@ -131,14 +141,23 @@ def _table(
 
 def _column(values: Sequence[np.ndarray | None]) -> np.ndarray:
     """One row a step; NaN where a step has no numbers of the most common shape."""
-    arrays = [np.asarray(value) for value in values]
-    shapes = Counter(array.shape for array in arrays if _is_numeric(array))
-    shape = shapes.most_common(1)[0][0] if shapes else ()
+    arrays = [_array(value) for value in values]
+    numeric = [array for array in arrays if _is_numeric(array)]
+    shapes = Counter(array.shape for array in numeric or arrays)
+    shape = shapes.most_common(1)[0][0]
     rows = [np.full(shape, np.nan)] * len(arrays)
     for number, array in enumerate(arrays):
         if _is_numeric(array) and array.shape == shape:
             rows[number] = array
     return np.array(rows)
+
+
+def _array(value: Any) -> np.ndarray:
+    """The value as an array; None where it is none, such as lists of several lengths."""
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError):
+        return np.asarray(None)
 
 
 def _is_numeric(array: np.ndarray) -> bool:

@@ -24,34 +24,47 @@ RECOVERY_PER_SOUND_STEP = 0.5
 still uses up the patience."""
 
 
+STANDSTILL = 2.0
+"""Time beyond a control period [s] without a command, after which a real arm is held
+until somebody asks it to resume: whoever is near it takes it for switched off."""
+
+
 @dataclass(frozen=True)
 class Patience:
-    """Numbers of control steps after which the arm is moved to rest.
+    """How long the loop waits before it moves the arm to rest, or asks.
 
     Attributes:
         unsound: steps without a sound reading.
         alone: steps held without an operator.
+        standstill: time beyond a control period without a command [s], after which a
+            real arm is held until `Loop.resume`.
     """
 
     unsound: int
     alone: int
+    standstill: float = STANDSTILL
 
     @classmethod
     def of(
-        cls, control_rate: float, unsound: float = 1.0, alone: float = 10.0
+        cls,
+        control_rate: float,
+        unsound: float = 1.0,
+        alone: float = 10.0,
+        standstill: float = STANDSTILL,
     ) -> "Patience":
-        """Convert times [s] to control steps at a rate [Hz].
+        """Convert times of patience [s] to control steps at a rate [Hz].
 
         Raises:
             S2C2AError: a time is not positive and finite.
         """
-        if not (0 < unsound < 1e6 and 0 < alone < 1e6):
+        times = (unsound, alone, standstill)
+        if not all(0 < time < 1e6 for time in times):
+            shown = ", ".join(f"{time} s" for time in times)
             raise S2C2AError(
-                f"patience of {unsound} s and {alone} s; both must be positive "
-                "and below 1e6 s"
+                f"patience of {shown}; all must be positive and below 1e6 s"
             )
         unsound_steps = max(1, round(unsound * control_rate))
-        return cls(unsound_steps, max(1, round(alone * control_rate)))
+        return cls(unsound_steps, max(1, round(alone * control_rate)), standstill)
 
 
 @dataclass(frozen=True)
@@ -149,3 +162,8 @@ def with_release(phase: Phase) -> Phase:
     if phase.stage in (Stage.FAULT, Stage.IDLE):
         return phase
     return replace(phase, stage=Stage.RELEASE)
+
+
+def with_hold(phase: Phase) -> Phase:
+    """Return the phase of an arm in motion that is held."""
+    return replace(phase, stage=Stage.HOLD)

@@ -3,7 +3,7 @@
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -263,7 +263,7 @@ def _describe(module: int, reason: str) -> str:
 
 def _with(reading: Reading, values: Mapping[str, np.ndarray]) -> Reading:
     """The reading with more sensors."""
-    return Reading(reading.time, {**reading.sensors, **values}, reading.fault)
+    return replace(reading, sensors={**reading.sensors, **values})
 
 
 def calibration_of(arm: ArmSpec) -> TrackingCalibration:

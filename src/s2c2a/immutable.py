@@ -1,0 +1,49 @@
+"""Values that nothing can change, for what crosses the border to foreign code."""
+
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import fields
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+
+def immutable(values: np.ndarray) -> np.ndarray:
+    """Return a copy of an array that nothing can change, not even by its flags.
+
+    The memory belongs to Python bytes. Such an array is returned as it is.
+    """
+    if values.dtype.hasobject:
+        copied = deepcopy(values)
+        copied.setflags(write=False)
+        return copied
+    if type(values) is np.ndarray and isinstance(values.base, bytes):
+        return values
+    return np.ndarray(values.shape, values.dtype, values.tobytes())
+
+
+def immutable_table(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a copy of named values that nothing can change; see `immutable`."""
+    return MappingProxyType(
+        {name: _immutable_value(value) for name, value in table.items()}
+    )
+
+
+def _immutable_value(value: Any) -> Any:
+    """A copy of a value; a robot may return anything where an array is due."""
+    if isinstance(value, np.ndarray):
+        return immutable(value)
+    return deepcopy(value) if isinstance(value, list | dict | bytearray) else value
+
+
+def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:
+    """Return how `pickle` builds a frozen dataclass with immutable tables again."""
+    values = {field.name: getattr(value, field.name) for field in fields(value)}
+    plain = {
+        name: dict(content) if isinstance(content, MappingProxyType) else content
+        for name, content in values.items()
+    }
+    build: Callable[..., Any] = type(value)
+    return partial(build, **plain), ()

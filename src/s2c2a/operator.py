@@ -1,0 +1,42 @@
+"""Operator at a terminal, whom a held arm asks whether it may resume."""
+
+import sys
+
+
+class Operator:
+    """Somebody who may answer, or nobody; safe from any thread.
+
+    Attributes:
+        attends: whether a terminal passes on answers.
+    """
+
+    def __init__(self) -> None:
+        """Nobody attends."""
+        self.attends = False
+        self._agrees = False
+
+    def ask(self, text: str) -> None:
+        """Show what happened; an earlier answer does not count.
+
+        Args:
+            text: a sentence.
+        """
+        self._agrees = False
+        if self.attends:
+            sys.stderr.write(
+                f"{text}, and the arm is held. Make sure that nobody touches it, then "
+                "press r to resume; without an answer it goes to rest.\n"
+            )
+
+    def agree(self) -> None:
+        """Answer that the arm may resume."""
+        self._agrees = True
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the operator answered since the last question."""
+        return self._agrees
+
+
+OPERATOR = Operator()
+"""Operator of this process."""

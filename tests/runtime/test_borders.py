@@ -1,0 +1,256 @@
+"""Robots and controllers cannot change what the loop remembers; their errors are ours."""
+
+from copy import deepcopy
+from pickle import dumps, loads
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from puppets import (  # type: ignore[import-not-found]
+    Actor,
+    ManualClock,
+    Puppet,
+)
+
+from s2c2a.errors import ControllerError, RobotError, S2C2AError
+from s2c2a.goals import Goal
+from s2c2a.immutable import immutable
+from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
+from s2c2a.spaces import Reading, Stage
+
+STEPS = 12
+
+
+def double(array):
+    array *= 2.0
+
+
+def shift(array):
+    array -= 0.001
+
+
+def forget(array):
+    array[...] = np.nan
+
+
+CHANGES = (double, shift, forget)
+
+
+def try_to(change, array):
+    """Change an array in place, with its flags if they allow it."""
+    try:
+        array.setflags(write=True)
+    except ValueError:
+        return
+    change(array)
+
+
+class Vandal(Puppet):
+    """Robot that changes its arguments, reuses its buffers and changes them later."""
+
+    def __init__(self, arm, clock, change):
+        super().__init__(arm, clock)
+        self.change = change
+        self.received = []
+        self.out = np.zeros(self.geometry.action_neutral.shape)
+        self.measured = {"cables": np.zeros_like(self.out), "warmth": np.array(300.0)}
+
+    def read(self):
+        for values in self.measured.values():
+            self.change(values)
+        reading = super().read()
+        self.measured["cables"][...] = reading["cables"]
+        self.measured["warmth"][...] = 300.0
+        return Reading(reading.time, self.measured)
+
+    def send(self, action):
+        self.change(self.out)
+        self.received.append(action.copy())
+        self.out[...] = super().send(action)
+        self.change(action)
+        return self.out
+
+
+class Scribbler(Actor):
+    """Controller that writes into everything that it gets, and reuses its buffers."""
+
+    def __init__(self, arm, change):
+        super().__init__(arm)
+        self.change = change
+        self.out = np.zeros(self.geometry.action_neutral.shape)
+        self.telemetry = np.zeros((3, 3))
+
+    def estimate(self, reading, last_command):
+        try_to(self.change, last_command)
+        for values in reading.sensors.values():
+            try_to(self.change, values)
+        return super().estimate(reading, last_command)
+
+    def plan(self, estimate, goal):
+        for values in goal:
+            try_to(self.change, values)
+        return super().plan(estimate, goal)
+
+    def act(self, goal, reading):
+        self.change(self.out)
+        self.out[...] = super().act(goal, reading)
+        return self.out
+
+    def sent(self, action):
+        try_to(self.change, action)
+
+    def diagnostics(self):
+        self.change(self.telemetry)
+        self.telemetry[...] = len(self.steps)
+        return {"planned": self.telemetry}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@settings(max_examples=10, deadline=None)
+@given(share=st.floats(-1.0, 1.0))
+def test_nothing_outside_changes_limits_or_records(twin, change, share):
+    limits = CommandLimits.of(twin)
+    episodes = []
+    for vandal in (False, True):
+        clock = ManualClock()
+        robot = Vandal(twin, clock, change if vandal else lambda array: None)
+        driver = Scribbler(twin, change if vandal else lambda array: None)
+        driver.share = share
+        goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
+        steps = []
+        with Loop(robot, driver, clock, on_step=steps.append) as loop:
+            for _ in range(STEPS):
+                loop.tick(StepRequest(goal))
+                if vandal:
+                    change(robot.out)
+        commands = np.array([limits.rest, *robot.received])
+        sizes = limits.change_sizes(np.diff(commands, axis=0)) / limits.step_limit
+        assert sizes.max() <= 1 + 1e-9
+        episodes.append(build_episode(steps, twin))
+    honest, hostile = episodes
+    assert honest.columns.keys() == hostile.columns.keys()
+    for name in honest.columns.keys() - {"tick_time"}:
+        np.testing.assert_array_equal(honest.columns[name], hostile.columns[name])
+
+
+def test_a_robot_that_changes_its_argument_gets_only_limited_commands(twin, clock):
+    def enlarge(array):
+        array *= 1000.0
+
+    robot = Vandal(twin, clock, enlarge)
+    with Loop(robot, Actor(twin), clock) as loop:
+        for _ in range(STEPS):
+            loop.tick(StepRequest())
+    limits = CommandLimits.of(twin)
+    changes = np.diff(np.array([limits.rest, *robot.received]), axis=0)
+    assert (limits.change_sizes(changes) / limits.step_limit).max() <= 1 + 1e-9
+
+
+def test_records_and_readings_survive_a_copy_between_processes(loop):
+    step = loop.tick(StepRequest())
+    for copied in (loads(dumps(step)), deepcopy(step)):
+        np.testing.assert_array_equal(copied.action, step.action)
+        np.testing.assert_array_equal(copied.reading["cables"], step.reading["cables"])
+        assert not copied.reading["cables"].flags.writeable
+        with pytest.raises(TypeError):
+            copied.reading.sensors["cables"] = 0
+
+
+@pytest.mark.parametrize(
+    "array",
+    [np.zeros((0, 3)), np.array(2), np.arange(6.0).reshape(2, 3).T, np.array([None])],
+)
+def test_an_immutable_array_has_the_same_values(array):
+    copied = immutable(array)
+    np.testing.assert_array_equal(copied, array)
+    assert (copied.shape, copied.dtype) == (array.shape, array.dtype)
+    assert not copied.flags.writeable
+
+
+@pytest.fixture
+def loop(puppet, actor, clock):
+    """Loop with an open robot."""
+    loop = Loop(puppet, actor, clock)
+    loop.open()
+    return loop
+
+
+@pytest.mark.parametrize(
+    "method", ["start", "estimate", "plan", "act", "sent", "diagnostics"]
+)
+@pytest.mark.parametrize("error", [OSError("torn"), StopIteration(), KeyError("x")])
+def test_an_exception_of_a_controller_names_it_its_method_and_the_step(
+    loop, actor, method, error
+):
+    def fail(*_):
+        raise error
+
+    setattr(actor, method, fail)
+    expected = rf"Actor\.{method} failed in step 0: {type(error).__name__}"
+    with pytest.raises(ControllerError, match=expected) as caught:
+        loop.tick(StepRequest())
+    assert caught.value.__cause__ is error
+    assert loop.phase.stage is Stage.FAULT
+
+
+@pytest.mark.parametrize(
+    ("method", "answer"),
+    [
+        ("act", None),
+        ("act", "nonsense"),
+        ("act", [[1.0], [1.0, 2.0]]),
+        ("diagnostics", None),
+        ("diagnostics", {"ragged": [[1.0], [1.0, 2.0]]}),
+    ],
+)
+def test_an_answer_of_a_controller_without_sense_is_an_error_of_it(
+    loop, actor, method, answer
+):
+    setattr(actor, method, lambda *_: answer)
+    with pytest.raises(ControllerError, match=rf"Actor.*{method}|{method}.*Actor"):
+        loop.tick(StepRequest())
+
+
+@pytest.mark.parametrize("time", [None, "now", [1.0, 2.0], 1j])
+def test_a_reading_whose_time_is_no_number_is_an_error_of_the_robot(loop, puppet, time):
+    cables = puppet.position
+    puppet.read = lambda: Reading(time, {"cables": cables})
+    with pytest.raises(RobotError, match=r"Puppet\.read failed in step 0: the time"):
+        loop.tick(StepRequest())
+
+
+@pytest.mark.parametrize("method", ["open", "advance", "close"])
+def test_an_exception_of_a_robot_names_it_and_its_method(puppet, actor, clock, method):
+    def fail(*_):
+        raise OSError("torn")
+
+    setattr(puppet, method, fail)
+    with (
+        pytest.raises(RobotError, match=rf"Puppet\.{method} failed"),
+        Loop(puppet, actor, clock) as loop,
+    ):
+        loop.tick(StepRequest())
+
+
+def test_cables_that_are_no_numbers_are_a_fault_of_the_reading(loop, puppet, clock):
+    def read():
+        cables = np.full(puppet.position.shape, None)
+        return Reading(clock.now(), {"cables": cables, "camera_positions": "none"})
+
+    puppet.read = read
+    step = loop.tick(StepRequest())
+    assert step.fault == "'cables' is not an array of numbers"
+    build_episode([step], puppet.arm)
+
+
+def test_a_controller_without_a_name_is_recorded_by_its_class(loop, actor):
+    assert loop.driver_name == "Actor"
+    actor.name = "mine"
+    assert loop.driver_name == "mine"
+
+
+def test_a_controller_whose_arm_has_no_modules_is_refused(puppet, actor, clock):
+    actor.arm = None
+    with pytest.raises(S2C2AError, match=r"Actor\.arm"):
+        Loop(puppet, actor, clock)

@@ -1,0 +1,98 @@
+"""A frozen value is changed by `replace`, which keeps the fields that it does not name."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "src" / "s2c2a"
+TREES = {path: ast.parse(path.read_text("utf-8")) for path in PACKAGE.rglob("*.py")}
+
+
+def frozen_fields(trees):
+    """Names of the fields of all frozen dataclasses and named tuples, by class."""
+    classes = {}
+    for tree in trees:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and is_frozen(node):
+                classes[node.name] = [
+                    part.target.id
+                    for part in node.body
+                    if isinstance(part, ast.AnnAssign)
+                    and "ClassVar" not in ast.dump(part)
+                ]
+    return classes
+
+
+def is_frozen(node):
+    signs = [*map(ast.unparse, node.decorator_list), *map(ast.unparse, node.bases)]
+    return any("frozen=True" in sign or sign == "NamedTuple" for sign in signs)
+
+
+def partial_copies(tree, classes):
+    """Calls that take fields of one value over into another, and leave others out."""
+    known = annotated_names(tree)
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        name_of_class = ast.unparse(node.func).rpartition(".")[2]
+        fields = classes.get(name_of_class)
+        if not fields or any(isinstance(part, ast.Starred) for part in node.args):
+            continue
+        given = dict(zip(fields, node.args, strict=False))
+        given |= {part.arg: part.value for part in node.keywords if part.arg}
+        sources = {
+            ast.unparse(value.value)
+            for name, value in given.items()
+            if isinstance(value, ast.Attribute)
+            and value.attr == name
+            and isinstance(value.value, ast.Name)
+            and is_of(value.value.id, name_of_class, known)
+        }
+        if sources and len(given) < len(fields):
+            yield f"{node.lineno}: {ast.unparse(node)}"
+
+
+def annotated_names(tree):
+    """Pairs of a parameter and the class that it is annotated with."""
+    return {
+        (node.arg, ast.unparse(node.annotation).strip("'\""))
+        for node in ast.walk(tree)
+        if isinstance(node, ast.arg) and node.annotation
+    }
+
+
+def is_of(name, name_of_class, known):
+    """Whether a variable holds a value of a class, by its annotation or its name."""
+    return (name, name_of_class) in known or name == name_of_class.lower()
+
+
+CLASSES = frozen_fields(TREES.values())
+
+
+def test_no_value_is_rebuilt_from_a_part_of_another():
+    found = [
+        f"{path.relative_to(PACKAGE)}:{call}"
+        for path, tree in TREES.items()
+        for call in partial_copies(tree, CLASSES)
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "Reading(reading.time, sensors)",
+        "spaces.Reading(time=reading.time, sensors={})",
+    ],
+)
+def test_a_partial_copy_is_found(code):
+    assert list(partial_copies(ast.parse(code), CLASSES))
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["replace(reading, sensors=sensors)", "Reading(self.data.time, values)"],
+)
+def test_a_whole_copy_is_not(code):
+    assert not list(partial_copies(ast.parse(code), CLASSES))
