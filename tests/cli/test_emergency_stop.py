@@ -1,13 +1,19 @@
 """The signal SIGUSR1 reaches the control loop of every command that drives an arm."""
 
+import importlib
+import inspect
 import os
+import pkgutil
 import signal
 
 import pytest
 
-from s2c2a import data, jobs
+from s2c2a import cli, data, jobs
+from s2c2a.cli import tracking_calibration
+from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
+from s2c2a.cli.sweep import sweep
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
@@ -35,3 +41,47 @@ def test_a_signal_stops_a_run(monkeypatch, tmp_path):
     monkeypatch.setattr(jobs, "make_all", signal_this_process)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         run("circle", strategy=("pcc",))
+
+
+def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
+    monkeypatch.setattr("s2c2a.robots.check_robot", signal_this_process)
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+        check_contract()
+
+
+@pytest.mark.parametrize("verb", ["latency", "frames"])
+def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb):
+    monkeypatch.chdir(tmp_path)
+    measure = f"s2c2a.identification.tracking.measure_{verb}"
+    monkeypatch.setattr(measure, signal_this_process)
+    monkeypatch.setattr("s2c2a.tracking.tracker_of", lambda source: None)
+    command = getattr(tracking_calibration, verb)
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+        command("twin_arm", robot="sim", tracking="udp:9763")
+
+
+def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
+    pytest.importorskip("optuna")
+    monkeypatch.setattr("s2c2a.jobs.sweep.search", signal_this_process)
+    vary = ("planner.solver.iterations=5,10",)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+        sweep(("circle",), vary=vary, strategy="pcc")
+
+
+def test_no_command_that_moves_an_arm_is_forgotten_here():
+    modules = [
+        importlib.import_module(f"s2c2a.cli.{module.name}")
+        for module in pkgutil.iter_modules(cli.__path__)
+    ]
+    moving = {
+        name
+        for module in modules
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if function.__module__ == module.__name__
+        and "robot_option" in inspect.signature(function).parameters
+    }
+    here = {"collect", "run", "check_contract", "latency", "frames", "sweep"}
+    # `live` obeys the signal in its control process; `motors` has its own tests
+    # (hardware/test_motors_in_memory.py)
+    assert moving == here | {"live"}

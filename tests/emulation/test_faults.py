@@ -130,6 +130,7 @@ def test_faults_after_the_first_torque_wait_for_it(tmp_path):
 
 def test_a_servo_without_stuffing_cannot_have_its_fault(tmp_path):
     table = {"ids": [[1, 2, 3], [4, 5, 6], [7, 8, 9]], "protocol": "feetech"}
+    table["model"] = "sts3215"
     arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
     options = EmulatorOptions(faults=("1 stuffed 1",), link=tmp_path / "port")
     with pytest.raises(S2C2AError, match="stuffed"):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from s2c2a.hardware.bus import BusError, PortLostError, ServoBus, ServoInfo, ServoState
 
+WATCHDOG = 0.4  # s
 SOUND = ServoState(0, 0.0, 0.1, 5.0, 30.0)
 
 
@@ -65,6 +66,8 @@ class FakeServoBus(ServoBus):
     def set_torque(self, ids, on):
         self._check_port()
         self.torques |= dict.fromkeys(ids, on)
+        if on and self.has_watchdog:
+            self.watchdogs |= dict.fromkeys(ids, WATCHDOG)
 
     def set_current(self, ids, current):
         self.currents.append(current)

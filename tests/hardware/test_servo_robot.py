@@ -281,12 +281,12 @@ def test_all_servos_are_released_at_the_end_although_one_is_silent(bench):
     assert not bench.bus.is_open
 
 
-def test_a_robot_that_holds_at_the_end_has_no_watchdog(tmp_path, monkeypatch):
+def test_a_robot_that_holds_at_the_end_keeps_its_watchdog(tmp_path, monkeypatch):
     bench = Bench(tmp_path, arm_with(on_exit="hold"), monkeypatch)
     bench.robot.open()
     bench.robot.close()
     assert bench.bus.torques == dict.fromkeys(IDS, True)
-    assert bench.bus.watchdogs == dict.fromkeys(IDS, 0.0)
+    assert bench.bus.watchdogs == dict.fromkeys(IDS, 0.4)
 
 
 def test_servos_without_a_watchdog_are_announced(tmp_path, monkeypatch):

@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from s2c2a.arm.spec import ArmSpec
 
 MAX_SERVO_ID = 252
+MODEL_NUMBERS = {
+    "dynamixel": {"xl330-m288": 1200, "xl330-m077": 1190, "xm430-w350": 1020},
+    "feetech": {"sts3215": 777, "sts3215-12v": 777},
+}
+"""Known models by protocol, with the number that they state on the bus."""
 Direction = Literal[-1, 1]
 ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
 
@@ -56,7 +61,10 @@ class Servos(Frozen):
     model: str = Field(
         default="xl330-m288",
         pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
-        description="model of the servos, such as xl330-m288, sts3215",
+        description=(
+            "model of the servos; dynamixel: xl330-m288, xl330-m077, xm430-w350; "
+            "feetech: sts3215, sts3215-12v"
+        ),
     )
     port: str = Field(
         default="",
@@ -102,6 +110,7 @@ class Servos(Frozen):
 
     @model_validator(mode="after")
     def _validate(self):
+        self._check_model()
         numbers = [number for row in self.ids for number in row]
         repeated = sorted({number for number in numbers if numbers.count(number) > 1})
         if repeated:
@@ -118,6 +127,14 @@ class Servos(Frozen):
                 )
         self._check_home_current()
         return self
+
+    def _check_model(self):
+        known = MODEL_NUMBERS[self.protocol]
+        if self.model not in known:
+            raise ValueError(
+                f"servos.model '{self.model}' is no known model with the protocol "
+                f"'{self.protocol}'; choose one of {', '.join(known)}"
+            )
 
     def _check_home_current(self):
         if self.home_current >= self.limits.current:

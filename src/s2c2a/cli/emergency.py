@@ -21,13 +21,13 @@ def emergency_controls(robot: RobotFactory) -> Iterator[None]:
     from s2c2a.runtime.emergency import stop_on_signal
 
     EMERGENCY_STOP.reset()
-    with stop_on_signal(), nullcontext() if robot.simulated else _stop_on_key():
+    with stop_on_signal(), nullcontext() if robot.simulated else stop_on_key():
         yield
 
 
 @contextmanager
-def _stop_on_key() -> Iterator[None]:
-    """Watch the keyboard, if the command runs in a terminal."""
+def stop_on_key() -> Iterator[None]:
+    """Let the space bar and Escape stop the arm, if the command runs in a terminal."""
     try:
         import termios
         import tty

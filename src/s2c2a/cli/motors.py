@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,9 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, load_arm, servos_of
+from s2c2a.arm.servos import MODEL_NUMBERS
 from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -98,6 +101,7 @@ def setup(
     target_rate = servos_of(spec).baud_rate
     with _bus(spec, port) as bus:
         rate, info = _only_servo(bus)
+        bus.check_model(info, servos_of(spec).model, _model_number(spec))
         question = (
             f"{info.model} with id {info.id} at {rate} bit/s gets id {new_id} and "
             f"{target_rate} bit/s"
@@ -110,6 +114,11 @@ def setup(
     if found != [new_id]:
         raise S2C2AError(f"servo {new_id} does not answer; repeat the command")
     print(f"servo {new_id} is set up: {servos_of(spec).number_of(new_id)}")
+
+
+def _model_number(spec: ArmSpec) -> int:
+    servos = servos_of(spec)
+    return MODEL_NUMBERS[servos.protocol][servos.model]
 
 
 def _only_servo(bus: "ServoBus") -> "tuple[int, ServoInfo]":
@@ -188,7 +197,7 @@ def home(
     before = files.load_calibration(path, spec) if resume and path.exists() else None
     with _bring_up(spec, port, yes) as (bring_up, bus):
         calibration = bring_up.home(
-            bus.scan([id for row in servos_of(spec).ids for id in row]),
+            bus.scan(_ids_of(spec)),
             adapter=adapter_of(port or servos_of(spec).port),
             repeat=repeat,
             before=before,
@@ -237,9 +246,11 @@ def reboot(ids: Ids, arm: Arm = "twin_arm", port: PortName = "") -> None:
         arm: a preset or an arm file.
         port: serial port; by default that of the arm file.
     """
-    with _bus(load_arm(arm), port) as bus:
+    spec = load_arm(arm)
+    with _bus(spec, port) as bus:
         for id in ids:
-            bus.reboot(id)
+            with _named_absence(bus, spec, [id]):
+                bus.reboot(id)
             print(f"servo {id} restarts")
 
 
@@ -252,8 +263,8 @@ def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
         port: serial port; by default that of the arm file.
     """
     spec = load_arm(arm)
-    ids = [id for row in servos_of(spec).ids for id in row]
-    with _bus(spec, port) as bus:
+    ids = _ids_of(spec)
+    with _bus(spec, port) as bus, _named_absence(bus, spec, ids):
         bus.set_torque(ids, on=False)
     print(f"the torque of {len(ids)} servos is off")
 
@@ -265,6 +276,7 @@ def timing(
     rate: float = 50.0,
     cycles: int = 1000,
     fast_read: bool = False,
+    yes: bool = False,
 ) -> None:
     """Measure how long the bus takes to send all goals and read all servos.
 
@@ -276,18 +288,24 @@ def timing(
         rate: cycles a second [Hz].
         cycles: number of cycles.
         fast_read: let all servos answer in one packet.
+        yes: do not ask before stored settings of the servos change.
     """
-    from s2c2a.hardware.buses import open_bus
-    from s2c2a.hardware.timing import measure_timing
+    from s2c2a.hardware.presence import check_presence
+    from s2c2a.hardware.timing import measure_timing, prepare_timing
 
     if not (1 <= rate <= 1000 and 1 <= cycles <= 1_000_000):
         raise S2C2AError(
             f"{cycles} cycles at {rate:g} Hz were given; choose 1 to 1000 Hz and 1 to "
             "1000000 cycles"
         )
-    servos = servos_of(load_arm(arm))
-    with open_bus(servos, port, fast_read) as bus, progress_bar() as progress:
-        result = measure_timing(bus, servos, rate, cycles, progress)
+    spec = load_arm(arm)
+    servos = servos_of(spec)
+    with _bus(spec, port, fast_read) as bus:
+        bus.accept_stored = lambda changes: _confirm(changes, yes)
+        check_presence(bus, _ids_of(spec), servos.number_of)
+        prepare_timing(bus, servos)
+        with progress_bar() as progress:
+            result = measure_timing(bus, servos, rate, cycles, progress)
     quantiles = 1000 * np.quantile(result.durations, (0.5, 0.99, 1.0))
     print(
         "goals out and states in: median {:.2f} ms, 99 % {:.2f} ms, "
@@ -297,14 +315,38 @@ def timing(
         f"{result.late} of {cycles} cycles began late at {rate:g} Hz; in "
         f"{result.incomplete} a servo did not answer at the first request"
     )
+    if fault := result.fault(servos.number_of):
+        raise S2C2AError(f"failed: {fault}")
+    print(f"ok: the bus is fit for {rate:g} Hz")
+
+
+def _ids_of(spec: ArmSpec) -> list[int]:
+    return [id for row in servos_of(spec).ids for id in row]
 
 
 @contextmanager
-def _bus(spec: ArmSpec, port: str) -> "Iterator[ServoBus]":
+def _bus(spec: ArmSpec, port: str, fast_read: bool = False) -> "Iterator[ServoBus]":
+    """Open the bus; the signal of an emergency stop works meanwhile."""
+    from s2c2a.emergency import EMERGENCY_STOP
     from s2c2a.hardware.buses import open_bus
+    from s2c2a.runtime.emergency import stop_on_signal
 
-    with open_bus(servos_of(spec), port) as bus:
+    EMERGENCY_STOP.reset()
+    with stop_on_signal(), open_bus(servos_of(spec), port, fast_read) as bus:
         yield bus
+
+
+@contextmanager
+def _named_absence(bus: "ServoBus", spec: ArmSpec, ids: list[int]) -> Iterator[None]:
+    """Tell silent and doubled servos apart where one did not answer."""
+    from s2c2a.hardware.bus import BusError
+    from s2c2a.hardware.presence import check_presence
+
+    try:
+        yield
+    except BusError:
+        check_presence(bus, ids, servos_of(spec).number_of, _ids_of(spec))
+        raise
 
 
 @contextmanager
@@ -317,7 +359,8 @@ def _bring_up(
     with _bus(spec, port) as bus:
         if not bus.has_watchdog:
             print(NO_WATCHDOG)
-        yield BringUp(bus, spec, lambda motion: _confirm(motion, yes), print), bus
+        confirm = partial(_confirm, yes=yes)
+        yield BringUp(bus, spec, confirm, print, stop_on_key), bus
 
 
 def _confirm(motion: str, yes: bool) -> bool:

@@ -16,6 +16,7 @@ from s2c2a.cli.console import (
     print_table,
     progress_bar,
 )
+from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     ALL_CORES,
     RobotName,
@@ -123,7 +124,7 @@ def sweep(
     }
     executor = make_executor(work.jobs, work.cluster) if factory.simulated else Serial()
     label = f"sweep-{chosen_tasks[0].name}-{spec.name}"
-    with executor, progress_bar() as progress:
+    with emergency_controls(factory), executor, progress_bar() as progress:
         directory = open_run_directory(
             work.out, label, options, work.overwrite, resume=True
         )

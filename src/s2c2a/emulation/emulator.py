@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.servos import Servos
+from s2c2a.arm.servos import MODEL_NUMBERS, Servos
 from s2c2a.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
 from s2c2a.emulation.line import Line
 from s2c2a.emulation.motive import MotiveOptions, MotiveOutput
@@ -47,7 +47,8 @@ class EmulatorOptions:
         fidelity: of the simulation.
         seed: of slack, positions, noise and faults.
         payload: mass at the tip [kg].
-        homed: whether the cables start without slack.
+        homed: whether the arm is in use: its cables start without slack, and its servos
+            store the settings of `motors home`.
         firmware: of Dynamixel servos.
         faults: as texts (`faults.EXAMPLE`).
         link: symbolic link to the port; None: in a new temporary folder.
@@ -331,6 +332,9 @@ class Emulator:
         )
         servo.ticks_per_turn = motor.ticks_per_turn
         servo.baud_rate = self.table.baud_rate
+        servo["model_number"] = MODEL_NUMBERS[self.table.protocol][self.table.model]
+        if self.options.homed:
+            servo.set_up(self.table.limits.current)
         if self.table.torque_constant is not None:
             servo.torque_constant = self.table.torque_constant
         pulley = Pulley(motor.pulley_radius, self.table.layer_growth)

@@ -18,6 +18,8 @@ AFTER_TORQUE = "torque+"
 
 STUFFED_POSITION = -131_073  # ticks; FF FF FD FF on the wire
 _LONGEST_GARBAGE = 8  # bytes
+_HEAD = 9  # bytes of an answer before its data, which two servos with one id share
+_SHORTEST_MEASUREMENT = 20  # bytes of an answer with measurements
 
 
 class _Argument(NamedTuple):
@@ -53,6 +55,8 @@ KINDS: dict[str, tuple[_Argument, ...]] = {
     "snapped": (_ID,),
     "voltage": (_Argument("VOLTS", 0, 60),),
     "unplug": (_SECONDS,),
+    "model": (_ID, _Argument("NUMBER", 0, 65_535)),
+    "twin": (_ID, _Argument("DOUBLED", 0, 1, required=False)),
 }
 """Kinds of faults and their arguments.
 
@@ -62,7 +66,9 @@ stuffed: the servo calls its position `STUFFED_POSITION`, which needs byte stuff
 gone: off the bus, for good or for a time, with its torque unchanged. reboot: restarts,
 as after a drop of the supply. hot: heats up until it shuts down. overload: shuts down.
 stalled: the motor is jammed. snapped: the cable is torn. voltage: of the supply.
-unplug: the port disappears for a time.
+unplug: the port disappears for a time. model: the servo states another model number.
+twin: another servo has the same id; both answer at once, so that measurements damage
+each other, or, with DOUBLED 1, one after the other.
 """
 LINE_KINDS = frozenset(("lost", "corrupted", "late", "garbage"))
 
@@ -197,10 +203,19 @@ def _apply_to_servo(fault: Fault, emulator: "Emulator") -> None:
             emulator.plant.stalled[winch.cable] = True
         case "snapped":
             emulator.plant.snapped[winch.cable] = True
+        case "model":
+            servo["model_number"] = int(fault.values[1])
+        case "twin":
+            is_doubled = len(fault.values) > 1 and fault.values[1] > 0
+            emulator.disturbances.twins[servo.id] = is_doubled
 
 
 class Disturbances:
-    """What happens to answers on the line."""
+    """What happens to answers on the line.
+
+    Attributes:
+        twins: ids that two servos have; whether their answers follow each other.
+    """
 
     def __init__(self, random: np.random.Generator):
         """Begin without disturbances.
@@ -210,6 +225,7 @@ class Disturbances:
         """
         self._random = random
         self._values: dict[str, tuple[float, ...]] = {}
+        self.twins: dict[int, bool] = {}
 
     def set(self, kind: str, values: tuple[float, ...]) -> None:
         """Set the arguments of a kind in `LINE_KINDS` from now on."""
@@ -217,9 +233,24 @@ class Disturbances:
 
     def disturb(self, answers: list[Answer]) -> list[Answer]:
         """Return answers as they leave the line; a lost one is empty."""
+        if self.twins:
+            answers = [self._answer_twice(answer) for answer in answers]
         if not self._values:
             return answers
         return [self._disturb(answer) for answer in answers]
+
+    def _answer_twice(self, answer: Answer) -> Answer:
+        """The answers of two servos; the line is low where one of them pulls it low."""
+        is_doubled = self.twins.get(answer.id)
+        if is_doubled is None:
+            return answer
+        if is_doubled:
+            return replace(answer, data=2 * answer.data)
+        if len(answer.data) < _SHORTEST_MEASUREMENT:  # both say the same
+            return answer
+        other = self._random.bytes(len(answer.data) - _HEAD)
+        tail = bytes(map(int.__and__, answer.data[_HEAD:], other))
+        return replace(answer, data=answer.data[:_HEAD] + tail)
 
     def _disturb(self, answer: Answer) -> Answer:
         if self._hits("late"):

@@ -168,6 +168,10 @@ class Servo(ABC):
     def errors(self) -> tuple[str, ...]:
         """Names of the hardware errors."""
 
+    @abstractmethod
+    def set_up(self, current: float) -> None:
+        """Store the settings of an arm in use: several turns, and a current limit [A]."""
+
     @property
     def watchdog_tripped(self) -> bool:
         """Whether the servo stopped because instructions stayed out."""

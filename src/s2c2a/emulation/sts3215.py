@@ -26,6 +26,8 @@ STALL_CURRENT = 2.4  # A; at the torque limit 1000
 TORQUE_CONSTANT = 0.8  # N m/A
 FULL_TORQUE = 1000
 
+PHASE_FULL_ANGLE = 1 << 4
+"""Bit of the phase: the present position counts several turns."""
 POSITION_MODE = 0
 WHEEL_MODE = 1
 PWM_MODE = 2
@@ -157,6 +159,15 @@ class STS3215(Servo):
     def answers_writes(self) -> bool:
         """See `Servo.answers_writes`."""
         return self["status_return_level"] == 1
+
+    def set_up(self, current: float) -> None:
+        """See `Servo.set_up`."""
+        self["min_position"] = 0
+        self["max_position"] = 0
+        self["phase"] |= PHASE_FULL_ANGLE
+        limit = round(FULL_TORQUE * current / STALL_CURRENT)
+        self["max_torque"] = min(limit, FULL_TORQUE)
+        self._store()
 
     @property
     def counts_turns(self) -> bool:

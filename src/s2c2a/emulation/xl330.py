@@ -210,6 +210,14 @@ class XL330(Servo):
         """See `Servo.answers_writes`."""
         return self["status_return_level"] >= 2
 
+    def set_up(self, current: float) -> None:
+        """See `Servo.set_up`."""
+        self["return_delay"] = 0
+        self["operating_mode"] = CURRENT_BASED_POSITION_MODE
+        limit = min(round(current / CURRENT_UNIT), self["current_limit"])
+        self["current_limit"] = limit
+        self._reset_goals()
+
     def hear(self, now: float) -> None:
         """See `Servo.hear`."""
         self._heard = now

@@ -4,22 +4,28 @@ Nothing moves without the consent of the operator, who is asked before every mot
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
 
 from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
 from s2c2a.hardware.cable_range import check_plausible
 from s2c2a.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.hardware.monitor import describe_faults
+from s2c2a.hardware.presence import check_presence
 from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
 
 HOME_SPEED = 0.02  # m/s
+MAX_LEAD = 0.005
+"""Largest distance of a goal from its cable [m]. A servo whose program died goes no
+farther, also without a watchdog. A servo 5 mm from its goal pulls with its full current,
+and the cable moves by 1 mm between two goals."""
 MAX_SLACK = 0.08  # m; the longest slack that is wound in
 STILL_TICKS = 8  # largest change of a position that counts as standing still
 STILL_TIME = 0.5  # s for which a taut cable stands still
@@ -27,6 +33,7 @@ CURRENT_STEPS = (0.5, 0.75, 1.0)  # parts of the home current
 AVERAGED_READINGS = 10
 TIMEOUT = 15.0  # s for one motion
 POLL_PERIOD = 0.05  # s
+WATCHDOG_POLLS = 4  # at least, before the watchdog of a servo stops it
 RELAXATION = 0.004  # m that a cable is paid out between repeated homings
 CHECK_TRAVEL = 0.003  # m
 CHECK_ERROR = 0.0007  # m; largest error of the position
@@ -63,22 +70,35 @@ class CableCheck:
 class BringUp:
     """Careful motions of single cables and modules, before an arm is calibrated."""
 
-    def __init__(self, bus: ServoBus, arm: ArmSpec, confirm: Confirm, report: Report):
+    def __init__(
+        self,
+        bus: ServoBus,
+        arm: ArmSpec,
+        confirm: Confirm,
+        report: Report,
+        guard: Callable[[], AbstractContextManager] = nullcontext,
+    ):
         """Prepare motions of an arm; nothing moves yet.
 
         Args:
             bus: servo bus of the arm.
             arm: description of the arm; without a table `[servos]`, with default servos.
-            confirm: announces a motion to the operator and returns whether the operator agrees.
+            confirm: announces a motion, or a change of stored settings, to the operator
+                and returns whether the operator agrees.
             report: receives a line for the user.
+            guard: is open during every motion, such as the keys that stop it.
         """
         check_ticks(arm, bus)
+        bus.accept_stored = confirm
         self._bus = bus
         self._arm = arm
         self._servos = servos_of(arm)
         self._ids = np.array(self._servos.ids)
         self._confirm = confirm
         self._report = report
+        self._guard = guard
+        self._powered: set[int] = set()
+        self._poll_period = min(POLL_PERIOD, self._servos.watchdog / WATCHDOG_POLLS)
         self._torque_constant = self._servos.torque_constant or bus.torque_constant
 
     def jog(self, id: int, distance: float) -> float:
@@ -97,6 +117,7 @@ class BringUp:
                 f"servo {id} does not belong to '{self._arm.name}'; choose one of "
                 f"{self._ids.ravel().tolist()}"
             )
+        self._check_presence([id])
         verb = "pays out" if distance > 0 else "winds in"
         length = f"{1000 * abs(distance):.1f} mm"
         self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
@@ -134,6 +155,7 @@ class BringUp:
             BusError: a servo does not answer, or a cable does not become taut.
             DeclinedError: the operator declined.
         """
+        self._check_presence(self._ids.ravel().tolist())
         self._check_identities(infos)
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
@@ -158,6 +180,7 @@ class BringUp:
             RobotError: a cable is out of its range; nothing moves.
         """
         ids = self._ids.ravel().tolist()
+        self._check_presence(ids)
         self._ask(
             "all cables go to their homes together, then each one moves by "
             f"{1000 * CHECK_TRAVEL:g} mm"
@@ -169,6 +192,11 @@ class BringUp:
             check_plausible(winches.displacements(positions), self._arm)
             self._wind(dict.fromkeys(ids, 0.0), winches)
             return [self._check_cable(id, winches) for id in ids]
+
+    def _check_presence(self, ids: list[int]) -> None:
+        """Check that servos answer, before the operator is asked."""
+        everyone = self._ids.ravel().tolist()
+        check_presence(self._bus, ids, self._servos.number_of, everyone)
 
     def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
         missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
@@ -194,8 +222,10 @@ class BringUp:
                     homes[id].append(int(at_home[self._ids == id][0]))
                 if number + 1 < repeat:
                     self._relax(ids)
-            self._bus.send_goals({id: homes[id][-1] for id in ids})
-            self._wait_until_still(ids)
+            last = np.zeros(self._ids.shape, int)
+            for id in ids:
+                last[self._ids == id] = homes[id][-1]
+            self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, last))
         means = {id: round(float(np.mean(values))) for id, values in homes.items()}
         self._report(f"module {module + 1}: home at {means} ticks")
         return homes
@@ -210,10 +240,10 @@ class BringUp:
             BusError: a cable does not become taut.
         """
         start = {id: self._displacement(winches, id) for id in ids}
+        targets = {id: place - MAX_SLACK for id, place in start.items()}
         for share in CURRENT_STEPS:
             self._bus.set_current(ids, share * self._servos.home_current)
-            self._send({id: place - MAX_SLACK for id, place in start.items()}, winches)
-            self._wait_until_still(ids)
+            self._wind(targets, winches)
         for id in ids:
             wound = start[id] - self._displacement(winches, id)
             if wound > 0.95 * MAX_SLACK:
@@ -282,24 +312,78 @@ class BringUp:
     def _moving(self, ids: list[int], current: float) -> Iterator[None]:
         """Let servos hold their place with a limited current, also after the motion.
 
-        An error switches their torque off.
+        An error switches their torque off, an emergency stop that of all servos that
+        this object switched on, unless `servos.on_emergency` is "hold".
         """
+        try:
+            with self._switched_on(ids, current):
+                yield
+        except EmergencyStopError:
+            self._halt(ids)
+            raise
+
+    @contextmanager
+    def _switched_on(self, ids: list[int], current: float) -> Iterator[None]:
+        EMERGENCY_STOP.check()
         speed = HOME_SPEED / self._arm.motor.pulley_radius
         self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
         states = self._states(ids)
         self._bus.send_goals({id: states[id].position for id in ids})
         try:
             # a failure may leave some of them on
-            self._bus.set_torque(ids, on=True)
-            yield
+            self._powered |= set(ids)
+            with self._guard():
+                self._bus.set_torque(ids, on=True)
+                yield
+        except EmergencyStopError:
+            raise
         except BaseException:
             self._bus.set_torque(ids, on=False)
             raise
 
+    def _halt(self, ids: list[int]) -> None:
+        """Stop servos where they are, then hold or release all that have torque."""
+        with suppress(BusError):
+            states = self._bus.read_patiently(ids, PATIENCE)
+            self._bus.send_goals({id: state.position for id, state in states.items()})
+        if self._servos.on_emergency == "release":
+            with suppress(BusError):
+                self._bus.set_torque(sorted(self._powered), on=False)
+
     def _wind(self, displacements: dict[int, float], winches: Winches) -> None:
-        """Move cables to displacements [m] and wait until they stand still."""
-        self._send(displacements, winches)
-        self._wait_until_still(list(displacements))
+        """Move cables to displacements [m], until they stand still.
+
+        Goals go ahead of the cables by `MAX_LEAD` at most.
+
+        Raises:
+            BusError: the cables do not come to rest, or a servo is at fault.
+            EmergencyStopError: nothing must move.
+        """
+        ids = list(displacements)
+        end = time.monotonic() + TIMEOUT
+        still_since = time.monotonic()
+        last = self._positions(ids)
+        self._lead(displacements, last, winches)
+        while time.monotonic() - still_since < STILL_TIME:
+            if time.monotonic() > end:
+                raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
+            time.sleep(self._poll_period)
+            positions = self._positions(ids)
+            self._lead(displacements, positions, winches)
+            if (np.abs(positions - last) > STILL_TICKS).any():
+                still_since = time.monotonic()
+                last = positions
+
+    def _lead(
+        self, targets: Mapping[int, float], positions: np.ndarray, winches: Winches
+    ) -> None:
+        """Send goals on the way from positions [ticks] to displacements [m]."""
+        present = winches.displacements(positions)
+        goals = {}
+        for id, target in targets.items():
+            place = float(present[self._ids == id][0])
+            goals[id] = min(max(target, place - MAX_LEAD), place + MAX_LEAD)
+        self._send(goals, winches)
 
     def _send(self, displacements: dict[int, float], winches: Winches) -> None:
         values = np.zeros(self._ids.shape)
@@ -309,25 +393,8 @@ class BringUp:
         goals = {id: int(positions[self._ids == id][0]) for id in displacements}
         self._bus.send_goals(goals)
 
-    def _wait_until_still(self, ids: list[int]) -> None:
-        """Wait until servos have stood still for a time.
-
-        Raises:
-            BusError: they do not, or a servo is at fault.
-        """
-        end = time.monotonic() + TIMEOUT
-        still_since = time.monotonic()
-        last = self._positions(ids)
-        while time.monotonic() - still_since < STILL_TIME:
-            if time.monotonic() > end:
-                raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
-            time.sleep(POLL_PERIOD)
-            positions = self._positions(ids)
-            if (np.abs(positions - last) > STILL_TICKS).any():
-                still_since = time.monotonic()
-                last = positions
-
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
+        EMERGENCY_STOP.check()
         states = self._bus.read_patiently(ids, PATIENCE)
         if fault := describe_faults(states, self._servos, ids):
             raise BusError(fault)

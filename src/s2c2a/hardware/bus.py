@@ -7,8 +7,9 @@ temperatures in degrees Celsius.
 
 import itertools
 import time
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar, Self
@@ -27,6 +28,14 @@ class BusError(S2C2AError):
 
 class PortLostError(BusError):
     """The serial port is gone: unplugged, or taken by another process."""
+
+
+class StoredSettingsError(BusError):
+    """Servos store settings with which they cannot be driven, and keep them."""
+
+
+class WrongModelError(BusError):
+    """A servo is of another model than the arm file states."""
 
 
 class ServoRefusalError(BusError):
@@ -90,6 +99,40 @@ class ServoState:
     watchdog_tripped: bool = False
 
 
+class Hearing(Enum):
+    """What a servo answers when it is asked alone."""
+
+    CLEAR = "one valid answer"
+    SILENT = "no answer"
+    DAMAGED = "answers that are damaged"
+    DOUBLED = "more than one answer"
+
+
+@dataclass(frozen=True)
+class StoredChange:
+    """A setting that a servo keeps without power, and its new value.
+
+    Attributes:
+        name: of the register.
+        old: value in the servo.
+        new: value that it gets.
+        is_required: whether the servo cannot be driven without the change.
+    """
+
+    name: str
+    old: int
+    new: int
+    is_required: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.old} -> {self.new}"
+
+
+def refuse(changes: str) -> bool:
+    """Keep what servos store: nobody was asked."""
+    return False
+
+
 class ServoBus(ABC):
     """Servos on one serial line. A context manager that closes the port.
 
@@ -98,6 +141,8 @@ class ServoBus(ABC):
         torque_constant: torque per current [N m/A].
         baud_rates: speeds that the servos can have [bit/s].
         has_watchdog: whether servos stop by themselves without commands.
+        accept_stored: gets the changes of settings that servos keep without power, in
+            one line, and returns whether they are made. By default none is.
         restarted: ids of servos that lost their settings since `prepare`. They forgot
             their turns: they have no state and must not move before they are prepared
             again.
@@ -108,6 +153,7 @@ class ServoBus(ABC):
     torque_constant: float
     baud_rates: tuple[int, ...]
     restarted: set[int]
+    accept_stored: Callable[[str], bool] = staticmethod(refuse)
 
     @abstractmethod
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
@@ -141,6 +187,9 @@ class ServoBus(ABC):
     ) -> None:
         """Set mode and limits of servos, and switch their torque off.
 
+        Nothing is changed if a servo is of another model, or if it needs another stored
+        setting that `accept_stored` declines. A stored limit is never raised.
+
         Args:
             ids: of the servos.
             mode: operating mode.
@@ -149,13 +198,16 @@ class ServoBus(ABC):
 
         Raises:
             BusError: a servo does not answer, or refuses a value.
+            WrongModelError: a servo is of another model.
+            StoredSettingsError: a change that the servo needs was declined.
         """
 
     @abstractmethod
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque of servos on or off.
 
-        A servo confirms its last goal before it is switched on.
+        A servo confirms its last goal before it is switched on, and the watchdog of all
+        of them runs before the first one has torque.
 
         Raises:
             BusError: servos do not answer. All others are switched off; when
@@ -232,6 +284,58 @@ class ServoBus(ABC):
             states |= self.read_states(missing)
         return states
 
+    def listen(self, id: int) -> Hearing:
+        """Ask one servo alone, and return what comes back."""
+        return Hearing.CLEAR if self.scan([id]) else Hearing.SILENT
+
+    def check_model(self, info: ServoInfo, name: str, number: int) -> None:
+        """Check that a servo is of the model in the arm file.
+
+        Args:
+            info: as the servo states it.
+            name: of the model in the arm file.
+            number: that servos of this model state.
+
+        Raises:
+            WrongModelError: it is not; currents, and so tensions, would be wrong.
+        """
+        if info.model_number != number:
+            raise WrongModelError(
+                f"servo {info.id} is of the model {info.model} (number "
+                f"{info.model_number}); the arm file has servos.model = '{name}' "
+                f"({number}). Correct the arm file, or replace the servo; nothing moved"
+            )
+
+    def confirm_stored(
+        self, changes: Mapping[int, Sequence[StoredChange]]
+    ) -> Mapping[int, Sequence[StoredChange]]:
+        """Announce changes of stored settings, and return those that are made.
+
+        Args:
+            changes: by id of the servo.
+
+        Raises:
+            StoredSettingsError: a required change is declined.
+        """
+        text = _describe_changes(changes)
+        if not text or self.accept_stored(text):
+            return changes
+        if any(change.is_required for row in changes.values() for change in row):
+            raise StoredSettingsError(
+                f"declined, and nothing was changed: {text}. The servos cannot be driven "
+                "without. `s2c2a motors check` (or jog, home) asks, then stores them"
+            )
+        return {}
+
+    def warn_of_low_limit(self, id: int, stored: float, wanted: float) -> None:
+        """Warn that a servo stores a smaller current limit than the arm file [A]."""
+        warnings.warn(
+            f"servo {id} stores a current limit of {stored:.3g} A, below "
+            f"servos.limits.current = {wanted:g} A; the stored limit counts. To raise it, "
+            "use the manufacturer's program",
+            stacklevel=1,
+        )
+
     @abstractmethod
     def reboot(self, id: int) -> None:
         """Restart a servo: its errors are cleared, its torque is off."""
@@ -245,3 +349,13 @@ class ServoBus(ABC):
 
     def __exit__(self, *_) -> None:
         self.close()
+
+
+def _describe_changes(changes: Mapping[int, Sequence[StoredChange]]) -> str:
+    """One line; servos with the same changes are named together. Empty without any."""
+    groups: dict[str, list[int]] = {}
+    for id, row in changes.items():
+        if row:
+            groups.setdefault(", ".join(map(str, row)), []).append(id)
+    parts = [f"servos {ids}: {text}" for text, ids in groups.items()]
+    return f"stored settings (EEPROM) of {'; '.join(parts)}" if parts else ""

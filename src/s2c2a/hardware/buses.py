@@ -10,7 +10,7 @@ def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBu
     """Open the bus of an arm's servos.
 
     Args:
-        servos: protocol, model and speed.
+        servos: protocol, model, speed, watchdog and limits.
         port: serial port; empty: the one of the arm file.
         fast_read: whether all servos answer in one packet, if the protocol can.
 
@@ -25,5 +25,12 @@ def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBu
             "`s2c2a motors scan` lists the ports"
         )
     if servos.protocol == "feetech":
-        return FeetechBus(name, servos.baud_rate, servos.model)
-    return DynamixelBus(name, servos.baud_rate, servos.model, fast_read)
+        return FeetechBus(name, servos.baud_rate, servos.model, servos.limits.current)
+    return DynamixelBus(
+        name,
+        servos.baud_rate,
+        servos.model,
+        fast_read,
+        servos.watchdog,
+        servos.limits.current,
+    )

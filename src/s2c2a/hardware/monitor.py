@@ -6,6 +6,7 @@ import numpy as np
 
 from s2c2a.arm import Servos
 from s2c2a.hardware.bus import ServoState
+from s2c2a.hardware.presence import ALL_SILENT
 from s2c2a.spaces import Actions
 
 SLACK = 0.5  # N; a cable without load shows less, with the noise of the current
@@ -35,6 +36,9 @@ def describe_faults(
         ids: servos that were read.
         restarted: servos that lost their settings.
     """
+    ids = tuple(ids)
+    if len(ids) > 1 and not states and not any(id in restarted for id in ids):
+        return f"none of the {len(ids)} servos answers; {ALL_SILENT}"
     for id in ids:
         fault = RESTARTED if id in restarted else _servo_fault(states.get(id), servos)
         if fault:

@@ -122,6 +122,28 @@ class SerialLine:
                 if time.monotonic() >= deadline:
                     return data
 
+    def ask(self, packet: bytes, patience: float, quiet_time: float) -> bytes:
+        """Send a packet, and return everything that comes back but its own echo.
+
+        Args:
+            packet: to send.
+            patience: longest wait for the first byte [s].
+            quiet_time: time without a byte after which nothing more is awaited [s].
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        self.write(packet)
+        heard = self.read(time.monotonic() + patience)
+        # a line that is never quiet must not block the caller
+        end = time.monotonic() + LONGEST_DRAIN
+        while heard and time.monotonic() < end:
+            more = self.read(time.monotonic() + quiet_time)
+            if not more:
+                break
+            heard += more
+        return heard.removeprefix(packet)
+
     def drain(self, quiet_time: float) -> None:
         """Drop bytes until none has arrived for a time.
 

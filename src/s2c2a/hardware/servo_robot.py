@@ -23,6 +23,7 @@ from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.hardware.calibration import default_path, load_calibration
 from s2c2a.hardware.monitor import CableMonitor, describe_faults
+from s2c2a.hardware.presence import check_presence
 from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
@@ -118,8 +119,6 @@ class ServoRobot(Robot):
             raise
         self._monitor.reset()
         self._has_warned = False
-        if self.bus.has_watchdog:
-            self.bus.arm_watchdog(self._flat_ids, self._servos.watchdog)
         self._opened_at = time.perf_counter()
         return self.read()
 
@@ -218,18 +217,13 @@ class ServoRobot(Robot):
             return False
 
     def _disconnect(self, release: bool = False) -> None:
-        """Close the port; servos that no longer answer stop by their watchdogs."""
+        """Close the port; servos that keep torque stop by their watchdogs and hold."""
         bus, self._bus = self._bus, None
         if bus is None:
             return
-        with bus:
-            # first, since absent servos delay the rest
+        with bus, suppress(BusError):
             if release:
-                with suppress(BusError):
-                    bus.set_torque(self._flat_ids, on=False)
-            if bus.has_watchdog:
-                with suppress(BusError):
-                    bus.arm_watchdog(self._flat_ids, 0.0)
+                bus.set_torque(self._flat_ids, on=False)
 
     def _connect(self) -> None:
         bus = open_bus(self._servos, self._port, self._fast_read)
@@ -255,14 +249,8 @@ class ServoRobot(Robot):
 
     def _check_identity(self, bus: ServoBus) -> None:
         """Check that every servo answers and is the calibrated one."""
+        check_presence(bus, self._flat_ids, self._servos.number_of)
         found = {info.id: info for info in bus.scan(self._flat_ids)}
-        missing = [id for id in self._flat_ids if id not in found]
-        if missing:
-            names = ", ".join(f"{id} ({self._servos.number_of(id)})" for id in missing)
-            raise BusError(
-                f"no answer from servo {names}; check cable, power and id "
-                "(`s2c2a motors scan`)"
-            )
         for servo in self._calibration.servos:
             info = found.get(servo.id)
             if info and (info.model, info.firmware) != (servo.model, servo.firmware):
@@ -335,12 +323,15 @@ class ServoRobot(Robot):
         return self.bus.read_patiently(self._flat_ids, patience)
 
     def _read_all(self) -> dict[int, ServoState]:
-        """Read all servos.
+        """Read all servos; those that stopped by their watchdog obey again.
 
         Raises:
             BusError: a servo does not answer.
         """
         states = self.bus.read_patiently(self._flat_ids, PATIENCE)
+        if any(state.watchdog_tripped for state in states.values()):
+            self._restart_after_watchdog(states)
+            states |= self.bus.read_patiently(self._flat_ids, PATIENCE)
         if len(states) < self._ids.size:
             raise BusError(self._describe_faults(states))
         return states

@@ -24,6 +24,9 @@ class SilentLine:
     def read(self, deadline):
         return b""
 
+    def ask(self, packet, patience, quiet_time):
+        return b""
+
     def drain(self, quiet_time):
         pass
 
@@ -37,7 +40,7 @@ def bus(monkeypatch):
     return DynamixelBus("fake")
 
 
-def test_servos_confirm_their_last_goals_before_they_are_switched_on(bus):
+def test_servos_confirm_goals_and_watchdogs_before_they_are_switched_on(bus):
     written = []
     bus.write = lambda *values: written.append(values)
     bus.send_goals({1: 100, 2: 200})
@@ -45,6 +48,8 @@ def test_servos_confirm_their_last_goals_before_they_are_switched_on(bus):
     assert written == [
         (1, "goal_position", 100),
         (2, "goal_position", 200),
+        (1, "watchdog", 20),
+        (2, "watchdog", 20),
         (1, "torque", 1),
         (2, "torque", 1),
     ]

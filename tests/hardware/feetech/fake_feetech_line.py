@@ -32,6 +32,7 @@ class FakeServo:
         self.memory[5] = id
         self.memory[8] = 1
         self.memory[11:13] = b"\xff\x0f"
+        self.memory[16:18] = b"\xe8\x03"
         self.memory[18] = 12
         self.memory[LOCK] = 1
         self.error = 0

@@ -6,12 +6,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from s2c2a.hardware.bus import (
     BusError,
     HardwareError,
+    Hearing,
     Mode,
     PortLostError,
     ServoBus,
     ServoInfo,
     ServoRefusalError,
     ServoState,
+    StoredChange,
 )
 from s2c2a.hardware.dynamixel.packets import (
     BROADCAST,
@@ -37,6 +39,7 @@ from s2c2a.hardware.dynamixel.tables import (
     WATCHDOG_UNIT,
     Register,
 )
+from s2c2a.hardware.presence import DAMAGED, clearest, hearing_of
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
@@ -46,6 +49,11 @@ bytes for up to 16 ms and do not say so."""
 EXCHANGE_MARGIN = 0.2  # s; the same, outside of a cycle
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
+LISTEN_MARGIN = 0.05  # s; the same, to find out whether a servo is there
+MEASURED_ADDRESS = 120
+MEASURED_SIZE = 27
+"""Block of measurements, from the time to the temperature. No two servos have the same
+ones, so that the answers of two with one id damage each other."""
 SCAN_TIME = 0.003  # s for the answer of each possible id
 ALERT = 0x80
 ANSWER_ALL = 2  # status return level
@@ -92,6 +100,8 @@ class DynamixelBus(ServoBus):
         baud_rate: int = 1_000_000,
         model: str = "xl330-m288",
         fast_read: bool = False,
+        watchdog: float = 0.4,
+        max_current: float | None = None,
     ):
         """Open the port; no servo is asked yet.
 
@@ -101,6 +111,9 @@ class DynamixelBus(ServoBus):
             model: a name in `tables.MODELS`.
             fast_read: whether all servos answer a read in one joint packet. It is
                 faster, but one lost byte loses the answers of all.
+            watchdog: time without an instruction after which a servo with torque stops
+                by itself [s].
+            max_current: largest current of any motion [A]; by default the model's.
 
         Raises:
             BusError: unknown model, or the port cannot be opened.
@@ -115,6 +128,10 @@ class DynamixelBus(ServoBus):
         self.torque_constant = self.model.torque_constant
         self.baud_rates = BAUD_RATES
         self._fast_read = fast_read
+        self._watchdog = watchdog
+        model_current = self.model.max_current
+        self._max_current = min(max_current or model_current, model_current)
+        self._current_limits: dict[int, int] = {}
         self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
         self._misses: dict[int, int] = {}
@@ -158,30 +175,44 @@ class DynamixelBus(ServoBus):
         self, ids: Iterable[int], mode: Mode, current: float, speed: float
     ) -> None:
         """Set mode and limits with the torque off; see `ServoBus`."""
-        for id in ids:
+        ids = tuple(ids)
+        infos = [self.info(id) for id in ids]
+        for info in infos:
+            self.check_model(info, self.model.name, self.model.number)
+        changes = {id: self._stored_changes(id, mode) for id in ids}
+        accepted = self.confirm_stored(changes)
+        self.set_torque(ids, on=False)
+        for info in infos:
+            id = info.id
             self.restarted.discard(id)
             self._goals.pop(id, None)
+            # only now: no servo has torque without a watchdog
             self.arm_watchdog([id], 0.0)
-            self.write(id, "torque", 0)
-            self._write_stored(id, self._stored_settings(mode))
+            for change in accepted.get(id, ()):
+                self.write(id, change.name, change.new)
+            self._note_current_limit(id)
+            self.write(id, "status_return_level", ANSWER_ALL)
             self.write(id, "profile_acceleration", 0)
             self.write(id, "profile_velocity", max(round(speed / VELOCITY_UNIT), 1))
             if mode is Mode.CURRENT_LIMITED_POSITION:
                 self.set_current([id], current)
-            self._join_state(id)
+            self._join_state(info)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque, of all servos at once; see `ServoBus`."""
         ids = tuple(ids)
         if on:
             self._repeat_goals(ids)
+            self.arm_watchdog(ids, self._watchdog)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
         self._write_each(ids, "torque", int(on))  # with a confirmation
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """Set the largest current; see `ServoBus`."""
-        units = round(min(current, self.model.max_current) / self.model.current_unit)
-        self._write_each(ids, "goal_current", max(units, 1))
+        units = round(min(current, self._max_current) / self.model.current_unit)
+        limits = {id: self._current_limits.get(id, units) for id in ids}
+        values = {id: max(min(units, limit), 1) for id, limit in limits.items()}
+        self._write_values("goal_current", values)
 
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
         """Let servos stop without commands; see `ServoBus`."""
@@ -214,6 +245,10 @@ class DynamixelBus(ServoBus):
             states = {id: self._state(id, block) for id, block in blocks.items()}
             found |= {id: state for id, state in states.items() if state is not None}
         return found
+
+    def listen(self, id: int) -> Hearing:
+        """Ask one servo for its identity and its measurements; see `ServoBus`."""
+        return clearest(lambda: self._listen_once(id), ATTEMPTS)
 
     def reboot(self, id: int) -> None:
         """Restart a servo; see `ServoBus`."""
@@ -270,43 +305,82 @@ class DynamixelBus(ServoBus):
         for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
-    def _stored_settings(self, mode: Mode) -> dict[str, int]:
-        """Values of registers that keep their value without power."""
+    def _listen_once(self, id: int) -> Hearing:
+        margin = self._line.latency + LISTEN_MARGIN
+        quiet_time = self._line.latency + QUIET_TIME
+        parameters = _span(MEASURED_ADDRESS, MEASURED_SIZE)
+        requests = (
+            (encode(id, Instruction.PING), PING_SIZE),
+            (encode(id, Instruction.READ, parameters), MEASURED_SIZE),
+        )
+        hearing = Hearing.SILENT
+        for packet, size in requests:
+            wire_time = self._line.wire_time(len(packet) + STATUS_OVERHEAD + size)
+            heard = self._line.ask(packet, wire_time + margin, quiet_time)
+            answers = [one for one in _packets_in(heard) if one.id == id]
+            hearing = hearing_of(heard, len(answers))
+            if hearing is not Hearing.CLEAR:
+                break
+        return hearing
+
+    def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
+        """Changes of registers that keep their value without power.
+
+        Only what differs is written: the memory wears out with every write.
+        """
         is_limited = mode is Mode.CURRENT_LIMITED_POSITION
-        limit = round(self.model.max_current / self.model.current_unit)
-        return {
-            "return_delay": 0,
+        needed = {
             "drive_mode": 0,
             "operating_mode": CURRENT_LIMITED_POSITION
             if is_limited
             else EXTENDED_POSITION,
             "homing_offset": 0,
-            "current_limit": limit,
-            "status_return_level": ANSWER_ALL,
         }
+        stored = {name: self.read(id, name) for name in needed}
+        changes = [
+            StoredChange(name, stored[name], value)
+            for name, value in needed.items()
+            if stored[name] != value
+        ]
+        delay = self.read(id, "return_delay")
+        if delay:
+            changes.append(StoredChange("return_delay", delay, 0, is_required=False))
+        limit = self.read(id, "current_limit")
+        allowed = round(self._max_current / self.model.current_unit)
+        if limit > allowed:
+            changes.append(StoredChange("current_limit", limit, allowed, False))
+        return changes
 
-    def _write_stored(self, id: int, settings: Mapping[str, int]) -> None:
-        """Write what differs: the memory wears out with every write."""
-        for name, value in settings.items():
-            if self.read(id, name) != value:
-                self.write(id, name, value)
+    def _note_current_limit(self, id: int) -> None:
+        """Remember the stored limit, which the servo lets no goal exceed."""
+        limit = self.read(id, "current_limit")
+        self._current_limits[id] = limit
+        if limit < round(self._max_current / self.model.current_unit):
+            stored = limit * self.model.current_unit
+            self.warn_of_low_limit(id, stored, self._max_current)
 
     def _write_each(self, ids: Iterable[int], name: str, value: int) -> None:
+        """Write the same value to all servos; see `_write_values`."""
+        self._write_values(name, dict.fromkeys(ids, value))
+
+    def _write_values(self, name: str, values: Mapping[int, int]) -> None:
         """Write a register of all servos, also after one of them failed.
 
         Raises:
-            BusError: the error of the first servo that failed.
+            BusError: names all servos that failed, with the error of the first.
         """
-        failures: list[BusError] = []
-        for id in ids:
+        failures: dict[int, BusError] = {}
+        for id, value in values.items():
             try:
                 self.write(id, name, value)
             except PortLostError:
                 raise
             except BusError as error:
-                failures.append(error)
-        if failures:
-            raise failures[0]
+                failures[id] = error
+        if len(failures) > 1:
+            raise BusError(f"servos {list(failures)}: {next(iter(failures.values()))}")
+        for failure in failures.values():
+            raise failure
 
     def _repeat_goals(self, ids: Iterable[int]) -> None:
         """Write the last goals again, with a confirmation.
@@ -320,9 +394,9 @@ class DynamixelBus(ServoBus):
             if id in self._goals:
                 self.write(id, "goal_position", self._goals[id])
 
-    def _join_state(self, id: int) -> None:
+    def _join_state(self, info: ServoInfo) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""
-        info = self.info(id)
+        id = info.id
         self._indirect_data[id] = self.model.indirect_data_of(info.firmware)
         addresses: list[int] = []
         for name in STATE_LAYOUT:
@@ -443,6 +517,8 @@ class DynamixelBus(ServoBus):
                     return answer
             # a late answer must not be taken for that of the next attempt
             self._line.drain(QUIET_TIME)
+        if self.listen(id) in (Hearing.DAMAGED, Hearing.DOUBLED):
+            raise BusError(f"servo {id} does not answer clearly: {DAMAGED}")
         raise BusError(
             f"servo {id} on {self._line.port} does not answer at "
             f"{self._line.baud_rate} bit/s; check its cable, its power and its id "
@@ -471,6 +547,12 @@ class DynamixelBus(ServoBus):
             if time.monotonic() > deadline:
                 break
         yield from reader.flush()
+
+
+def _packets_in(data: bytes) -> list[StatusPacket]:
+    """All valid packets in bytes."""
+    reader = StatusReader()
+    return [*reader.feed(data), *reader.flush()]
 
 
 def _span(address: int, size: int) -> bytes:

@@ -7,10 +7,12 @@ from math import isfinite
 from s2c2a.hardware.bus import (
     BusError,
     HardwareError,
+    Hearing,
     Mode,
     ServoBus,
     ServoInfo,
     ServoState,
+    StoredChange,
 )
 from s2c2a.hardware.feetech import packets, tables
 from s2c2a.hardware.feetech.packets import (
@@ -21,6 +23,7 @@ from s2c2a.hardware.feetech.packets import (
 )
 from s2c2a.hardware.feetech.tables import Register
 from s2c2a.hardware.feetech.turns import TurnCounter
+from s2c2a.hardware.presence import DAMAGED, clearest, hearing_of
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
@@ -30,14 +33,21 @@ REPLY_TIMEOUT = 0.02
 bytes for up to 16 ms, and no file states it."""
 PATIENT_TIMEOUT = 0.1
 """The same outside of a control cycle [s]."""
-SETTINGS = {
-    tables.RETURN_DELAY: 0,
-    tables.STATUS_LEVEL: 1,
-    tables.MIN_ANGLE: 0,
-    tables.MAX_ANGLE: 0,
-    tables.MODE: 0,
+LISTEN_TIMEOUT = 0.03
+"""The same, to find out whether a servo is there [s]."""
+NEEDED = {
+    "status_level": (tables.STATUS_LEVEL, 1),
+    "min_angle": (tables.MIN_ANGLE, 0),
+    "max_angle": (tables.MAX_ANGLE, 0),
+    "mode": (tables.MODE, 0),
 }
-"""Settings in EPROM of a position over several turns."""
+"""Settings in EPROM that positions over several turns need, by name for users."""
+STORED = {name: register for name, (register, _) in NEEDED.items()} | {
+    "return_delay": tables.RETURN_DELAY,
+    "max_torque": tables.MAX_TORQUE,
+    "phase": tables.PHASE,
+}
+"""All settings in EPROM that `prepare` may change."""
 
 
 class FeetechBus(ServoBus):
@@ -73,13 +83,21 @@ class FeetechBus(ServoBus):
     baud_rates = tuple(tables.BAUD_CODES)
     has_watchdog = False
 
-    def __init__(self, port: str, baud_rate: int, model: str = "sts3215"):
+    def __init__(
+        self,
+        port: str,
+        baud_rate: int,
+        model: str = "sts3215",
+        max_current: float | None = None,
+    ):
         """Open a port.
 
         Args:
             port: such as /dev/ttyUSB0.
             baud_rate: of the port and the servos [bit/s].
-            model: "sts3215" (7.4 V) or "sts3215-12v".
+            model: "sts3215" (7.4 V) or "sts3215-12v"; both state the same number.
+            max_current: largest current of any motion [A]; by default the stall
+                current.
 
         Raises:
             BusError: an unknown model or baud rate, a port that does not exist, or one
@@ -91,7 +109,11 @@ class FeetechBus(ServoBus):
                 f"{', '.join(tables.MODELS)}"
             )
         _baud_code(baud_rate)
+        self._name = model
         self._model = tables.MODELS[model]
+        stall_current = self._model.stall_current
+        self._max_current = min(max_current or stall_current, stall_current)
+        self._torque_limits: dict[int, int] = {}
         self.torque_constant = self._model.torque_constant
         self._turns = TurnCounter(self.ticks_per_turn)
         self._phases: dict[int, int] = {}
@@ -143,12 +165,18 @@ class FeetechBus(ServoBus):
         Raises:
             BusError: a servo does not answer, or a limit is not a positive number.
         """
+        _positive(current, "current")
+        _positive(speed, "speed")
         ids = tuple(ids)
+        for id in ids:
+            self._check_identity(id)
+        changes = {id: self._stored_changes(id) for id in ids}
+        accepted = self.confirm_stored(changes)
         self.set_torque(ids, False)
         self._turns.forget(ids)
         self.restarted -= set(ids)
         for id in ids:
-            self._prepare_settings(id)
+            self._store_changes(id, accepted.get(id, ()))
             self._write(id, tables.ACCELERATION, 0)
             self._write(id, tables.GOAL_TIME, 0)
             self._speeds[id] = self._speed_value(id, speed)
@@ -173,7 +201,7 @@ class FeetechBus(ServoBus):
             # at once; an absent servo does not delay the others
             off = dict.fromkeys(ids, 0)
             self._line.write(packets.sync_write_packet(off, tables.TORQUE_ENABLE))
-        self._write_each(ids, tables.TORQUE_ENABLE, int(on))
+        self._write_values(tables.TORQUE_ENABLE, dict.fromkeys(ids, int(on)))
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """See `ServoBus`; a larger current than the stall current is no limit.
@@ -183,7 +211,9 @@ class FeetechBus(ServoBus):
         """
         part = _positive(current, "current") / self._model.stall_current
         value = round(tables.FULL_TORQUE * min(part, 1.0))
-        self._write_each(ids, tables.TORQUE_LIMIT, max(value, 1))
+        limits = {id: self._torque_limits.get(id, value) for id in ids}
+        values = {id: max(min(value, limit), 1) for id, limit in limits.items()}
+        self._write_values(tables.TORQUE_LIMIT, values)
 
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
         """Raise an error: these servos have no watchdog.
@@ -230,6 +260,10 @@ class FeetechBus(ServoBus):
             for id, answer in answers.items()
             if id not in self.restarted
         }
+
+    def listen(self, id: int) -> Hearing:
+        """Ask one servo for its identity and its measurements; see `ServoBus`."""
+        return clearest(lambda: self._listen_once(id), ATTEMPTS)
 
     def reboot(self, id: int) -> None:
         """Switch the torque off, which clears an overload.
@@ -296,10 +330,7 @@ class FeetechBus(ServoBus):
         answers = self._exchange(packets.read_packet(id, block), (id,), block.size)
         if id not in answers:
             return None
-        (major, minor, _) = answers[id].data[:3]
-        number = int.from_bytes(answers[id].data[3:], "little")
-        model = tables.MODEL_NAMES.get(number, "unknown")
-        return ServoInfo(id, number, model, 100 * major + minor)
+        return _info_of(id, answers[id].data)
 
     def _check_assignment(self, id: int, new_id: int) -> None:
         if not 0 <= new_id <= tables.MAX_ID:
@@ -320,16 +351,73 @@ class FeetechBus(ServoBus):
         finally:
             self._line.baud_rate = old_rate
 
-    def _prepare_settings(self, id: int) -> None:
-        """Store the settings in EPROM that differ."""
+    def _listen_once(self, id: int) -> Hearing:
+        hearing = Hearing.SILENT
+        # the identity, and measurements that no two servos share
+        for block in (tables.IDENTITY_BLOCK, tables.STATE_BLOCK):
+            packet = packets.read_packet(id, block)
+            wire_time = self._line.wire_time(len(packet) + block.size + OVERHEAD)
+            patience = wire_time + self._line.latency + LISTEN_TIMEOUT
+            quiet_time = self._line.latency + LISTEN_TIMEOUT
+            heard = self._line.ask(packet, patience, quiet_time)
+            answers = take_answers(bytearray(heard), {id}, block.size)
+            hearing = hearing_of(heard, len(answers))
+            if hearing is not Hearing.CLEAR:
+                break
+        return hearing
+
+    def _check_identity(self, id: int) -> None:
+        """Check the model of a servo.
+
+        Raises:
+            WrongModelError: it is another one.
+        """
+        data = self._read(id, tables.IDENTITY_BLOCK).data
+        self.check_model(_info_of(id, data), self._name, self._model.number)
+
+    def _stored_changes(self, id: int) -> list[StoredChange]:
+        """Changes in EPROM; only what differs is written."""
         block = tables.SETTINGS_BLOCK
         data = self._read(id, block).data
-        phase = value_in_block(data, block, tables.PHASE) | tables.PHASE_FULL_ANGLE
-        for register, value in {**SETTINGS, tables.PHASE: phase}.items():
-            if value_in_block(data, block, register) != value:
-                self._write(id, tables.LOCK, 0)
-                self._store(id, register, value)
-        self._phases[id] = self._read(id, tables.PHASE).data[0]
+        stored = {
+            name: value_in_block(data, block, register)
+            for name, register in STORED.items()
+        }
+        changes = [
+            StoredChange(name, stored[name], value)
+            for name, (_, value) in NEEDED.items()
+            if stored[name] != value
+        ]
+        # some firmware does not take the phase: it must not be needed
+        wanted = {
+            "return_delay": 0,
+            "phase": stored["phase"] | tables.PHASE_FULL_ANGLE,
+            "max_torque": min(stored["max_torque"], self._torque_value()),
+        }
+        changes += [
+            StoredChange(name, stored[name], value, is_required=False)
+            for name, value in wanted.items()
+            if stored[name] != value
+        ]
+        return changes
+
+    def _store_changes(self, id: int, changes: Sequence[StoredChange]) -> None:
+        for change in changes:
+            self._write(id, tables.LOCK, 0)
+            self._store(id, STORED[change.name], change.new)
+        block = tables.SETTINGS_BLOCK
+        data = self._read(id, block).data
+        self._phases[id] = value_in_block(data, block, tables.PHASE)
+        limit = value_in_block(data, block, tables.MAX_TORQUE)
+        self._torque_limits[id] = limit
+        if limit < self._torque_value():
+            stored = limit / tables.FULL_TORQUE * self._model.stall_current
+            self.warn_of_low_limit(id, stored, self._max_current)
+
+    def _torque_value(self) -> int:
+        """Largest torque of any motion, as the servo counts it."""
+        share = self._max_current / self._model.stall_current
+        return max(round(tables.FULL_TORQUE * share), 1)
 
     def _store(self, id: int, register: Register, value: int) -> None:
         """Write to an unlocked EPROM, and lock it."""
@@ -400,10 +488,10 @@ class FeetechBus(ServoBus):
     def _write(self, id: int, register: Register, value: int) -> None:
         self._answer(id, packets.write_packet(id, register, value), 0)
 
-    def _write_each(self, ids: Iterable[int], register: Register, value: int) -> None:
+    def _write_values(self, register: Register, values: Mapping[int, int]) -> None:
         """Write a register of all servos, also after one of them failed."""
         missing = []
-        for id in ids:
+        for id, value in values.items():
             packet = packets.write_packet(id, register, value)
             if self._attempt(id, packet, 0) is None:
                 missing.append(id)
@@ -412,9 +500,11 @@ class FeetechBus(ServoBus):
 
     def _answer(self, id: int, packet: bytes, size: int) -> Answer:
         answer = self._attempt(id, packet, size)
-        if answer is None:
-            raise _absent([id])
-        return answer
+        if answer is not None:
+            return answer
+        if self.listen(id) in (Hearing.DAMAGED, Hearing.DOUBLED):
+            raise BusError(f"servo {id} does not answer clearly: {DAMAGED}")
+        raise _absent([id])
 
     def _attempt(self, id: int, packet: bytes, size: int) -> Answer | None:
         for _ in range(ATTEMPTS):
@@ -441,6 +531,14 @@ def _positive(value: float, name: str) -> float:
 
 def _errors(bits: int) -> frozenset[HardwareError]:
     return frozenset(error for bit, error in tables.ERROR_BITS.items() if bits & bit)
+
+
+def _info_of(id: int, data: bytes) -> ServoInfo:
+    """Identity of a servo, from `tables.IDENTITY_BLOCK`."""
+    (major, minor, _) = data[:3]
+    number = int.from_bytes(data[3:], "little")
+    model = tables.MODEL_NAMES.get(number, "unknown")
+    return ServoInfo(id, number, model, 100 * major + minor)
 
 
 def _absent(ids: list[int]) -> BusError:

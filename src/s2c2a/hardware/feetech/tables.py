@@ -38,6 +38,7 @@ RETURN_DELAY = Register(7)
 STATUS_LEVEL = Register(8)  # 1: the servo answers every instruction
 MIN_ANGLE = Register(9, 2)  # both limits 0: several turns
 MAX_ANGLE = Register(11, 2)
+MAX_TORQUE = Register(16, 2)  # [0.1 % of the stall torque]
 PHASE = Register(18)
 MODE = Register(33)  # 0: position
 # RAM
