@@ -14,6 +14,7 @@ from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
+from s2c2a.plugins import trust_code
 from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
 from s2c2a.spaces import Stage
@@ -206,6 +207,7 @@ def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
 def test_flex_strips_measure_the_bends(twin):
 
     robot = robot_class(f"{SENSOR}:FlexArm")(twin)
+    trust_code(f"{SENSOR}:FlexMap")
     arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexMap"})
     check_robot(robot)
     with robot:
