@@ -31,6 +31,7 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError
+from s2c2a.files import manifests_of_one_command
 from s2c2a.plugins import trust_code, trust_of_one_command
 
 FAULT = 2  # exit code
@@ -100,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a {s2c2a.__version__}")
         return
     enable_compilation_cache()
-    with trust_of_one_command():
+    with trust_of_one_command(), manifests_of_one_command():
         _run_or_exit(given)
 
 
