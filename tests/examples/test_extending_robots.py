@@ -168,7 +168,7 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     main(["collect", *robot, "--out", recording, *few])
     assert load_recording(recording).sensor("flex").shape == (3, 60, 3, 2)
     weights = tmp_path / "flex.safetensors"
-    main(["train", recording, "--out", str(weights), "--recipe", recipe])
+    main(["train", recording, "--arm", arm, "--out", str(weights), "--recipe", recipe])
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
     task = [
         str(tmp_path / "aside.csv"),
@@ -200,7 +200,16 @@ def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
         ]
     )
     with pytest.raises(SystemExit):
-        main(["train", recording, "--out", str(tmp_path / "none.safetensors")])
+        main(
+            [
+                "train",
+                recording,
+                "--arm",
+                arm,
+                "--out",
+                str(tmp_path / "none.safetensors"),
+            ]
+        )
     assert "no 'flex'" in capsys.readouterr().err
 
 
