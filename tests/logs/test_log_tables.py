@@ -138,6 +138,18 @@ def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     )
 
 
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_text_where_numbers_are_expected_is_an_error_with_its_column(tmp_path, ending):
+    path = tmp_path / f"log.{ending}"
+    values = {"a": np.array(["up", "down"]), "b": np.arange(2.0)}
+    if ending == "npz":
+        np.savez(path, **values)
+    else:
+        savemat(path, values)
+    with pytest.raises(LogError, match="column 'a' holds text"):
+        read_table(path, AB)
+
+
 class Trap:
     """Object that writes a file when it is unpickled."""
 
