@@ -20,6 +20,7 @@ from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
 from s2c2a.executors import forget_programs
 from s2c2a.models import C2SOptions, ChainOptions
+from s2c2a.plugins import trust_of_one_command
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
     Recipe,
@@ -99,6 +100,13 @@ def _few_programs():
     yield
     forget_programs(MAX_MAPS)
     gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def _own_trust():
+    """Forget the custom code that a test trusts."""
+    with trust_of_one_command():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ The robot has the sensor `flex`, and the arm file names the map:
 
     s2c2a robot check --robot own_sensor.py:FlexArm --arm flex_arm.toml
     s2c2a collect --robot own_sensor.py:FlexArm --arm flex_arm.toml --out flex.episodes
-    s2c2a train flex.episodes --out flex.safetensors
+    s2c2a train flex.episodes --arm flex_arm.toml --out flex.safetensors
 """
 
 from dataclasses import replace

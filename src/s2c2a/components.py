@@ -104,19 +104,16 @@ class ComponentRegistry(NamedTuple):
         numbers = {key: number for key, number in table.items() if key != "name"}
         return TypeAdapter(component).validate_python(numbers)
 
-    def build(self, component: Component | CustomComponent, own_code: bool) -> Any:
+    def build(self, component: Component | CustomComponent) -> Any:
         """Return the component itself; import it if it is custom.
 
-        Args:
-            component: of the package, or a reference to custom code.
-            own_code: whether files and modules may be imported.
-
         Raises:
-            S2C2AError: the import is not allowed or fails, the component is of another
-                type, or its constructor rejects the parameters.
+            UntrustedCodeError: the user has not named its code (`plugins.trust_code`).
+            S2C2AError: the import fails, the component is of another type, or its
+                constructor rejects the parameters.
         """
         if isinstance(component, CustomComponent):
-            component = self._import(component, own_code)
+            component = self._import(component)
         if not isinstance(component, self.form):
             raise S2C2AError(
                 f"{component} is no {self.name}; derive it from "
@@ -124,13 +121,7 @@ class ComponentRegistry(NamedTuple):
             )
         return component
 
-    def _import(self, custom: CustomComponent, own_code: bool) -> Any:
-        if ":" in custom.name and not own_code:
-            raise S2C2AError(
-                f"the {self.name} {custom.name} is code, which a strategy file "
-                "cannot load; name it in a recipe file of your own and give that with "
-                "--recipe"
-            )
+    def _import(self, custom: CustomComponent) -> Any:
         try:
             return resolve(self.name, custom.name, self.known)(**custom.parameters)
         except TypeError as error:
@@ -138,7 +129,3 @@ class ComponentRegistry(NamedTuple):
                 f"the {self.name} {custom.name} cannot be built from "
                 f"{custom.parameters}: {error}"
             ) from error
-
-    def made(self, component: Component | CustomComponent, own_code: bool) -> Any:
-        """Old name of `build`, until all callers use the new one."""
-        return self.build(component, own_code)

@@ -14,9 +14,10 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError
+from s2c2a.plugins import run_with_trust, trusted_code
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")
@@ -158,6 +159,13 @@ def max_pending_calls(executor: Executor) -> int:
     return PENDING_PER_WORKER * getattr(executor, "workers", DEFAULT_WORKERS)
 
 
+def submit(
+    executor: Executor, function: Callable[..., Result], *args: Any
+) -> Future[Result]:
+    """Submit a call to a worker that trusts the same custom code as this process."""
+    return executor.submit(run_with_trust, trusted_code(), function, *args)
+
+
 def in_order(
     executor: Executor,
     work: Callable[[Given], Result],
@@ -173,7 +181,7 @@ def in_order(
     pending: deque[Future[Result]] = deque()
     try:
         for argument in arguments:
-            pending.append(executor.submit(work, argument))
+            pending.append(submit(executor, work, argument))
             while len(pending) >= max_pending_calls(executor):
                 yield pending.popleft().result()
         while pending:

@@ -1,5 +1,6 @@
 """Atomic file writes, and guarded reading of text files from other people."""
 
+import json
 import os
 import re
 import tomllib
@@ -69,6 +70,102 @@ def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any
         raise fault(f"not valid TOML: {error}") from error
 
 
+MANIFEST = "manifest.jsonl"
+"""List of the files of a folder that this package wrote, a name a line."""
+_PART = re.compile(r"\.(.+)\.\d+\.part")
+"""Name of a temporary file of `atomic_write`."""
+_listed: dict[Path, set[str]] = {}
+
+
+def keep_manifest(folder: str | os.PathLike) -> None:
+    """List in a manifest all files that this process writes into a folder from now on.
+
+    A name is listed before its file is written, so that a killed process leaves no file
+    without its name. `manifests_of_one_command` ends it.
+    """
+    root = Path(os.path.abspath(folder))
+    _listed[root] = set(listed_files(root))
+    list_in_manifest(root / MANIFEST)
+
+
+@contextmanager
+def manifests_of_one_command() -> Iterator[None]:
+    """End the manifests that are begun within."""
+    before = dict(_listed)
+    try:
+        yield
+    finally:
+        _listed.clear()
+        _listed.update(before)
+
+
+def list_in_manifest(path: str | os.PathLike) -> None:
+    """List a file in the open manifest of its folder, if there is one.
+
+    `atomic_write` does so; a library that writes by itself needs this call.
+    """
+    absolute = Path(os.path.abspath(path))
+    for root, names in list(_listed.items()):
+        if not absolute.is_relative_to(root):
+            continue
+        name = absolute.relative_to(root).as_posix()
+        if name in names:
+            continue
+        root.mkdir(parents=True, exist_ok=True)
+        with open(root / MANIFEST, "a", encoding="utf-8") as manifest:
+            manifest.write(f"{json.dumps(name)}\n")
+        names.add(name)
+
+
+def listed_files(folder: Path) -> frozenset[str]:
+    """Names in the manifest of a folder, relative to it; none without a manifest."""
+    names = set()
+    with suppress(OSError, UnicodeDecodeError):
+        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
+            with suppress(ValueError):  # the last line of a killed process
+                names.add(str(json.loads(line)))
+    return frozenset(names)
+
+
+def unlisted_files(folder: Path) -> list[str]:
+    """Names of all that a folder holds beside the files of its manifest, sorted."""
+    listed = listed_files(folder)
+    folders = {parent.as_posix() for name in listed for parent in Path(name).parents}
+    others = []
+    for path in _walk(folder):
+        name = path.relative_to(folder).as_posix()
+        part = _PART.fullmatch(path.name)
+        whole = path.with_name(part[1]) if part else path
+        is_folder = path.is_dir() and not path.is_symlink()
+        known = folders if is_folder else listed
+        if whole.relative_to(folder).as_posix() not in known:
+            others.append(name)
+    return sorted(others)
+
+
+def delete_listed_files(folder: Path) -> None:
+    """Delete a folder that holds only the files of its manifest.
+
+    Raises:
+        OSError: something else is in the folder; it stays.
+    """
+    for path in reversed(list(_walk(folder))):
+        if path.is_dir() and not path.is_symlink():
+            path.rmdir()
+        elif path.name != MANIFEST or path.parent != folder:
+            path.unlink()
+    (folder / MANIFEST).unlink()
+    folder.rmdir()
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """All that a folder holds, folders before their contents; links are not followed."""
+    for path in sorted(folder.iterdir()):
+        yield path
+        if path.is_dir() and not path.is_symlink():
+            yield from _walk(path)
+
+
 @contextmanager
 def atomic_write(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError
@@ -91,6 +188,7 @@ def atomic_write(
         if not path.name:
             raise IsADirectoryError(f"{path} is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
+        list_in_manifest(path)
         yield temporary
         os.replace(temporary, path)
     except BaseException as error:

@@ -2,40 +2,113 @@
 
 Sensors, forward models, robots, tasks, cost terms and solvers are all found this way,
 so that a new one needs no change in the package (docs/guides/extending.md).
+
+Names of custom code also stand in recordings and weight files, which come from
+anywhere. Therefore `resolve`, the only place that imports custom code, imports what is
+trusted, and nothing else: the names that this command or a Python call was given, and
+those in an arm or recipe file given by its path.
 """
 
 import importlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, UntrustedCodeError
+
+Result = TypeVar("Result")
+
+GROUPS = {
+    "robot": "s2c2a.robots",
+    "sensor": "s2c2a.sensors",
+    "sensor_model": "s2c2a.sensor_models",
+    "estimator": "s2c2a.estimators",
+    "model": "s2c2a.models",
+    "controller": "s2c2a.controllers",
+    "strategy": "s2c2a.strategies",
+    "task": "s2c2a.tasks",
+    "term": "s2c2a.terms",
+    "solver": "s2c2a.solvers",
+    "guide": "s2c2a.guides",
+    "fallback": "s2c2a.fallbacks",
+    "tracker": "s2c2a.trackers",
+}
+"""Groups of entry points, by the kind of objects that they hold."""
+
+_trusted: set[str] = set()
+
+
+def trust_code(*names: str) -> None:
+    """Allow this process, and the workers that it starts, to import custom code.
+
+    Commands call it for the names in their arguments, and in the arm and recipe files
+    that they are given. Programs call it for a recording or a weight file that names
+    custom code, such as `trust_code("my_sensor.py:MyMap")`.
+
+    Args:
+        names: `module:Name` or `file.py:Name`, exactly as the recording or the weight
+            file has it. Options of a tracker behind a comma are ignored.
+    """
+    _trusted.update(_without_options(name) for name in names)
+
+
+def trust_code_in(table: Any) -> None:
+    """Trust all names of code in the nested tables of a file that the user gave."""
+    trust_code(*(text for text in _texts(table) if ":" in text))
+
+
+@contextmanager
+def trust_of_one_command() -> Iterator[None]:
+    """Forget afterwards what is trusted within: the next command names its own code."""
+    before = set(_trusted)
+    try:
+        yield
+    finally:
+        _trusted.intersection_update(before)
+
+
+def trusted_code() -> tuple[str, ...]:
+    """The trusted names, for a worker's `run_with_trust`."""
+    return tuple(sorted(_trusted))
+
+
+def run_with_trust(
+    names: tuple[str, ...], function: Callable[..., Result], *args: Any, **kwargs: Any
+) -> Result:
+    """Call a function on a worker that trusts what the parent process trusts."""
+    trust_code(*names)
+    return function(*args, **kwargs)
 
 
 def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     """Return the object that a name refers to.
 
-    The name is one of `known`, an entry point of the group `s2c2a.<kind>s`,
+    The name is one of `known`, an entry point of the group of the kind (`GROUPS`),
     `module:Name` or `file.py:Name`. The folder of the file (for a module, the current
     folder) is added to `sys.path`, so that processes started later find it too.
 
     Args:
         kind: type of the object, such as "robot".
-        name: as the user typed it.
+        name: as the user typed it, or as a file has it.
         known: objects of the package, by name.
 
     Raises:
+        UntrustedCodeError: the name is code that the user has not named (`trust_code`).
         S2C2AError: the name is unknown, or the module cannot be imported.
     """
+    group = GROUPS[kind]
     if name in known:
         return known[name]
     module, colon, attribute = name.rpartition(":")
+    if colon:
+        _check_trusted(kind, name)
     try:
         if colon:
             return getattr(_import_module(module), attribute)
-        for entry_point in entry_points(group=f"s2c2a.{kind}s", name=name):
+        for entry_point in entry_points(group=group, name=name):
             return entry_point.load()
     except Exception as error:  # custom code may raise anything during its import
         raise S2C2AError(
@@ -45,6 +118,39 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
         f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your "
         "own as module:Name or file.py:Name"
     )
+
+
+def resolve_own(path: str) -> Any:
+    """Return an object of this package by its import path, which is a constant."""
+    module, _, attribute = path.rpartition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def _check_trusted(kind: str, name: str) -> None:
+    if name in _trusted:
+        return
+    raise UntrustedCodeError(
+        f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "
+        "if you trust it, give the arm file or recipe file that names it (--arm, "
+        f"--recipe), or add --trust {name} (in Python: "
+        f"s2c2a.plugins.trust_code('{name}'))"
+    )
+
+
+def _without_options(name: str) -> str:
+    return name.partition(",")[0]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts within nested tables and lists."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _texts(entry)
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _texts(entry)
 
 
 def _import_module(name: str):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from s2c2a.errors import StrategyError, UntrustedCodeError
-from s2c2a.plugins import resolve
+from s2c2a.plugins import resolve, trust_code
 
 Base = TypeVar("Base")
 
@@ -32,12 +32,15 @@ class OptionsRegistry(Generic[Base]):
     known: Mapping[str, type[Base]]
 
     def named(self, name: str) -> type[Base]:
-        """Find a class by name; the module or file that it names is imported.
+        """Find a class by a name that the user gave; its module or file is imported.
+
+        Names from recordings and weight files go to `imported` instead.
 
         Raises:
             S2C2AError: nothing of this name.
             StrategyError: it does not derive from the base.
         """
+        trust_code(name)
         found = resolve(self.kind, name, self.known)
         if not (isinstance(found, type) and issubclass(found, self.base)):
             raise StrategyError(

@@ -16,6 +16,7 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
+from s2c2a.plugins import trust_code
 from s2c2a.spaces import Reading
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
@@ -136,6 +137,7 @@ thing = 3
 def own_sensing(tmp_path, name):
     path = tmp_path / f"flex_{tmp_path.name}.py"
     path.write_text(OWN)
+    trust_code(f"{path}:{name}")
     return ArmSpec.model_validate(TWIN.model_dump() | {"sensing": f"{path}:{name}"})
 
 

@@ -14,6 +14,7 @@ from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
+from s2c2a.plugins import trust_code
 from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
 from s2c2a.spaces import Stage
@@ -167,7 +168,7 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     main(["collect", *robot, "--out", recording, *few])
     assert load_recording(recording).sensor("flex").shape == (3, 60, 3, 2)
     weights = tmp_path / "flex.safetensors"
-    main(["train", recording, "--out", str(weights), "--recipe", recipe])
+    main(["train", recording, "--arm", arm, "--out", str(weights), "--recipe", recipe])
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
     task = [
         str(tmp_path / "aside.csv"),
@@ -199,13 +200,23 @@ def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
         ]
     )
     with pytest.raises(SystemExit):
-        main(["train", recording, "--out", str(tmp_path / "none.safetensors")])
+        main(
+            [
+                "train",
+                recording,
+                "--arm",
+                arm,
+                "--out",
+                str(tmp_path / "none.safetensors"),
+            ]
+        )
     assert "no 'flex'" in capsys.readouterr().err
 
 
 def test_flex_strips_measure_the_bends(twin):
 
     robot = robot_class(f"{SENSOR}:FlexArm")(twin)
+    trust_code(f"{SENSOR}:FlexMap")
     arm = ArmSpec.model_validate(twin.model_dump() | {"sensing": f"{SENSOR}:FlexMap"})
     check_robot(robot)
     with robot:

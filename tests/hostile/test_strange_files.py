@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.cli.main import main
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
 from s2c2a.episodes.blocks import write_block
@@ -21,6 +23,7 @@ from s2c2a.errors import (
 )
 from s2c2a.evaluation.report import load_rows
 from s2c2a.files import holds, write_atomically
+from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_recipe, load_strategy
 from s2c2a.tasks import load_waypoints, waypoints_task
@@ -34,6 +37,8 @@ READERS = {
     "x.csv": load_waypoints,
     "results.json": load_rows,
 }
+AB = ColumnRequest(["a", "b"])
+TABLES = {name: partial(read_table, request=AB) for name in ("t.csv", "t.npz", "t.mat")}
 
 
 @pytest.fixture
@@ -90,6 +95,51 @@ def test_every_reader_rejects_links_to_other_files(tmp_path, name, target):
     (tmp_path / name).symlink_to(target)
     with pytest.raises(S2C2AError):
         READERS[name](tmp_path / name)
+
+
+def make_folder(path):
+    path.mkdir()
+
+
+def make_empty(path):
+    path.touch()
+
+
+def make_binary(path):
+    path.write_bytes(bytes(range(256)) * 9)
+
+
+def make_unreadable(path):
+    path.write_text("x")
+    path.chmod(0)
+
+
+def make_utf16(path):
+    path.write_text("name = 'x'", encoding="utf-16")
+
+
+def make_nothing(path):
+    del path
+
+
+@pytest.mark.parametrize("name", [*READERS, *TABLES])
+@pytest.mark.parametrize(
+    "make",
+    [make_folder, make_empty, make_binary, make_unreadable, make_utf16, make_nothing],
+)
+def test_every_reader_names_the_strange_file_that_it_rejects(tmp_path, name, make):
+    path = tmp_path / f"ä {name}"
+    make(path)
+    with pytest.raises(S2C2AError, match=f"ä {name}"):
+        (READERS | TABLES)[name](path)
+
+
+@pytest.mark.parametrize(
+    "name", ["ä.toml", "_.toml", "-.toml", "ωarm.toml", "x" * 90 + ".toml", "9 z.toml"]
+)
+def test_an_arm_is_copied_to_a_file_of_any_name(tmp_path, name):
+    main(["arm", "copy", "twin_arm", str(tmp_path / name)])
+    assert load_arm(tmp_path / name).modules == TWIN.modules
 
 
 def test_an_endless_file_is_rejected(tmp_path):

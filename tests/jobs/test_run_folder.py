@@ -7,8 +7,17 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
+from s2c2a.errors import S2C2AError
+from s2c2a.files import (
+    MANIFEST,
+    atomic_write,
+    list_in_manifest,
+    listed_files,
+    manifests_of_one_command,
+    write_atomically,
+)
 from s2c2a.jobs.job import Conditions
-from s2c2a.jobs.run_folder import summary_of, trace_of
+from s2c2a.jobs.run_folder import open_run_directory, summary_of, trace_of
 from s2c2a.planning import Goal
 from s2c2a.robots import RobotFactory
 from s2c2a.tasks import Score, Task
@@ -63,3 +72,120 @@ def test_a_real_robot_is_not_called_a_simulation(factory, named):
         recipe=SimpleNamespace(name="best"), conditions=Conditions(factory), seed=3
     )
     assert summary_of(job) == {"recipe": "best", "seed": "3"} | named
+
+
+@pytest.fixture(autouse=True)
+def _one_command():
+    with manifests_of_one_command():
+        yield
+
+
+def run_in(folder, **options):
+    """A command that writes two files into a run directory."""
+    with manifests_of_one_command():
+        open_run_directory(folder, "x", {"seed": 1}, overwrite=False, **options)
+        write_atomically("rows", folder / "results.json")
+        write_atomically("episode", folder / "runs" / "a.episodes")
+    return folder
+
+
+def add_file(folder):
+    (folder / "thesis.tex").write_text("of value")
+
+
+def add_file_in_folder(folder):
+    (folder / "runs" / "thesis.tex").write_text("of value")
+
+
+def add_hidden_file(folder):
+    (folder / ".thesis.tex.17.part").write_text("of value")
+
+
+def add_empty_folder(folder):
+    (folder / "thesis.tex").mkdir()
+
+
+def add_link(folder):
+    (folder / "thesis.tex").symlink_to("/etc")
+
+
+def write_by_another_command(folder):
+    write_atomically("of value", folder / "thesis.tex")
+
+
+OTHERS = (
+    add_file,
+    add_file_in_folder,
+    add_hidden_file,
+    add_empty_folder,
+    add_link,
+    write_by_another_command,
+)
+
+
+@pytest.mark.parametrize("add", OTHERS)
+def test_a_run_directory_with_anything_else_is_not_replaced(tmp_path, add):
+    folder = run_in(tmp_path / "run")
+    add(folder)
+    before = sorted(folder.rglob("*"))
+    with pytest.raises(S2C2AError, match=r"holds .*thesis\.tex"):
+        open_run_directory(folder, "x", {}, overwrite=True)
+    assert sorted(folder.rglob("*")) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run"]
+
+
+def test_a_folder_of_the_user_is_not_replaced_for_the_names_of_its_files(tmp_path):
+    for name in ("options.json", "thesis.tex"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(S2C2AError, match=r"options\.json, thesis\.tex, which no run"):
+        open_run_directory(tmp_path, "x", {}, overwrite=True)
+    assert (tmp_path / "thesis.tex").exists()
+    (tmp_path / "thesis.tex").unlink()
+    with pytest.raises(S2C2AError, match=r"options\.json, which no run"):
+        open_run_directory(tmp_path, "x", {}, overwrite=True)
+
+
+def test_a_run_directory_is_replaced_whole(tmp_path):
+    folder = run_in(tmp_path / "run")
+    open_run_directory(folder, "x", {}, overwrite=True)
+    assert sorted(path.name for path in folder.iterdir()) == [MANIFEST, "options.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run"]
+
+
+def test_files_that_a_killed_process_was_writing_are_replaced(tmp_path):
+    folder = run_in(tmp_path / "run")
+    (folder / ".results.json.123.part").write_text("half")
+    with open(folder / MANIFEST, "a") as manifest:
+        manifest.write('"half a na')
+    open_run_directory(folder, "x", {}, overwrite=True)
+
+
+def test_a_continued_run_does_not_list_files_that_came_in_between(tmp_path):
+    folder = run_in(tmp_path / "run")
+    add_file(folder)
+    run_in(folder, resume=True)
+    assert listed_files(folder) == {
+        MANIFEST,
+        "options.json",
+        "results.json",
+        "runs/a.episodes",
+    }
+    with pytest.raises(S2C2AError, match=r"thesis\.tex"):
+        open_run_directory(folder, "x", {}, overwrite=True)
+
+
+def test_a_name_is_listed_before_its_file_is_written(tmp_path):
+    open_run_directory(tmp_path / "run", "x", {}, overwrite=False)
+    path = tmp_path / "run" / "late.json"
+    with atomic_write(path) as part:
+        part.touch()
+        assert "late.json" in listed_files(tmp_path / "run")
+    list_in_manifest(tmp_path / "elsewhere.json")
+    assert "elsewhere.json" not in (tmp_path / "run" / MANIFEST).read_text()
+
+
+def test_a_link_to_a_run_directory_is_not_replaced(tmp_path):
+    run_in(tmp_path / "run")
+    (tmp_path / "link").symlink_to("run")
+    with pytest.raises(S2C2AError, match="is a link"):
+        open_run_directory(tmp_path / "link", "x", {}, overwrite=True)

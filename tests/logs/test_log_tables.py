@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from s2c2a.logs import array_files, tables
+from s2c2a.logs import array_files, mat_files, tables
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.tables import ColumnRequest, read_table
 
@@ -111,6 +111,7 @@ def test_a_missing_file_is_an_error(tmp_path):
 def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
     monkeypatch.setattr(tables, "MAX_BYTES", 1000)
     monkeypatch.setattr(array_files, "MAX_BYTES", 1000)
+    monkeypatch.setattr(mat_files, "MAX_BYTES", 1000)
     with pytest.raises(LogError, match="more than 1000 bytes"):
         read_table(written(gzip.compress(b"a,b\n" + b"1,2\n" * 1000)), AB)
     squeezed = io.BytesIO()
@@ -135,6 +136,18 @@ def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     np.testing.assert_array_equal(
         [table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
     )
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_text_where_numbers_are_expected_is_an_error_with_its_column(tmp_path, ending):
+    path = tmp_path / f"log.{ending}"
+    values = {"a": np.array(["up", "down"]), "b": np.arange(2.0)}
+    if ending == "npz":
+        np.savez(path, **values)
+    else:
+        savemat(path, values)
+    with pytest.raises(LogError, match="column 'a' holds text"):
+        read_table(path, AB)
 
 
 class Trap:

@@ -3,6 +3,7 @@
 import pytest
 
 from s2c2a.errors import S2C2AError
+from s2c2a.plugins import trust_code
 from s2c2a.tracking import NatNetTracker, UdpTracker, tracker_of
 
 OWN = """
@@ -69,6 +70,7 @@ def test_an_invalid_source_is_explained(source, message):
 def test_a_users_own_tracker_is_found_by_its_file(tmp_path):
     path = tmp_path / "own_tracker_of_a_test.py"
     path.write_text(OWN)
+    trust_code(*(f"{path}:{name}" for name in ("Mine", "Needy", "NoTracker")))
     assert tracker_of(f"{path}:Mine,gain=2").gain == 2.0
     with pytest.raises(S2C2AError, match=r"Needy cannot be made.*'device'"):
         tracker_of(f"{path}:Needy")

@@ -14,6 +14,7 @@ from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files import parse_toml, read_text, write_atomically
+from s2c2a.plugins import trust_code_in
 from s2c2a.validation import explained
 
 PRESETS = Path(__file__).parent / "presets"
@@ -46,6 +47,9 @@ def preset_names() -> tuple[str, ...]:
 def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
     """Load an arm by preset name or from a TOML file.
 
+    The code that the file names is trusted (`plugins.trust_code`), since the user gave
+    the file; it is imported when it is used.
+
     Raises:
         ArmError: there is no such preset or file, or it has invalid TOML, an unknown
             key or an invalid value.
@@ -58,11 +62,15 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             f"({', '.join(preset_names())}) nor a file; check the path, "
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
-    return arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
+    arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
+    trust_code_in(arm.model_dump(mode="json"))
+    return arm
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
     """Parse and validate the text of an arm file; `source` names it in errors.
+
+    The text may come from a recording: the code that it names is not trusted.
 
     Raises:
         ArmError: it has invalid TOML, an unknown key or an invalid value.

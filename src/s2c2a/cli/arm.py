@@ -199,7 +199,8 @@ def copy(arm: File, out: NewFile, overwrite: bool = False) -> None:
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", out.stem) or "arm"
+    # names begin with a letter or a digit, and have at most 64 characters
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", out.stem).lstrip("_-")[:64] or "arm"
     table = load_arm(arm).model_dump() | {"name": name, "description": ""}
     save_arm(ArmSpec.model_validate(table), out, overwrite)
     print(f"arm: {out}; edit it and run `s2c2a arm check {out}`")

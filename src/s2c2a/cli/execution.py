@@ -37,7 +37,7 @@ class _OutputOptions:
 
     Attributes:
         out: the run directory; by default a new one in runs/.
-        overwrite: replace the run directory if it exists.
+        overwrite: replace the run directory if it holds nothing but files of its run.
     """
 
     out: Path | None = None

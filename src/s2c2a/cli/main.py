@@ -31,8 +31,11 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError
+from s2c2a.files import manifests_of_one_command
+from s2c2a.plugins import trust_code, trust_of_one_command
 
 FAULT = 2  # exit code
+TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
@@ -98,7 +101,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a {s2c2a.__version__}")
         return
     enable_compilation_cache()
+    with trust_of_one_command(), manifests_of_one_command():
+        _run_or_exit(given)
+
+
+def _run_or_exit(given: Sequence[str]) -> None:
+    """Run a command; print its error, if any, and exit."""
     try:
+        given = _without_trusted_code(given)
         _check_command(given)
         with interrupts_as_exceptions():
             _run_command(given)
@@ -124,6 +134,28 @@ def _run_command(arguments: Sequence[str]) -> None:
         "`s2c2a --version` prints the version.",
         args=arguments,
     )
+
+
+def _without_trusted_code(given: Sequence[str]) -> list[str]:
+    """Trust the names of `--trust NAME`, an option of every command; return the rest.
+
+    Raises:
+        S2C2AError: a name is missing.
+    """
+    rest = []
+    words = iter(given)
+    for word in words:
+        option, equals, name = word.partition("=")
+        if option != TRUST:
+            rest.append(word)
+            continue
+        name = name if equals else next(words, "")
+        if ":" not in name:
+            raise S2C2AError(
+                f"{TRUST} '{name}' names no code; give module:Name or file.py:Name"
+            )
+        trust_code(name)
+    return rest
 
 
 def _check_command(given: Sequence[str]) -> None:

@@ -16,6 +16,7 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
+from s2c2a.plugins import trust_code
 from s2c2a.robots.factory import NO_TRACKING
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def _source_of(spec: ArmSpec, given: str) -> str:
         S2C2AError: neither names one.
     """
     if given:
+        trust_code(given)
         return given
     if spec.tracking is None:
         raise S2C2AError(

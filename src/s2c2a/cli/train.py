@@ -49,7 +49,9 @@ def train(
         strategy: whose networks, by name or your own file.py:Class.
         recipe: how to train.
         start: weight file of another arm to start from.
-        arm: a preset or an arm file, if there is no recording of it.
+        arm: a preset or an arm file, if there is no recording of it; beside a recording
+            it must be the recorded arm, and allows the code that it names, such as your
+            own sensor.
         seed: of everything random.
         overwrite: replace the weight file if it exists.
     """
@@ -110,14 +112,20 @@ def _trained(
     from s2c2a.data import load_recording
 
     options = strategies.STRATEGIES.named(strategy)()
-    has_one_source = (recording is None) != (arm is None)
-    if not has_one_source or (recording is None and start is None):
+    if recording is None and (arm is None or start is None):
         raise StrategyError(
             "give a recording, or --arm and --from for an arm without a recording"
         )
     if start is not None and options.name != "s2c2a":
         raise StrategyError(f"--from works with s2c2a alone, not with {options.name}")
+    spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None
+    if spec is not None and data is not None and not spec.same_mechanics(data.arm):
+        raise StrategyError(
+            f"{recording} is of '{data.arm.name}', which differs from {arm} in "
+            f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
+            "file that it was recorded with"
+        )
     # an impossible place is refused before the long work
     out.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar() as progress:
@@ -134,6 +142,6 @@ def _trained(
             networks = options.train(data, used, seed, training_progress)
             return strategies.labeled(networks, options)
         assert start is not None
-        assert arm is not None
+        assert spec is not None
         progress("transferring networks", 0, 1)
-        return strategies.transferred(start, load_arm(arm), seed)
+        return strategies.transferred(start, spec, seed)

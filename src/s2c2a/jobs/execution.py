@@ -22,6 +22,7 @@ from s2c2a.executors import (
     forget_programs,
     limit_jax_to_one_thread,
     max_pending_calls,
+    submit,
 )
 from s2c2a.files import write_atomically
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
@@ -188,7 +189,7 @@ class _Batch:
         if isinstance(self._executor, Serial):
             return self._executor.submit(artifact.make, self._cache, self._progress)
         contents = [path.read_bytes() for path in needs]
-        return self._executor.submit(_make_on_worker, artifact, contents)
+        return submit(self._executor, _make_on_worker, artifact, contents)
 
     def _finish(self, future: Future[bytes | None], path: Path) -> None:
         try:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -12,25 +11,36 @@ from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
-from s2c2a.files import holds, write_atomically
+from s2c2a.files import (
+    delete_listed_files,
+    holds,
+    keep_manifest,
+    unlisted_files,
+    write_atomically,
+)
 from s2c2a.jobs.job import Job, Run
 from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.video import save_video
 
 MARKER = "options.json"
+MAX_SHOWN = 3  # names in an error message
 
 
 def open_run_directory(
     path: Path | None, label: str, options: dict, overwrite: bool, resume: bool = False
 ) -> Path:
-    """Make a run directory and write its options and versions.
+    """Open a run directory, and write its options and versions.
+
+    A manifest lists the files that the command writes there; only such files are ever
+    deleted.
 
     Args:
         path: of the directory; a new one under runs/ if None.
         label: names a new one, after the time.
         options: to write.
-        overwrite: replace an existing run directory.
+        overwrite: replace an existing run directory, if it holds nothing but the files
+            of its manifest.
         resume: resume a run: open a directory with the same options and versions as it
             is, and leave the time out of the name, so that the next call finds it.
 
@@ -39,7 +49,7 @@ def open_run_directory(
 
     Raises:
         S2C2AError: the directory is not empty and `overwrite` is not set, is a link, or
-            is no run directory.
+            holds other files.
     """
     folder = path
     if folder is None:
@@ -48,11 +58,23 @@ def open_run_directory(
     content = {"options": options, "versions": versions()}
     text = json.dumps(content, indent=1, default=str) + "\n"
     marker = folder / MARKER
-    if resume and not overwrite and marker.is_file() and holds(marker, text):
-        return folder
-    _clear(folder, overwrite)
-    write_atomically(text, marker)
+    resumes = resume and not overwrite and marker.is_file() and holds(marker, text)
+    if not resumes:
+        _clear(folder, overwrite)
+    _make_with_manifest(folder)
+    if not resumes:
+        write_atomically(text, marker)
     return folder
+
+
+def _make_with_manifest(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        keep_manifest(folder)
+    except OSError as error:
+        raise S2C2AError(
+            f"cannot make the run directory {folder}: {error}; choose another --out"
+        ) from error
 
 
 def _clear(folder: Path, overwrite: bool) -> None:
@@ -65,14 +87,26 @@ def _clear(folder: Path, overwrite: bool) -> None:
         raise S2C2AError(
             f"{folder} exists and is not empty; add --overwrite or choose another --out"
         )
-    if not (folder / MARKER).is_file():
+    if not folder.is_dir():
+        raise S2C2AError(f"{folder} is a file; choose another --out")
+    others = unlisted_files(folder)
+    if others:
+        shown = ", ".join(others[:MAX_SHOWN])
+        more = f" and {len(others) - MAX_SHOWN} more" if len(others) > MAX_SHOWN else ""
         raise S2C2AError(
-            f"{folder} is no run folder: it has no {MARKER}; choose another --out"
+            f"{folder} holds {shown}{more}, which no run of this package wrote there; "
+            "--overwrite deletes the files of a run only: move the others away, or "
+            "choose another --out"
         )
     # renamed first, so that an interruption never leaves half a run directory
     aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
-    folder.rename(aside)
-    shutil.rmtree(aside)
+    try:
+        folder.rename(aside)
+        delete_listed_files(aside)
+    except OSError as error:
+        raise S2C2AError(
+            f"{folder} cannot be replaced: {error}; choose another --out"
+        ) from error
 
 
 METRICS_HEADER = (

@@ -18,7 +18,6 @@ SAMPLE = (
 NOT_VARIED = (
     "name",  # no option
     "planner.guard",  # belongs to the task
-    "planner.own_code",  # belongs to the user
     "c2s.model",  # would make another recipe
 )
 

@@ -20,6 +20,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
+from s2c2a.files import list_in_manifest
 from s2c2a.jobs.artifacts import Cache, NetworksArtifact
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
@@ -192,6 +193,9 @@ def _open_study(sweep: Sweep, folder: Path) -> optuna.Study:
     """The study in the directory; the first trial of a new one is the recipe itself."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
+    # Optuna writes the journal and its lock itself
+    for name in (TRIALS, f"{TRIALS}.lock"):
+        list_in_manifest(folder / name)
     storage = JournalStorage(journal.JournalFileBackend(str(folder / TRIALS)))
     study = optuna.create_study(
         storage=storage,

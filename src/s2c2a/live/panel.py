@@ -263,7 +263,8 @@ class Panel:
             self._on_change(checkbox, partial(view.__setitem__, label))
 
         def follow(_: Request) -> None:
-            record.label = "Stop recording" if recorder.running else "Record"
+            label = "Stop recording" if recorder.running else "Record"
+            record.label = "Recording failed: why?" if recorder.error else label
 
         self._followers.append(follow)
 

@@ -30,6 +30,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
+from s2c2a.plugins import run_with_trust, trusted_code
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
@@ -83,8 +84,12 @@ class ControlProcess(Control):
         self._use_results = queue.SimpleQueue[str]()
         context = multiprocessing.get_context("spawn")
         self._pipe, other_end = context.Pipe()
+        trusting_build = partial(run_with_trust, trusted_code(), build)
         self._process = context.Process(
-            target=_run_control, args=(build, other_end), name="control", daemon=True
+            target=_run_control,
+            args=(trusting_build, other_end),
+            name="control",
+            daemon=True,
         )
         self._process.start()
         self.process = self._process.pid

@@ -122,7 +122,7 @@ def _read_arrays(path: str | os.PathLike, request: ColumnRequest) -> Table:
             labels[name] = column.astype(str)
             lengths[name] = len(column)
         if name in request.numbers:
-            numbers[name] = column.astype(float)
+            numbers[name] = _as_numbers(path, name, column)
             lengths[name] = len(column)
     if len(set(lengths.values())) > 1:
         raise LogError(
@@ -131,6 +131,16 @@ def _read_arrays(path: str | os.PathLike, request: ColumnRequest) -> Table:
         )
     _check_any_found(path, lengths, arrays)
     return Table(str(path), numbers, labels)
+
+
+def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.ndarray:
+    try:
+        return column.astype(float)
+    except ValueError as error:
+        raise LogError(
+            f"{path}: column '{name}' holds text where numbers are expected: {error}; "
+            "correct the column"
+        ) from error
 
 
 def _check_any_found(

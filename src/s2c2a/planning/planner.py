@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
@@ -85,8 +85,6 @@ class PlannerOptions:
             limits. Configurations sensed under sensing coupling have other lengths.
         fallback: random restarts when the plan is stuck.
         guard: the points of the arm that avoid obstacles.
-        own_code: whether components may be imported from files and modules. Never set
-            by a strategy file, which may come from an untrusted source.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
@@ -98,7 +96,6 @@ class PlannerOptions:
     on_sphere: bool = True
     fallback: AnyFallback = NO_FALLBACK
     guard: Guard = "tip"
-    own_code: bool = field(default=True, compare=False)
 
     def __post_init__(self):
         """Check that there is a term."""
@@ -114,10 +111,10 @@ class PlannerOptions:
             S2C2AError: a component is not found, may not be imported, or rejects its
                 parameters.
         """
-        terms = tuple(TERMS.build(term, self.own_code) for term in self.terms)
-        guides = tuple(GUIDES.build(guide, self.own_code) for guide in self.guides)
-        fallback = FALLBACKS.build(self.fallback, self.own_code)
-        solver = SOLVERS.build(self.solver, self.own_code)
+        terms = tuple(TERMS.build(term) for term in self.terms)
+        guides = tuple(GUIDES.build(guide) for guide in self.guides)
+        fallback = FALLBACKS.build(self.fallback)
+        solver = SOLVERS.build(self.solver)
         return solver, terms, guides, fallback
 
 

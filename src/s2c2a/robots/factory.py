@@ -7,7 +7,7 @@ from typing import Any
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.options import convert_option, named_parameters
-from s2c2a.plugins import resolve
+from s2c2a.plugins import resolve, resolve_own, trust_code
 from s2c2a.robots.robot import Robot
 
 SIMULATED = "sim"
@@ -27,7 +27,11 @@ def robot_class(name: str) -> type[Robot]:
     Raises:
         S2C2AError: there is no such class, or it is not a complete robot.
     """
-    cls = resolve("robot", KNOWN.get(name, name), KNOWN)
+    if name in KNOWN:
+        cls = resolve_own(KNOWN[name])
+    else:
+        trust_code(name)
+        cls = resolve("robot", name, KNOWN)
     if not (isinstance(cls, type) and issubclass(cls, Robot)):
         raise S2C2AError(
             f"{name} is {cls!r}, not a robot; give a subclass of s2c2a.robots.Robot"
@@ -92,6 +96,7 @@ class RobotFactory:
                 needs another one, or fails.
         """
         robot = self._make_robot(arm, defaults)
+        trust_code(self.tracking)
         source = self.tracking_source(arm)
         return _tracked(robot, source) if source else robot
 
@@ -145,5 +150,4 @@ def _describe_texts(options: Mapping[str, Any]) -> str:
 
 def _tracked(robot: Robot, source: str) -> Robot:
     """The robot with the poses of its module ends."""
-    wrapper = resolve("robot", TRACKED, {})
-    return wrapper(robot, source)
+    return resolve_own(TRACKED)(robot, source)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,22 @@ class StepRecord:
 
 
 def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
-    """Build an episode with one row a step.
+    """Build an episode with one row a step, states at the times of the readings.
+
+    See `build_piece`.
+    """
+    return with_aligned_states(build_piece(steps, arm, **options))
+
+
+def with_aligned_states(episode: Episode) -> Episode:
+    """The episode with the states of a tracker moved to the times of the readings."""
+    columns = dict(episode.columns)
+    _align_states(columns)
+    return replace(episode, columns=columns)
+
+
+def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
+    """Build a piece of an episode, with the states of a tracker as they arrived.
 
     Every sensor and every diagnostic that occurs in any step becomes a column.
 
@@ -79,7 +94,6 @@ def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> 
         "tick_time": np.array([step.tick_time for step in steps]),
     }
     columns |= _table([step.reading.sensors for step in steps], SENSOR)
-    _align_states(columns)
     columns |= _table([step.diagnostics for step in steps])
     columns |= _goal_columns([_active_goal(step, arm) for step in steps])
     faults = sorted({step.fault for step in steps if step.fault})

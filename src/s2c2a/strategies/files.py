@@ -52,8 +52,6 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         # by class, wherever its file was
         c2s=replace(recipe.c2s, model=MODELS.name_of(type(recipe.c2s))),
         c2a=replace(recipe.c2a, model=CONTROLLERS.name_of(type(recipe.c2a))),
-        # whoever reads the file decides what may be imported
-        planner=replace(recipe.planner, own_code=True),
     )
     metadata = Metadata(
         schema_version=SCHEMA,
@@ -145,7 +143,8 @@ def _recipe(table: dict[str, Any]) -> Recipe:
     """The recipe of a file of unknown origin: it imports nothing."""
     planner = table.get("planner")
     if isinstance(planner, dict):
-        planner = planner | {"own_code": False}
+        # version 0.3 wrote this key; `plugins.resolve` decides what is imported
+        planner = {key: planner[key] for key in planner if key != "own_code"}
     table = table | {"planner": planner}
     recipe = recipe_in(table, MODELS.imported, CONTROLLERS.imported)
     try:

@@ -40,6 +40,7 @@ from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
 from s2c2a.planning import BEST, PAPER, PlannerOptions
+from s2c2a.plugins import trust_code_in
 from s2c2a.training.fit import FitOptions, check_limits
 from s2c2a.validation import explained
 
@@ -142,7 +143,7 @@ class Recipe:
         Raises:
             S2C2AError: it is not found, or may not be imported.
         """
-        return ESTIMATORS.build(self.estimator, self.planner.own_code)
+        return ESTIMATORS.build(self.estimator)
 
     @property
     def training(self) -> dict[str, Any]:
@@ -298,6 +299,7 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
     try:
         written = parse_toml(read_text(path))
         table = _complete(written, Path(path).parent) | {"name": Path(path).stem}
+        trust_code_in(table)
         recipe = recipe_in(table, MODELS.named, CONTROLLERS.named)
         # import now what the recipe names, not after the training
         recipe.planner.build()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.plugins import resolve
+from s2c2a.plugins import resolve, trust_code
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path
@@ -88,6 +88,7 @@ def load_task(name: str, arm: ArmSpec) -> Task:
         return replace(paced_task(base, arm, float(pace)), name=name)
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
+    trust_code(name)
     try:
         build = resolve("task", name, TASKS)
     except S2C2AError as error:

@@ -5,7 +5,7 @@ from typing import Any
 
 from s2c2a.errors import S2C2AError
 from s2c2a.options import convert_option, named_parameters, options_from
-from s2c2a.plugins import resolve
+from s2c2a.plugins import resolve, resolve_own
 from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.tracker import Tracker
 
@@ -38,6 +38,8 @@ def tracker_of(source: str) -> Tracker:
             as "natnet:192.168.1.10,local=192.168.1.20,up=z".
 
     Raises:
+        UntrustedCodeError: the source is code that the user has not named, since it may
+            come from the arm of a recording (`plugins.trust_code`).
         S2C2AError: there is no such source, it has no such option, or its class fails.
     """
     text, *given = source.split(",")
@@ -49,7 +51,7 @@ def tracker_of(source: str) -> Tracker:
     if names is None or "" in address:
         raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
     options = dict(zip(names, address, strict=True)) | dict(options_from(given))
-    return _make(resolve("tracker", KNOWN[name], {}), options)
+    return _make(resolve_own(KNOWN[name]), options)
 
 
 def _check_is_class(text: str) -> None:

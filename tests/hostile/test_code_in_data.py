@@ -1,0 +1,260 @@
+"""Recordings, weight files and cached results run no code, whatever names they hold."""
+
+import ast
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from s2c2a.arm import ArmSpec, load_arm, save_arm
+from s2c2a.arm.sensors import Raw, Sensors
+from s2c2a.arm.tracking import Tracking
+from s2c2a.cli.main import main
+from s2c2a.components import ComponentRegistry, CustomComponent
+from s2c2a.data import load_recording
+from s2c2a.episodes import load_episodes, save_episodes
+from s2c2a.errors import S2C2AError, UntrustedCodeError
+from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
+from s2c2a.executors import submit
+from s2c2a.plugins import GROUPS, resolve, trust_code
+from s2c2a.registry import OptionsRegistry
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import (
+    load_recipe,
+    load_strategy,
+    s2c2a_strategy,
+    save_recipe,
+    save_strategy,
+)
+from s2c2a.tracking import tracker_of
+
+SOURCE = Path(__file__).parents[2] / "src" / "s2c2a"
+EVIL = """
+from pathlib import Path
+Path(__file__).with_name("ran").touch()
+def X(*_):
+    pass
+"""
+NAMES = ("evil_code.py:X", "./evil_code.py:X", "evil_code:X", "this:s", "os:system")
+CUSTOM = CustomComponent("evil_code.py:X")
+
+
+@pytest.fixture(autouse=True)
+def ran(tmp_path, monkeypatch) -> Path:
+    """The file that exists once the code has run."""
+    (tmp_path / "evil_code.py").write_text(EVIL)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    for module in ("evil_code", "this"):
+        sys.modules.pop(module, None)
+    return tmp_path / "ran"
+
+
+def all_of(kind: type) -> list:
+    """Every registry of the package, those of later versions too."""
+    modules = [module for name, module in sys.modules.items() if "s2c2a." in name]
+    found = [v for module in modules for v in vars(module).values()]
+    return list(
+        {id(value): value for value in found if isinstance(value, kind)}.values()
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("kind", GROUPS)
+def test_no_group_imports_a_name_that_the_user_has_not_given(kind, name, ran):
+    with pytest.raises(UntrustedCodeError, match=f"--trust {name}"):
+        resolve(kind, name, {})
+    assert not ran.exists()
+    assert "this" not in sys.modules
+
+
+@pytest.mark.parametrize("kind", GROUPS)
+def test_every_group_imports_a_name_that_the_user_has_given(kind, ran):
+    trust_code("evil_code.py:X")
+    assert callable(resolve(kind, "evil_code.py:X", {}))
+    assert ran.exists()
+
+
+@pytest.mark.parametrize("registry", all_of(ComponentRegistry), ids=lambda r: r.name)
+def test_no_registry_of_components_imports_what_a_recipe_in_data_names(registry, ran):
+    assert registry.name in GROUPS
+    with pytest.raises(UntrustedCodeError):
+        registry.build(registry.read({"name": "evil_code.py:X"}))
+    assert not ran.exists()
+
+
+@pytest.mark.parametrize("registry", all_of(OptionsRegistry), ids=lambda r: r.kind)
+def test_no_registry_of_options_imports_what_a_weight_file_names(registry, ran):
+    assert registry.kind in GROUPS
+    with pytest.raises(UntrustedCodeError):
+        registry.imported("evil_code.py:X")
+    assert not ran.exists()
+
+
+def test_only_the_gate_imports_by_name():
+    """Other imports by name take constants of the package."""
+    importers = set()
+    for path in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            words = {getattr(node, "id", ""), getattr(node, "attr", "")}
+            if isinstance(node, ast.ImportFrom | ast.Import):
+                words = {alias.name for alias in node.names}
+            if words & {
+                "import_module",
+                "importlib",
+                "__import__",
+                "entry_points",
+                "exec",
+                "eval",
+                "runpy",
+                "resolve_name",
+                "pickle",
+                "spec_from_file_location",
+            }:
+                importers.add(path.relative_to(SOURCE).as_posix())
+    constants = {"cli/live.py", "emulation/tag_camera.py", "viz/__init__.py"}
+    assert importers == {"plugins.py"} | constants
+
+
+def with_raw_sensor(arm: ArmSpec, name: str) -> ArmSpec:
+    raw = Raw(name="strings", shape=(3,), model=name)
+    return arm.model_copy(update={"sensors": Sensors(raw=(raw,))})
+
+
+def with_sensing(arm: ArmSpec, name: str) -> ArmSpec:
+    return arm.model_copy(update={"sensing": name})
+
+
+def with_tracking(arm: ArmSpec, name: str) -> ArmSpec:
+    return arm.model_copy(update={"tracking": Tracking(source=name)})
+
+
+USES = {
+    "sensing": (with_sensing, configuration_map_for),
+    "sensors.raw": (with_raw_sensor, sensor_models._formula_sensors),
+    "tracking": (with_tracking, lambda arm: tracker_of(arm.tracking.source)),
+}
+"""Names of code in an arm: how the arm has it, and what would import it."""
+
+
+@pytest.mark.parametrize("name", ["evil_code.py:X", "this:s"])
+@pytest.mark.parametrize("place", USES)
+def test_the_arm_of_a_recording_runs_no_code(place, name, ran, recording, tmp_path):
+    change, use = USES[place]
+    arm = change(recording.arm, name)
+    episode = replace(recording.episodes[0], arm=arm)
+    save_episodes([episode], tmp_path / "evil.episodes")
+    loaded = load_episodes(tmp_path / "evil.episodes")[0][0].arm
+    with pytest.raises(UntrustedCodeError, match="--arm"):
+        use(loaded)
+    assert not ran.exists()
+    assert "this" not in sys.modules
+    save_arm(arm, tmp_path / "mine.toml")
+    load_arm(tmp_path / "mine.toml")  # the user gives the arm file
+    with pytest.raises(S2C2AError) as error:  # X is none of these classes
+        use(loaded)
+    assert not isinstance(error.value, UntrustedCodeError)
+
+
+def test_a_robot_does_not_import_the_tracker_of_an_arm_in_a_recording(ran, twin):
+    arm = with_tracking(twin, "evil_code.py:X")
+    factory = RobotFactory("dynamixel")
+    with pytest.raises(S2C2AError):
+        factory.make(arm)
+    assert not ran.exists()
+
+
+@pytest.mark.parametrize("name", ["evil_code.py:X", "this:s"])
+def test_weights_of_an_arm_with_a_sensor_formula_run_no_code(
+    name, ran, tiny_best_networks, tmp_path
+):
+    recipe = replace(tiny_best_networks.recipe, estimator=KalmanFilter())
+    arm = with_raw_sensor(tiny_best_networks.arm, name)
+    networks = replace(tiny_best_networks, arm=arm, recipe=recipe)
+    save_strategy(networks, tmp_path / "evil.safetensors")
+    loaded = load_strategy(tmp_path / "evil.safetensors")
+    with pytest.raises(UntrustedCodeError, match=name):
+        s2c2a_strategy(loaded)
+    assert not ran.exists()
+    assert "this" not in sys.modules
+
+
+@pytest.mark.parametrize("field", ["solver", "terms", "guides", "fallback"])
+def test_the_planner_of_a_weight_file_runs_no_code(
+    field, ran, tiny_best_networks, tmp_path
+):
+    recipe = tiny_best_networks.recipe
+    own = (CUSTOM,) if field in ("terms", "guides") else CUSTOM
+    planner = replace(recipe.planner, **{field: own})
+    networks = replace(tiny_best_networks, recipe=replace(recipe, planner=planner))
+    save_strategy(networks, tmp_path / "evil.safetensors")
+    loaded = load_strategy(tmp_path / "evil.safetensors")
+    with pytest.raises(UntrustedCodeError):
+        s2c2a_strategy(loaded)
+    assert not ran.exists()
+    save_recipe(loaded.recipe, tmp_path / "mine.toml")
+    with pytest.raises(S2C2AError, match="is no"):  # the user gives the recipe file
+        load_recipe(tmp_path / "mine.toml")
+    assert ran.exists()
+
+
+def test_train_runs_no_code_of_a_recording_without_its_arm_file(
+    ran, recording, tmp_path, capsys
+):
+    arm = with_sensing(recording.arm, "evil_code.py:X")
+    episodes = [replace(episode, arm=arm) for episode in recording.episodes]
+    save_episodes(episodes, tmp_path / "evil.episodes")
+    load_recording(tmp_path / "evil.episodes")
+    command = ["train", "evil.episodes", "--out", "w.safetensors"]
+    with pytest.raises(SystemExit):
+        main(command)
+    message = capsys.readouterr().err
+    assert "--arm" in message
+    assert "--trust evil_code.py:X" in message
+    assert not ran.exists()
+    save_arm(arm, tmp_path / "mine.toml")
+    for allowed in (["--arm", "mine.toml"], ["--trust", "evil_code.py:X"]):
+        with pytest.raises(SystemExit):
+            main([*command, *allowed])
+        assert "name a subclass" in capsys.readouterr().err
+        assert ran.exists()
+        ran.unlink()
+        sys.modules.pop("evil_code")
+        with pytest.raises(SystemExit):  # the next command starts without trust
+            main(command)
+        assert not ran.exists()
+
+
+def test_train_refuses_an_arm_that_the_recording_is_not_of(recording, tmp_path, capsys):
+    save_episodes(list(recording.episodes), tmp_path / "r.episodes")
+    command = [
+        "train",
+        "r.episodes",
+        "--arm",
+        "simulated_arm",
+        "--out",
+        "w.safetensors",
+    ]
+    with pytest.raises(SystemExit):
+        main(command)
+    assert "differs from simulated_arm in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["", "circle"])
+def test_a_trusted_name_that_is_no_code_is_refused(text, capsys):
+    with pytest.raises(SystemExit):
+        main(["arm", "check", "twin_arm", "--trust", text])
+    assert "names no code" in capsys.readouterr().err
+
+
+def test_a_worker_trusts_what_its_parent_trusts(ran):
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
+        with pytest.raises(UntrustedCodeError):
+            submit(executor, resolve, "task", "evil_code.py:X", {}).result()
+        assert not ran.exists()
+        trust_code("evil_code.py:X")
+        submit(executor, resolve, "task", "evil_code.py:X", {}).result()
+    assert ran.exists()

@@ -1,0 +1,104 @@
+"""MAT files: read as SciPy reads them, and never a crash, whatever byte is wrong."""
+
+import io
+import struct
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import loadmat, savemat
+
+from s2c2a.logs.array_files import read_mat
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.mat_files import read_mat_arrays
+
+DTYPES = ["f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?"]
+VALUES = {kind: np.arange(12).reshape(2, 3, 2).astype(kind) for kind in DTYPES}
+
+
+def mat(values: dict, **options) -> bytes:
+    content = io.BytesIO()
+    savemat(content, values, **options)
+    return content.getvalue()
+
+
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
+    values = {f"of_{kind.replace('?', 'b')}": array for kind, array in VALUES.items()}
+    values |= {
+        "a": 3.5,
+        "none": np.zeros((0, 3)),
+        "text": "up",
+        "rows": np.array(["up", "down"]),
+        "accents": "Länge",
+        "cell": np.array([1, "x"], object),
+        "struct": {"a": 1},
+        "complex": np.array([1j]),
+    }
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat(values, do_compression=is_compressed))
+    ours = read_mat_arrays(path)
+    theirs = loadmat(path)
+    assert set(values) - set(ours) == {"cell", "struct", "complex"}
+    for name, array in ours.items():
+        expected = theirs[name]
+        if array.dtype.kind == "U":
+            expected = np.char.strip(expected)
+            array = np.char.strip(array)
+        np.testing.assert_array_equal(array, expected)
+
+
+def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
+    def element(kind: int, content: bytes) -> bytes:
+        padding = b"\0" * (-len(content) % 8)
+        return struct.pack(">II", kind, len(content)) + content + padding
+
+    array = (
+        element(6, struct.pack(">II", 6, 0))
+        + element(5, struct.pack(">ii", 1, 2))
+        + element(1, b"a")
+        + element(9, struct.pack(">dd", 1.5, -2.0))
+    )
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x0100) + b"MI"
+    (tmp_path / "log.mat").write_bytes(head + element(14, array))
+    np.testing.assert_array_equal(read_mat(tmp_path / "log.mat")["a"], [1.5, -2.0])
+
+
+SMALL = mat({"a": np.arange(3.0), "t": "up"})
+PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
+
+
+def is_read_or_refused(path, content: bytes) -> None:
+    path.write_bytes(content)
+    with suppress(LogError):  # any other error fails
+        read_mat(path)
+
+
+@pytest.mark.parametrize("whole", [SMALL, PACKED])
+def test_no_byte_can_end_the_process(tmp_path, whole):
+    """SciPy's reader ends with a segmentation fault for some of these files."""
+    path = tmp_path / "log.mat"
+    for place in range(len(whole)):
+        for value in (0, 14, 255):
+            damaged = bytearray(whole)
+            damaged[place] = value
+            is_read_or_refused(path, bytes(damaged))
+        is_read_or_refused(path, whole[:place])
+
+
+@given(st.binary(max_size=300), st.integers(126, 400))
+def test_no_bytes_at_all_can_end_the_process(tmp_path_factory, tail, length):
+    path = tmp_path_factory.getbasetemp() / "any.mat"
+    is_read_or_refused(path, (SMALL + PACKED[128:])[:length] + tail)
+
+
+def test_the_type_of_the_numbers_is_checked(tmp_path):
+    damaged = bytearray(mat({"a": np.arange(3.0)}))
+    assert len(damaged) == 208
+    place = damaged.rindex(struct.pack("<II", 9, 24))
+    damaged[place] = 0
+    (tmp_path / "log.mat").write_bytes(damaged)
+    with pytest.raises(LogError, match=r"log\.mat.*the array 'a' holds no numbers"):
+        read_mat(tmp_path / "log.mat")
