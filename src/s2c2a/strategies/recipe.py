@@ -146,7 +146,7 @@ class Recipe:
 
     @property
     def training(self) -> dict[str, Any]:
-        """All options that training depends on, and digests of the user's code."""
+        """All options that training depends on, with the names of all classes."""
         unused = (
             "name",
             "active",
@@ -159,10 +159,10 @@ class Recipe:
         options = asdict(self)
         for name in unused:
             del options[name]
-        options["estimator"] = self.estimator.name
-        options["code"] = (
-            MODELS.code_digest(type(self.c2s)),
-            CONTROLLERS.code_digest(type(self.c2a)),
+        is_custom = isinstance(self.estimator, CustomComponent)
+        # parameters of a custom estimator may matter to its training
+        options["estimator"] = (
+            asdict(self.estimator) if is_custom else self.estimator.name
         )
         return options
 
