@@ -29,3 +29,10 @@ def test_an_impossible_pace_is_refused(pace):
 def test_a_name_with_another_ending_is_no_pace():
     with pytest.raises(TargetError):
         load_task("square@slow", TWIN)
+
+
+def test_a_task_in_place_of_its_name_is_refused_with_a_reason():
+    task = load_task("circle", TWIN)
+    for load in (load_task, lambda given, arm: paced_task(given, arm, 0.5)):
+        with pytest.raises(TargetError, match="goals are made already; give its name"):
+            load(task, TWIN)

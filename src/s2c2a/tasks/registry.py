@@ -49,6 +49,11 @@ MAX_PACE = 10.0
 def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
     """Return a task at another pace: 0.5 takes twice the time.
 
+    Args:
+        name: of a task, as in `load_task`.
+        arm: the arm.
+        pace: times the usual pace.
+
     Raises:
         TargetError: as `load_task`, or the pace is out of range.
     """
@@ -74,9 +79,14 @@ def load_task(name: str, arm: ArmSpec) -> Task:
         TargetError: no such task, an invalid waypoint file, or a custom function that
             fails or returns no task.
     """
-    base, separator, pace = name.rpartition(PACE)
-    if separator and _is_number(pace):
-        return replace(paced_task(base, arm, float(pace)), name=name)
+    if not isinstance(name, str):
+        raise TargetError(
+            f"a task was given as {type(name).__name__}, whose goals are made already; "
+            "give its name, a file of waypoints, or file.py:function"
+        )
+    base, pace = split_pace(name)
+    if pace is not None:
+        return replace(paced_task(base, arm, pace), name=name)
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
     try:
@@ -100,9 +110,12 @@ def load_task(name: str, arm: ArmSpec) -> Task:
     return task
 
 
-def _is_number(text: str) -> bool:
+def split_pace(name: str) -> tuple[str, float | None]:
+    """The name of a task without its pace, and the pace; None if it has none."""
+    base, separator, pace = name.rpartition(PACE)
+    if not separator:
+        return name, None
     try:
-        float(text)
+        return base, float(pace)
     except ValueError:
-        return False
-    return True
+        return name, None
