@@ -160,6 +160,19 @@ def simulated_arm_table() -> str:
     return table(["`circle` [cm]", "`best`", "`paper`", "the paper's arm"], lines)
 
 
+@shown_as("first-run")
+def first_run_table() -> str:
+    """The circle of `twin_arm`, as in the demo."""
+    strategies = ("s2c2a", "pcc", "pcc-fitted")
+    match = {"experiment": "tracking", "arm": "twin_arm", "task": "circle"}
+    rows = [
+        find_row("best/tracking.json", strategy=name, metric="position", **match)
+        for name in strategies
+    ]
+    line = ["`twin_arm`", *map(with_spread, rows), paper_value(rows[0])]
+    return table(["arm", *(f"`{name}`" for name in strategies), "paper"], [line])
+
+
 OBSTACLE_TASKS = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 
 

@@ -1,7 +1,8 @@
-"""Write the tables of README and documentation from the rows in `results/`.
+"""Write the tables and figures of README and documentation from the rows in `results/`.
 
 Run `python -m tools.write_tables` after rows changed. A page marks the place of a table
-with `<!-- table: NAME -->` and `<!-- end of table -->`.
+with `<!-- table: NAME -->` and `<!-- end of table -->`, and a figure in a sentence with
+`<!-- figure: NAME -->` and `<!-- end -->`.
 """
 
 import re
@@ -9,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
 from tools.pages import ROOT
 
@@ -16,24 +18,30 @@ MARKED = re.compile(
     r"(<!-- table: (?P<name>[\w-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL
 )
 
+FIGURE = re.compile(r"(<!-- figure: (?P<name>[\w-]+) -->).*?(<!-- end -->)", re.DOTALL)
+
 
 def written(page: str) -> str:
-    """A page with its tables made from the present rows.
+    """A page with its tables and figures made from the present rows.
 
     Raises:
-        KeyError: no function makes a table of this name.
+        KeyError: no function makes a table or figure of this name.
     """
+
+    def with_figure(found: re.Match[str]) -> str:
+        return f"{found[1]}{FIGURES[found['name']]()}{found[3]}"
 
     def replaced(found: re.Match[str]) -> str:
         return f"{found[1]}\n{TABLES[found['name']]()}\n{found[3]}"
 
-    return MARKED.sub(replaced, page)
+    return FIGURE.sub(with_figure, MARKED.sub(replaced, page))
 
 
 def pages_with_tables() -> Iterator[Path]:
     """Pages that show rows of `results/`."""
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
-        if MARKED.search(page.read_text(encoding="utf-8")):
+        text = page.read_text(encoding="utf-8")
+        if MARKED.search(text) or FIGURE.search(text):
             yield page
 
 

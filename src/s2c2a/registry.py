@@ -4,11 +4,8 @@ A name is one of the package's, an entry point of `s2c2a.<kind>s`, `module:Class
 `file.py:Class`.
 """
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import blake2b
-from pathlib import Path
 from typing import Generic, TypeVar
 
 from s2c2a.errors import StrategyError, UntrustedCodeError
@@ -70,13 +67,6 @@ class OptionsRegistry(Generic[Base]):
             if known is options:
                 return name
         return f"{options.__module__}:{options.__qualname__}"
-
-    def code_digest(self, options: type) -> str:
-        """A digest of a user's source file; empty for classes of the package."""
-        file = getattr(sys.modules.get(options.__module__), "__file__", None)
-        if options in self.known.values() or file is None:
-            return ""
-        return blake2b(Path(file).read_bytes()).hexdigest()
 
 
 def _subclasses(base: type) -> list[type]:

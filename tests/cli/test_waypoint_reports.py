@@ -22,3 +22,12 @@ def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
 def test_reachable_waypoints_are_silent(tmp_path, capsys):
     _paced_task(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), load_arm("twin_arm"), 1)
     assert capsys.readouterr().out == ""
+
+
+def test_a_pace_in_the_name_reports_the_same_as_the_option(tmp_path, capsys):
+    path = written(tmp_path, "0,0,0,-0.6", "4,0.9,0,0.5")
+    _paced_task(path, load_arm("twin_arm"), 0.5)
+    by_option = capsys.readouterr().out
+    _paced_task(f"{path}@0.5", load_arm("twin_arm"), 1)
+    assert by_option
+    assert capsys.readouterr().out == by_option

@@ -4,10 +4,11 @@ import re
 
 import pytest
 
+from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
 from tools.pages import ROOT
 from tools.results_tables import find_row
-from tools.write_tables import MARKED, pages_with_tables, written
+from tools.write_tables import FIGURE, MARKED, pages_with_tables, written
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -22,6 +23,8 @@ def test_every_table_stands_on_a_page():
     pages = [page.read_text(encoding="utf-8") for page in pages_with_tables()]
     shown = {found["name"] for page in pages for found in MARKED.finditer(page)}
     assert shown == set(TABLES)
+    figures = {found["name"] for page in pages for found in FIGURE.finditer(page)}
+    assert figures == set(FIGURES)
 
 
 def test_the_readme_is_short():

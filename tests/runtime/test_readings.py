@@ -226,3 +226,27 @@ def test_values_are_repeated_only_if_the_last_ones_of_the_sensor_have_the_same_b
     missing = np.array([np.nan, 0.0])
     assert not detector.is_repeated("bends", missing)
     assert detector.is_repeated("bends", missing)
+
+
+def test_a_fault_of_one_sensor_makes_no_jump_of_another():
+    """The second sensor moves at half its fastest rate all the time."""
+    sensors = {
+        name: Sensor((2,), "rad", -9.0, 9.0, fastest=2.0) for name in ("bends", "other")
+    }
+    fault = PeriodicCheck(("bends", "other"), sensors)
+    missing = np.full(2, np.nan)
+    faults = []
+    for step in range(12):
+        bends = missing if 3 <= step < 8 else SOUND
+        faults.append(fault(bends, other=SOUND + 0.1 * step))
+    assert faults == [""] * 3 + ["'bends' is not finite"] * 5 + [""] * 4
+    jumped = fault(SOUND, other=SOUND + 9 * 0.5)
+    assert jumped == "'other' has jumped"
+
+
+def test_a_faulty_reading_makes_no_jump_of_a_sensor_that_moves(fault):
+    fault()
+    for step in range(1, 6):
+        stale = fault(SOUND + 0.15 * step, now=fault.time + 9.0)
+        assert "s old" in stale
+    assert fault(SOUND + 0.15 * 6) == ""

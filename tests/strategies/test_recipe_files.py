@@ -2,12 +2,12 @@
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 
-from s2c2a.components import CustomComponent
+from s2c2a.components import Component, CustomComponent
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2AOptions, C2SOptions, ChainOptions, LSTMOptions
 from s2c2a.planning import BEST, Adam
@@ -222,3 +222,43 @@ def test_a_forward_model_in_a_file_beside_the_recipe_is_found_from_anywhere(
     monkeypatch.chdir(tmp_path.parent)
     mine = load_recipe(tmp_path / "mine.toml").c2s
     assert (mine.model, mine.hidden) == (f"{file}:ArcsOptions", 5)
+
+
+FILES = ["solver", "fallback", "terms", "guides"]
+
+
+@pytest.mark.parametrize("key", FILES)
+def test_code_beside_a_recipe_is_found_from_any_folder(key, tmp_path, monkeypatch):
+    """In every table of the planner that can name a component."""
+    folder = tmp_path / "recipes"
+    folder.mkdir()
+    base = BEST_PARTS[key]
+    name = f"own_{key}_beside"
+    (folder / f"{name}.py").write_text(
+        "from dataclasses import dataclass\n"
+        f"from {base.__module__} import {base.__name__}\n\n\n"
+        f"@dataclass(frozen=True)\nclass Mine({base.__name__}):\n    pass\n"
+    )
+    header = f"[[planner.{key}]]" if key in ("terms", "guides") else f"[planner.{key}]"
+    (folder / "mine.toml").write_text(
+        f'based_on = "best"\n{header}\nname = "{name}.py:Mine"\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    load_recipe(folder / "mine.toml").planner.build()
+
+
+def test_every_table_of_the_planner_that_names_components_is_tried():
+    holding = [
+        field.name
+        for field in fields(BEST)
+        if isinstance(getattr(BEST, field.name), tuple | Component)
+    ]
+    assert sorted(holding) == sorted(FILES)
+
+
+BEST_PARTS = {
+    "solver": type(BEST.solver),
+    "fallback": type(BEST.fallback),
+    "terms": Evenness,
+    "guides": type(BEST.guides[0]),
+}

@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
+from s2c2a.models.layers import LSTM
 from s2c2a.progress import quiet
+from s2c2a.strategies import recipe_named, training_data
 from s2c2a.studies.real import (
     RealComparison,
     real_rows,
@@ -18,6 +21,7 @@ from s2c2a.studies.real import (
     split_largest,
     split_rows,
 )
+from s2c2a.studies.real_models import KernelRegression, Recurrent
 
 
 @pytest.fixture(scope="module")
@@ -167,3 +171,24 @@ def test_another_arm_is_rejected_and_paths_name_recordings(
         "test_arm, monday/log",
         "test_arm, tuesday/log",
     }
+
+
+def test_the_recurrent_network_predicts_states_of_all_samples(recording):
+    data = training_data(recording, recipe_named("best"))
+    windows = Recurrent()._windows(data)
+    network = LSTM(windows.shape[-1], 6, 1, 4, jax.random.key(0))
+    predicted = Recurrent().predictions(network, data)
+    assert predicted.shape == data.states.shape
+    assert np.isfinite(predicted).all()
+
+
+def test_rows_of_finished_models_are_kept_when_a_later_one_fails(log, monkeypatch):
+    def fail(*_):
+        raise ValueError("broken")
+
+    monkeypatch.setattr(KernelRegression, "train", fail)
+    kept = []
+    comparison = RealComparison.of(log, (), 25, 0, ["pcc-fitted", "kernels"])
+    with pytest.raises(ValueError, match="broken"):
+        real_rows(comparison, [0], quiet, lambda rows: kept.append(len(rows)))
+    assert kept == [3]

@@ -31,9 +31,8 @@ def test_a_name_with_another_ending_is_no_pace():
         load_task("square@slow", TWIN)
 
 
-@pytest.mark.parametrize(
-    "make", [load_task, lambda task, arm: paced_task(task, arm, 0.5)]
-)
-def test_a_task_instead_of_its_name_is_refused(make):
-    with pytest.raises(TargetError, match="give its name or file, such as 'circle'"):
-        make(load_task("circle", TWIN), TWIN)
+def test_a_task_in_place_of_its_name_is_refused_with_a_reason():
+    task = load_task("circle", TWIN)
+    for load in (load_task, lambda given, arm: paced_task(given, arm, 0.5)):
+        with pytest.raises(TargetError, match="goals are made already; give its name"):
+            load(task, TWIN)

@@ -1,6 +1,7 @@
 """Experiments of `s2c2a reproduce` beyond the paper's tables."""
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -381,8 +382,9 @@ def real(
         run_directory(EXPERIMENT, options, folder) as (directory, _),
         progress_bar() as progress,
     ):
-        rows = real_rows(study, range(seeds), progress)
-        table = _save_table(EXPERIMENT, rows, directory)
+        keep = partial(_save_table, EXPERIMENT, directory=directory)
+        rows = real_rows(study, range(seeds), progress, keep)
+        table = keep(rows)
     print_results(EXPERIMENT, rows, [], directory)
     print(table)
 

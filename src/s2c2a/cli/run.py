@@ -126,6 +126,7 @@ def run(
         given,
         repeat,
     )
+    _check_used(given, job_list)
     _check_trained(factory, job_list)
     jobs.check_robots(job_list)
     options = {
@@ -186,6 +187,23 @@ def _import_classes(model: str | None, controller: str | None) -> None:
         CONTROLLERS.named(controller)
 
 
+def _check_used(given: "jobs.GivenNetworks | None", jobs: "Sequence[jobs.Job]") -> None:
+    """Refuse weights that belong to none of the strategies.
+
+    Raises:
+        S2C2AError: no strategy uses them.
+    """
+    from s2c2a.errors import S2C2AError
+
+    if given is None or any(given in job.needs for job in jobs):
+        return
+    names = ", ".join(dict.fromkeys(job.strategy for job in jobs))
+    raise S2C2AError(
+        f"--weights holds networks of {given.strategy}, and --strategy is {names}; add "
+        f"--strategy {given.strategy}, or leave out --weights"
+    )
+
+
 def _check_trained(factory: "robots.RobotFactory", jobs: "Sequence[jobs.Job]") -> None:
     """Refuse to drive a user's robot with networks of the simulated arm.
 
@@ -214,11 +232,17 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
     Raises:
         S2C2AError: an impossible pace, or no such task.
     """
-    from s2c2a.tasks import load_waypoints, paced_task, unreachable_waypoints
+    from s2c2a.tasks import (
+        load_waypoints,
+        paced_task,
+        split_pace,
+        unreachable_waypoints,
+    )
 
     paced = paced_task(task, spec, pace)
-    if task.endswith(".csv"):
-        tracks = load_waypoints(task)
+    file, _ = split_pace(task)
+    if file.endswith(".csv"):
+        tracks = load_waypoints(file)
         for waypoint in unreachable_waypoints(tracks, spec):
             is_tip = waypoint.module in (-1, spec.module_count - 1)
             number = f"module {waypoint.module} (counted from 0)"

@@ -118,6 +118,8 @@ def sweep(
         "seeds": plan.seeds,
         "metric": plan.metric,
         "conditions": asdict(plan.conditions),
+        # keys of the first trial: they change with waypoint files and custom code
+        "runs": [job.file for job in plan.jobs(start)],
         "seed": seed,
         "batch": batch,
         "optuna": version("optuna"),
@@ -134,7 +136,8 @@ def sweep(
     table, figure = sweeps.save_trials(done, plan, directory)
     _print_trials(done, plan)
     print(f"best recipe: {best} (use it with --recipe {best})")
-    print(f"its networks: {weights} (use them with --weights)")
+    if weights is not None:
+        print(f"its networks: {weights} (use them with --weights)")
     print(f"figure: {figure}\nall trials: {table}")
 
 

@@ -116,8 +116,8 @@ def _trained(
         raise StrategyError(
             "give a recording, or --arm and --from for an arm without a recording"
         )
-    if start is not None and options.name != "s2c2a":
-        raise StrategyError(f"--from works with s2c2a alone, not with {options.name}")
+    if start is not None and type(options) is not strategies.S2C2A:
+        raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None
     if spec is not None and data is not None and not spec.same_mechanics(data.arm):

@@ -22,6 +22,7 @@ from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
+from s2c2a.user_code import code_digest
 
 REVISION = 8
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
@@ -106,10 +107,15 @@ class Artifact(ABC, Generic[Made]):
 
 
 def digest_of(*parts: object) -> str:
-    """A digest of all parts and of the version of the code that makes the artifact."""
-    return hashlib.sha256(
-        repr((parts, s2c2a.__version__, REVISION)).encode()
-    ).hexdigest()[:16]
+    """A digest of all parts, and of the code that makes the artifact.
+
+    The code is the version of the package, and the custom code that the parts name.
+    """
+    written = tuple(
+        arm_to_toml(part) if isinstance(part, ArmSpec) else part for part in parts
+    )
+    content = repr((written, s2c2a.__version__, REVISION)) + code_digest(*parts)
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -123,7 +129,7 @@ class RecordingArtifact(Artifact[Recording]):
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        digest = digest_of("recording", arm_to_toml(self.arm), self.options, SIMULATION)
+        digest = digest_of("recording", self.arm, self.options, SIMULATION)
         return f"{self.arm.name}-{self.options.babbling}-seed{self.options.seed}-{digest}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
@@ -193,7 +199,8 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     def file(self) -> str:
         """See `Artifact`."""
         recordings = [recording.file for recording in self.needs]
-        digest = digest_of(*recordings, self.strategy.training_key(self.recipe))
+        key = self.strategy.training_key(self.recipe)
+        digest = digest_of(*recordings, type(self.strategy), key)
         parts = (
             self.arm.name,
             self.strategy.name,

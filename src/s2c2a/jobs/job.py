@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from s2c2a import episodes, evaluation, versions
-from s2c2a.arm import ArmSpec, arm_to_toml
+from s2c2a.arm import ArmSpec
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs.artifacts import (
@@ -153,7 +153,7 @@ class Job(Artifact[Run]):
         digest = digest_of(
             self.task.name,
             content.hexdigest(),
-            arm_to_toml(self.arm),
+            self.arm,
             self.strategy,
             self.options,
             self.recipe,

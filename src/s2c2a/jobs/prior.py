@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from s2c2a import strategies
-from s2c2a.arm import ArmSpec, arm_to_toml, randomized_arm
+from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs.artifacts import Artifact, Cache, RecordingArtifact, digest_of
@@ -73,8 +73,7 @@ class PriorNetworks(Artifact[TrainedNetworks]):
     def file(self) -> str:
         """See `Artifact`."""
         files = [need.file for need in self.needs]
-        nominal = arm_to_toml(self.arm)
-        digest = digest_of("prior", *files, nominal, self.recipe.training, self.seed)
+        digest = digest_of("prior", *files, self.arm, self.recipe.training, self.seed)
         name = f"{self.arm.name}-{self.recipe.name}-prior-seed{self.seed}"
         return f"{name}-{digest}.safetensors"
 

@@ -21,7 +21,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
 from s2c2a.files import list_in_manifest
-from s2c2a.jobs.artifacts import Cache, NetworksArtifact
+from s2c2a.jobs.artifacts import Cache
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
@@ -77,6 +77,12 @@ class Sweep:
                 f"batch {self.batch}, seed {self.seed}: give a batch of at least one "
                 "trial and a seed of at least zero"
             )
+
+    def jobs(self, recipe: Recipe) -> list[Job]:
+        """The runs of a trial with this recipe."""
+        return jobs_for(
+            self.tasks, self.arm, (self.strategy,), self.seeds, recipe, self.conditions
+        )
 
     @property
     def direction(self) -> Literal["minimize", "maximize"]:
@@ -164,8 +170,8 @@ def save_best(
     folder: Path,
     cache: Cache,
     progress: Progress,
-) -> tuple[Path, Path]:
-    """Write the best trial's recipe, and its networks of the first seed.
+) -> tuple[Path, Path | None]:
+    """Write the best trial's recipe, and its strategy's networks of the first seed.
 
     Args:
         trials: the best first.
@@ -175,18 +181,22 @@ def save_best(
         progress: called with a label, the number done and the total.
 
     Returns:
-        Both files.
+        Both files; no weights of a strategy without training.
 
     Raises:
         S2C2AError: every trial failed.
     """
     best = best_recipe(sweep, trials)
     name = f"{sweep.recipe.name}-swept"
-    artifact = NetworksArtifact.of_recipe(sweep.arm, best, sweep.seeds[0])
-    networks = replace(made(artifact, cache, progress), recipe=replace(best, name=name))
+    recipe = save_recipe(best, folder / f"{name}.toml")
+    needed = sweep.jobs(best)[0].needs
+    if not needed:
+        return recipe, None
+    networks = made(needed[0], cache, progress)
+    renamed = replace(networks, recipe=replace(networks.recipe, name=name))
     weights = folder / "best.safetensors"
-    save_strategy(networks, weights)
-    return save_recipe(best, folder / f"{name}.toml"), weights
+    save_strategy(renamed, weights)
+    return recipe, weights
 
 
 def _open_study(sweep: Sweep, folder: Path) -> optuna.Study:
@@ -257,16 +267,7 @@ def _run_trials(
         except S2C2AError as error:  # values that are valid alone but not together
             failures[trial.number] = error
             continue
-        groups.append(
-            jobs_for(
-                sweep.tasks,
-                sweep.arm,
-                (sweep.strategy,),
-                sweep.seeds,
-                recipe,
-                sweep.conditions,
-            )
-        )
+        groups.append(sweep.jobs(recipe))
     results = iter(in_groups(make, groups))
     for trial in batch:
         failure = failures.get(trial.number)

@@ -52,7 +52,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         """See `Artifact`."""
         files = [need.file for need in self.needs]
         digest = digest_of(
-            "transferred", *files, self.recipe.training, self.arm.name, self.seed
+            "transferred", *files, self.recipe.training, self.arm, self.seed
         )
         name = f"{self.arm.name}-{self.recipe.name}-transferred-seed{self.seed}"
         return f"{name}-{digest}.safetensors"

@@ -15,6 +15,7 @@ FROZEN_STEPS = 3  # steps with the same bits
 FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps
 # the same for sensors of the modules, which rest while cables move within their backlash
 FROZEN_CHANGE_OF_MODULES = 0.3
+CABLES = "cables"  # the sensor that commands are compared with
 MODULE_SENSORS = ("states", "configurations")
 
 
@@ -70,8 +71,11 @@ class ReadingCheck:
         """Forget all readings, as after the robot was opened again."""
         if self._following is not None:
             self._following.reset()
-        self._last_sound: Reading | None = None
-        self._last_values: dict[str, np.ndarray] = {}
+        self._last_sound_time: float | None = None
+        # of each sensor: time and values of its last measurement, and of its last
+        # sound one, whatever was wrong with other sensors
+        self._last: dict[str, tuple[float, np.ndarray]] = {}
+        self._last_sound: dict[str, tuple[float, np.ndarray]] = {}
         self._repeats = RepeatDetector()
         self._repeat_counts = dict.fromkeys(self._required, 0)
         self._changes_while_repeated = dict.fromkeys(self._required, 0.0)
@@ -79,7 +83,7 @@ class ReadingCheck:
     def find_fault(self, reading: Reading, now: float, last_change: float) -> str:
         """Describe what is wrong with a reading; empty if it is sound.
 
-        A sound reading becomes the one that the next reading is compared with.
+        Every sensor is compared with its own last sound measurement.
 
         Args:
             reading: latest reading.
@@ -88,19 +92,20 @@ class ReadingCheck:
                 of the full bend.
         """
         fault = reading.fault or self._time_fault(reading, now)
-        for name in self._required:
-            fault = fault or self._value_fault(name, reading)
-        fault = fault or self._frozen_fault(reading, last_change)
-        if not fault and self._following is not None:
-            fault = self._following.find_fault(reading)
         if not fault:
-            self._last_sound = reading
+            faults = [self._value_fault(name, reading) for name in self._required]
+            fault = next(filter(None, faults), "")
+        fault = fault or self._frozen_fault(reading, last_change)
+        if CABLES not in self._required:
+            fault = fault or self._following_fault(CABLES, reading)
+        if not fault:
+            self._last_sound_time = reading.time
         return fault
 
     def _time_fault(self, reading: Reading, now: float) -> str:
         if not np.isfinite(reading.time):
             return "the reading has no time"
-        if self._last_sound is not None and reading.time <= self._last_sound.time:
+        if self._last_sound_time is not None and reading.time <= self._last_sound_time:
             return "the reading is no newer than the last one"
         age = now - reading.time
         if age > MAX_AGE * self._period:
@@ -110,7 +115,7 @@ class ReadingCheck:
     def _value_fault(self, name: str, reading: Reading) -> str:
         values = reading.get(name)
         sensor = self._sensors.get(name)
-        previous = self._last_values.pop(name, None)
+        previous = self._last.pop(name, None)
         if values is None or sensor is None:
             return f"'{name}' is missing"
         if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
@@ -121,31 +126,45 @@ class ReadingCheck:
             return f"'{name}' is not finite"
         if not ((values >= sensor.low) & (values <= sensor.high)).all():
             return f"'{name}' is out of its range"
-        self._last_values[name] = values
+        self._last[name] = (reading.time, values)
         if self._has_jumped(name, reading, previous):
             return f"'{name}' has jumped"
-        return ""
+        fault = self._following_fault(name, reading)
+        if not fault:
+            self._last_sound[name] = (reading.time, values)
+        return fault
+
+    def _following_fault(self, name: str, reading: Reading) -> str:
+        if name != CABLES or self._following is None:
+            return ""
+        return self._following.find_fault(reading)
 
     def _has_jumped(
-        self, name: str, reading: Reading, previous: np.ndarray | None
+        self, name: str, reading: Reading, previous: tuple[float, np.ndarray] | None
     ) -> bool:
         """Whether values changed faster than the sensor can.
 
         The longer ago the last sound reading is, the further values may be from it;
-        but then they must fit the previous, unsound reading, too.
+        but then they must fit the previous, unsound measurement, too.
         """
         max_rate = self._sensors[name].fastest
-        if self._last_sound is None or not np.isfinite(max_rate).any():
+        if name not in self._last_sound or not np.isfinite(max_rate).any():
             return False
-        values = reading[name]
-        change = np.abs(values - self._last_sound[name])
-        elapsed = max(reading.time - self._last_sound.time, self._period)
-        if (change > max_rate * elapsed).any():
+        change, allowed = self._change_since(self._last_sound[name], name, reading)
+        if (change > allowed).any():
             return True
-        step = max_rate * self._period
-        if previous is None or (change <= step).all():
+        if previous is None or (change <= max_rate * self._period).all():
             return False
-        return bool((np.abs(values - previous) > step).any())
+        change, allowed = self._change_since(previous, name, reading)
+        return bool((change > allowed).any())
+
+    def _change_since(
+        self, earlier: tuple[float, np.ndarray], name: str, reading: Reading
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Change of a sensor since an earlier measurement, and the largest possible."""
+        time, values = earlier
+        elapsed = max(reading.time - time, self._period)
+        return np.abs(reading[name] - values), self._sensors[name].fastest * elapsed
 
     def _frozen_fault(self, reading: Reading, last_change: float) -> str:
         """Detect sensors whose values repeat for some steps while commands change."""

@@ -48,6 +48,10 @@ class LSTM(StrategyOptions):
         """See `StrategyOptions`."""
         return CollectOptions(seed=seed)
 
+    def training_key(self, recipe: Recipe) -> Any:
+        """See `StrategyOptions`: the recipe matters to the recording alone."""
+        return repr(self)
+
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
     ) -> dict[str, Any]:

@@ -69,9 +69,10 @@ class StrategyOptions(ABC):
     def training_key(self, recipe: Recipe) -> Any:
         """Everything beside the recording that training depends on.
 
-        Networks are trained anew where its text differs.
+        Networks are trained anew where its text differs, or the code of the strategy. By
+        default it holds all options of the strategy and all that the recipe trains by.
         """
-        return repr(self)
+        return repr(self), recipe.training
 
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray

@@ -66,6 +66,10 @@ class FittedPCC(StrategyOptions):
         """See `StrategyOptions`."""
         return recipe.collect_options(seed)
 
+    def training_key(self, recipe: Recipe) -> Any:
+        """See `StrategyOptions`: the recipe matters to the recording alone."""
+        return repr(self)
+
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
     ) -> dict[str, Any]:

@@ -147,7 +147,7 @@ class Recipe:
 
     @property
     def training(self) -> dict[str, Any]:
-        """All options that training depends on, and digests of the user's code."""
+        """All options that training depends on, with the names of all classes."""
         unused = (
             "name",
             "active",
@@ -160,10 +160,10 @@ class Recipe:
         options = asdict(self)
         for name in unused:
             del options[name]
-        options["estimator"] = self.estimator.name
-        options["code"] = (
-            MODELS.code_digest(type(self.c2s)),
-            CONTROLLERS.code_digest(type(self.c2a)),
+        is_custom = isinstance(self.estimator, CustomComponent)
+        # parameters of a custom estimator may matter to its training
+        options["estimator"] = (
+            asdict(self.estimator) if is_custom else self.estimator.name
         )
         return options
 
@@ -366,7 +366,7 @@ def _complete(written: dict[str, Any], folder: Path) -> dict[str, Any]:
     written = dict(written)
     if isinstance(written.get("planner"), dict):
         planner = dict(written["planner"])
-        for key in ("solver", "terms", "guides"):
+        for key in ("solver", "terms", "guides", "fallback"):
             if key in planner:
                 planner[key] = _with_full_path(planner[key], folder, "name")
         written["planner"] = planner

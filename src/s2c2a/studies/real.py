@@ -257,6 +257,7 @@ def real_rows(
     comparison: RealComparison,
     seeds: Sequence[int],
     progress: Callable[[str, int, int], None],
+    keep: Callable[[list[Row]], object] = lambda rows: None,
 ) -> list[Row]:
     """Make rows of every split and model.
 
@@ -264,6 +265,8 @@ def real_rows(
         comparison: recordings, splits and models.
         seeds: of training.
         progress: called with a label, the number done and the total.
+        keep: called with all rows so far whenever a model is finished, so that an
+            interruption loses none.
     """
     rows: list[Row] = []
     pairs = list(product(comparison.splits, comparison.models))
@@ -271,6 +274,7 @@ def real_rows(
         progress("models", number, len(pairs))
         unseen = comparison.unseen if split is comparison.splits[-1] else {}
         rows += split_rows(comparison.recording, split, [name], seeds, unseen)
+        keep(rows)
     return rows
 
 

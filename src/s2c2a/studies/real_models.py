@@ -162,7 +162,7 @@ class Recurrent(_ReferenceModel):
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`."""
-        predict = jax.jit(model)
+        predict = jax.jit(lambda windows: model(windows))  # a network has no hash
         states = [predict(jnp.asarray(episode)) for episode in self._windows(data)]
         return np.stack(states).reshape(data.states.shape)
 

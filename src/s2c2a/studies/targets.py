@@ -10,7 +10,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from s2c2a.arm import ArmSpec, arm_to_toml
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.goals import Goal
@@ -67,7 +67,7 @@ class _TargetSearch(Artifact[Made]):
     @property
     def file(self) -> str:
         """See `Artifact`."""
-        digest = digest_of("targets", arm_to_toml(self.arm), *self.key)
+        digest = digest_of("targets", self.arm, *self.key)
         return f"{self.arm.name}-targets-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:

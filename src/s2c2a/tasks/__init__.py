@@ -1,7 +1,7 @@
 """Tasks: goals for every control step, and scores."""
 
 from s2c2a.tasks.circle import circle, tilt
-from s2c2a.tasks.registry import TASKS, load_task, paced_task
+from s2c2a.tasks.registry import TASKS, load_task, paced_task, split_pace
 from s2c2a.tasks.task import Score, Task
 from s2c2a.tasks.waypoints import (
     Waypoints,

@@ -49,6 +49,11 @@ MAX_PACE = 10.0
 def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
     """Return a task at another pace: 0.5 takes twice the time.
 
+    Args:
+        name: of a task, as in `load_task`.
+        arm: the arm.
+        pace: times the usual pace.
+
     Raises:
         TargetError: as `load_task`, or the pace is out of range.
     """
@@ -81,11 +86,12 @@ def load_task(name: str, arm: ArmSpec) -> Task:
     """
     if not isinstance(name, str):
         raise TargetError(
-            f"the task {name!r:.60} was given; give its name or file, such as 'circle'"
+            f"a task was given as {type(name).__name__}, whose goals are made already; "
+            "give its name, a file of waypoints, or file.py:function"
         )
-    base, separator, pace = name.rpartition(PACE)
-    if separator and _is_number(pace):
-        return replace(paced_task(base, arm, float(pace)), name=name)
+    base, pace = split_pace(name)
+    if pace is not None:
+        return replace(paced_task(base, arm, pace), name=name)
     if name.endswith(".csv"):
         return waypoints_task(Path(name).stem, load_waypoints(name), arm)
     trust_code(name)
@@ -110,9 +116,12 @@ def load_task(name: str, arm: ArmSpec) -> Task:
     return task
 
 
-def _is_number(text: str) -> bool:
+def split_pace(name: str) -> tuple[str, float | None]:
+    """The name of a task without its pace, and the pace; None if it has none."""
+    base, separator, pace = name.rpartition(PACE)
+    if not separator:
+        return name, None
     try:
-        float(text)
+        return base, float(pace)
     except ValueError:
-        return False
-    return True
+        return name, None

@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.sensor_faults import KINDS, SensorFaults
+from s2c2a.robots.simulation.sensor_faults import KINDS, MAX_LATENCY, SensorFaults
 
 PERIOD = 0.1
 FAULT_STEP = 5
@@ -82,3 +82,23 @@ def test_an_event_gives_a_fault_to_a_sensor_of_the_arm(twin):
 def test_a_fault_that_the_arm_cannot_have_is_refused(twin, event, message):
     with pytest.raises(S2C2AError, match=message):
         SimulatedRobot(twin, events=event)
+
+
+def test_faults_that_repeat_past_values_do_so_however_long_they_last():
+    for steps in (150, 1000):
+        frozen = readings("frozen", steps=steps)
+        np.testing.assert_allclose(frozen[FAULT_STEP:, :, 0], FAULT_STEP)
+    slowest = readings("latency", MAX_LATENCY, steps=1000)[-1]
+    np.testing.assert_allclose(slowest[:, 0], 999 - round(MAX_LATENCY / PERIOD))
+
+
+def test_a_sensor_freezes_anew_at_every_fault():
+    faults = SensorFaults(seed=0)
+    values = []
+    for step in range(6):
+        if step in (1, 4):
+            faults.set("counter", "frozen", 0.0, step * PERIOD)
+        values.append(
+            float(faults.apply({"counter": np.array(step)}, step * PERIOD)["counter"])
+        )
+    assert values == [0, 1, 1, 1, 4, 4]

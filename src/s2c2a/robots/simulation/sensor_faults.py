@@ -36,6 +36,7 @@ class SensorFaults:
         """Begin without faults."""
         self._random = np.random.default_rng([seed, _STREAM])
         self._faults: dict[str, _Fault] = {}
+        self._frozen: dict[str, np.ndarray] = {}
         self._past: deque[tuple[float, Mapping[str, np.ndarray]]] = deque()
 
     def set(self, sensor: str, kind: str, amount: float, time: float) -> None:
@@ -48,6 +49,7 @@ class SensorFaults:
             time: now [s].
         """
         self._faults[sensor] = _Fault(kind, amount, time)
+        self._frozen.pop(sensor, None)
 
     def apply(
         self, values: Mapping[str, np.ndarray], time: float
@@ -60,7 +62,8 @@ class SensorFaults:
         """
         if not self._past or time > self._past[-1][0]:
             self._past.append((time, values))
-        while time - self._past[0][0] > MAX_LATENCY:
+        # the last reading of `MAX_LATENCY` ago, or an earlier one, stays
+        while len(self._past) > 1 and time - self._past[1][0] >= MAX_LATENCY:
             self._past.popleft()
         changed = dict(values)
         for name, fault in self._faults.items():
@@ -83,7 +86,9 @@ class SensorFaults:
             case "latency":
                 return self._at(name, time - amount, values)
             case "frozen":
-                return self._at(name, fault.began, values)
+                # kept here, since past readings are forgotten after a while
+                held = self._at(name, fault.began, values)
+                return self._frozen.setdefault(name, held)
             case "negated":
                 return -values
             case "zeros":

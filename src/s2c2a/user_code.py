@@ -1,0 +1,169 @@
+"""Identity of custom code: which source files a value depends on, and their digest.
+
+Files that the project keeps are found by the `repr` of everything that they depend on.
+A text such as `my_strategy.py:Mine` stays the same when the file is edited, so the key of
+a kept file also holds the digest of all custom code that the values name.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import is_dataclass
+from functools import cache
+from hashlib import blake2b
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+PACKAGE = "s2c2a"
+GROUPS = f"{PACKAGE}."
+"""Beginning of all groups of entry points."""
+INSTALLED = {"site-packages", "dist-packages"}
+"""Folders whose modules belong to many packages."""
+
+
+def code_digest(*values: Any) -> str:
+    """Digest of the custom source files that values name; empty if they name none.
+
+    It counts the files of classes outside the package and of texts such as
+    `file.py:Name`, `module:Name` and names of entry points; and the files that these
+    import from their own folder or package. Nothing is imported.
+
+    Args:
+        values: any; dataclasses, pydantic models and containers are searched.
+    """
+    files: set[Path] = set()
+    for value in values:
+        for file in _named_files(value):
+            _add_with_imports(file, files)
+    if not files:
+        return ""
+    digests = sorted(blake2b(file.read_bytes()).hexdigest() for file in files)
+    return blake2b("".join(digests).encode()).hexdigest()[:16]
+
+
+def _named_files(value: Any) -> Iterator[Path]:
+    """Files of custom code that a value names, directly or inside."""
+    if isinstance(value, str):
+        yield from _files_in_text(value)
+        return
+    if isinstance(value, type):
+        yield from _module_files(value.__module__)
+        return
+    for part in _parts(value):
+        yield from _named_files(part)
+    if is_dataclass(value) or isinstance(value, tuple | BaseModel):
+        yield from _module_files(type(value).__module__)
+
+
+def _parts(value: Any) -> list[Any]:
+    if isinstance(value, Mapping):
+        return [*value.keys(), *value.values()]
+    if isinstance(value, list | tuple | set | frozenset):
+        return list(value)
+    if is_dataclass(value) or isinstance(value, BaseModel):
+        return list(vars(value).values())
+    return []
+
+
+def _files_in_text(text: str) -> Iterator[Path]:
+    """Files of `file.py:Name`, `module:Name` (options may follow) or an entry point."""
+    name = text.partition(",")[0]
+    place, colon, attribute = name.rpartition(":")
+    if name in _entry_point_modules():
+        yield from _module_files(_entry_point_modules()[name])
+    if not colon or not attribute.isidentifier():
+        return
+    if place.endswith(".py"):
+        yield from _if_file(Path(place))
+    elif all(part.isidentifier() for part in place.split(".")):
+        yield from _module_files(place)
+
+
+@cache
+def _entry_point_modules() -> dict[str, str]:
+    """Modules of all entry points for the package, by name."""
+    installed = entry_points()
+    return {
+        point.name: point.module
+        for group in installed.groups
+        if group.startswith(GROUPS)
+        for point in installed.select(group=group)
+    }
+
+
+def _module_files(module: str) -> Iterator[Path]:
+    """File of a module outside of the package and of Python."""
+    top = module.partition(".")[0]
+    if top == PACKAGE or top in sys.stdlib_module_names:
+        return
+    loaded = getattr(sys.modules.get(module), "__file__", None)
+    if loaded:
+        yield from _if_file(Path(loaded))
+        return
+    for folder in (Path.cwd(), *map(Path, sys.path)):
+        if found := _file_in(folder, module):
+            yield found
+            return
+
+
+def _if_file(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path.resolve()
+
+
+def _file_in(folder: Path, module: str) -> Path | None:
+    """Source file of a module, if a folder has it."""
+    place = folder.joinpath(*module.split("."))
+    for candidate in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+        if candidate.is_file():
+            return candidate.resolve()
+    return None
+
+
+def _add_with_imports(file: Path, files: set[Path]) -> None:
+    """Add a file, and those that it imports from its own folder or package."""
+    if file in files:
+        return
+    files.add(file)
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):  # reported where it is imported
+        return
+    for folder, module in _imports(tree, file):
+        if imported := _file_in(folder, module):
+            _add_with_imports(imported, files)
+
+
+def _imports(tree: ast.Module, file: Path) -> Iterator[tuple[Path, str]]:
+    """Modules that a file may import, each with the folder to search."""
+    package = _package_of(file)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            level = 0
+        elif isinstance(node, ast.ImportFrom):
+            start = [node.module] if node.module else []
+            # `from package import name`: the name may be a module
+            names = [".".join([*start, alias.name]) for alias in node.names]
+            names += start
+            level = node.level
+        else:
+            continue
+        for name in names:
+            if level:
+                yield file.parents[level - 1], name
+            elif package is not None and name.partition(".")[0] == package.name:
+                yield package.parent, name
+            elif file.parent.name not in INSTALLED:
+                yield file.parent, name
+
+
+def _package_of(file: Path) -> Path | None:
+    """Folder of the outermost package of a file; None without a package."""
+    folder = file.parent
+    while (folder / "__init__.py").is_file():
+        folder = folder.parent
+    return None if folder == file.parent else folder / file.relative_to(folder).parts[0]

@@ -1,0 +1,191 @@
+"""An edit of custom code makes anew what depends on it, whatever kind of code it is."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import s2c2a
+from s2c2a.arm.sensors import Raw, Sensors
+from s2c2a.arm.tracking import Tracking
+from s2c2a.components import CustomComponent
+from s2c2a.control.options import CONTROLLERS
+from s2c2a.data import CollectOptions
+from s2c2a.jobs import (
+    Conditions,
+    NetworksArtifact,
+    PriorNetworks,
+    RecordingArtifact,
+    TransferredNetworks,
+    jobs_for,
+)
+from s2c2a.models.registry import MODELS
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import STRATEGIES, recipe_named
+from s2c2a.user_code import code_digest
+
+BEST = recipe_named("best")
+GROUP = re.compile(
+    r'(?:resolve\(|ComponentRegistry\.of\(|OptionsRegistry\()\s*"(\w+)"', re.MULTILINE
+)
+BASES = {
+    "strategy": "s2c2a.strategies.S2C2A",
+    "model": "s2c2a.models.LocalOptions",
+    "controller": "s2c2a.control.options.BiLSTMController",
+}
+"""Classes that are imported before anything is made; all others are named only."""
+
+
+def job_of(arm, recipe=BEST, strategy="s2c2a", conditions=None):
+    conditions = conditions or Conditions()
+    return jobs_for(["circle"], arm, [strategy], [0], recipe, conditions)[0]
+
+
+def planned_with(twin, **changes):
+    return job_of(twin, replace(BEST, planner=replace(BEST.planner, **changes)))
+
+
+def strategy_artifacts(name, twin):
+    job = job_of(twin, strategy=name)
+    return [job, *job.needs]
+
+
+def model_artifacts(name, twin):
+    recipe = replace(BEST, c2s=MODELS.named(name)(model=name))
+    return [job_of(twin, recipe), NetworksArtifact(twin, recipe, 0)]
+
+
+def controller_artifacts(name, twin):
+    recipe = replace(BEST, c2a=CONTROLLERS.named(name)(model=name))
+    return [job_of(twin, recipe), NetworksArtifact(twin, recipe, 0)]
+
+
+def estimator_artifacts(name, twin):
+    recipe = replace(BEST, estimator=CustomComponent(name))
+    # a job asks the estimator for the arm of its training, and imports it
+    return [NetworksArtifact(twin, recipe, 0)]
+
+
+def arm_artifacts(arm):
+    recording = CollectOptions(episodes=1)
+    return [
+        job_of(arm),
+        RecordingArtifact(arm, recording),
+        NetworksArtifact(arm, BEST, 0),
+        PriorNetworks(arm, BEST),
+        TransferredNetworks(arm, BEST, 0, NetworksArtifact(arm, BEST, 0), None),
+    ]
+
+
+def sensor_artifacts(name, twin):
+    return arm_artifacts(twin.model_copy(update={"sensing": name}))
+
+
+def sensor_model_artifacts(name, twin):
+    raw = Raw(name="mine", shape=(2,), model=name)
+    return arm_artifacts(twin.model_copy(update={"sensors": Sensors(raw=(raw,))}))
+
+
+def tracker_artifacts(name, twin):
+    tracking = Tracking(source=f"{name},port=9")
+    driven = Conditions(RobotFactory("walker", (), f"{name},port=9"))
+    tracked = twin.model_copy(update={"tracking": tracking})
+    return [job_of(tracked), job_of(twin, conditions=driven)]
+
+
+ARTIFACTS = {
+    "strategy": strategy_artifacts,
+    "model": model_artifacts,
+    "controller": controller_artifacts,
+    "estimator": estimator_artifacts,
+    "solver": lambda name, twin: [planned_with(twin, solver=CustomComponent(name))],
+    "fallback": lambda name, twin: [planned_with(twin, fallback=CustomComponent(name))],
+    "guide": lambda name, twin: [planned_with(twin, guides=(CustomComponent(name),))],
+    "term": lambda name, twin: [planned_with(twin, terms=(CustomComponent(name),))],
+    "robot": lambda name, twin: [
+        job_of(twin, conditions=Conditions(RobotFactory(name)))
+    ],
+    "sensor": sensor_artifacts,
+    "sensor_model": sensor_model_artifacts,
+    "tracker": tracker_artifacts,
+}
+"""By kind of custom code: all artifacts that depend on it."""
+KEPT_BY_CONTENT = {"task"}
+"""The goals that the code made are in the key (`test_artifacts`)."""
+
+
+def written(folder, kind):
+    """A file of custom code with a class `Mine`, and a helper module that it imports."""
+    module = f"own_{kind}_code"
+    base = BASES.get(kind, "builtins.object")
+    place, _, parent = base.rpartition(".")
+    helper = folder / f"{module}_helper.py"
+    helper.write_text("GAIN = 1.0\n")
+    file = folder / f"{module}.py"
+    file.write_text(
+        "from dataclasses import dataclass\n"
+        f"from {helper.stem} import GAIN\n"
+        f"from {place} import {parent}\n\n\n"
+        f"@dataclass(frozen=True)\nclass Mine({parent}):\n    pass\n"
+    )
+    return file, helper
+
+
+def test_every_kind_of_custom_code_is_tried():
+    source = Path(s2c2a.__file__).parent
+    found = set()
+    for file in source.rglob("*.py"):
+        found.update(GROUP.findall(file.read_text(encoding="utf-8")))
+    assert found == ARTIFACTS.keys() | KEPT_BY_CONTENT
+
+
+@pytest.mark.parametrize("kind", ARTIFACTS)
+def test_an_edit_changes_the_key_of_everything_that_depends_on_the_code(
+    kind, twin, tmp_path
+):
+    file, helper = written(tmp_path, kind)
+
+    def keys():
+        artifacts = ARTIFACTS[kind](f"{file}:Mine", twin)
+        return [artifact.file for artifact in artifacts]
+
+    first = keys()
+    assert keys() == first
+    for edited in (file, helper):
+        edited.write_text(edited.read_text() + "# edited\n")
+        changed = keys()
+        assert not set(changed) & set(first)
+        first = changed
+
+
+def test_the_key_of_the_packages_own_components_holds_no_code(twin):
+    for name in STRATEGIES.known:
+        assert code_digest(STRATEGIES.named(name)(), BEST, twin) == ""
+
+
+def test_modules_and_packages_count_with_the_modules_that_they_import(
+    tmp_path, monkeypatch
+):
+    package = tmp_path / "own_package"
+    (package / "parts").mkdir(parents=True)
+    (package / "__init__.py").write_text("from own_package import deep\n")
+    (package / "deep.py").write_text("from .parts import inner\n")
+    (package / "parts" / "__init__.py").write_text("import numpy\n")
+    (package / "parts" / "inner.py").write_text("VALUE = 1\n")
+    (package / "unused.py").write_text("VALUE = 1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    first = code_digest({"name": "own_package:Mine"})
+    assert first
+    (package / "unused.py").write_text("VALUE = 2\n")
+    assert code_digest(["own_package:Mine"]) == first
+    (package / "parts" / "inner.py").write_text("VALUE = 2\n")
+    assert code_digest("own_package:Mine") != first
+
+
+@pytest.mark.parametrize(
+    "text", ["", "circle", "json:loads", "s2c2a.robots:Robot", "udp:9763", "a.py:B"]
+)
+def test_texts_that_name_no_custom_code_have_no_digest(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_digest(text) == ""

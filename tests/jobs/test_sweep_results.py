@@ -1,0 +1,42 @@
+"""What a sweep writes belongs to the strategy that it tried."""
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.jobs import Cache, sweep
+from s2c2a.jobs.search_space import varied_from
+from s2c2a.progress import quiet
+from s2c2a.strategies import STRATEGIES, load_recipe, recipe_named
+from s2c2a.tasks import load_task
+
+TWIN = load_arm("twin_arm")
+BEST = recipe_named("best")
+VARIED = varied_from(["planner.solver.iterations=5,10"], BEST)
+TRIALS = [sweep.Trial(0, {"planner.solver.iterations": 5}, 1.0)]
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES.known)
+def test_the_networks_of_the_best_trial_are_those_of_its_runs(
+    strategy, tmp_path, monkeypatch
+):
+    tasks = (load_task("circle", TWIN),)
+    plan = sweep.Sweep(TWIN, tasks, BEST, VARIED, seeds=(2, 3), strategy=strategy)
+    best = sweep.best_recipe(plan, TRIALS)
+    needed = plan.jobs(best)[0].needs
+    asked = []
+    saved = []
+
+    class Networks:
+        recipe = BEST
+
+    monkeypatch.setattr(
+        sweep, "made", lambda artifact, *_: asked.append(artifact) or Networks()
+    )
+    monkeypatch.setattr(sweep, "replace", lambda value, **_: value)
+    monkeypatch.setattr(sweep, "save_strategy", lambda _, path: saved.append(path))
+    recipe, weights = sweep.save_best(TRIALS, plan, tmp_path, Cache(tmp_path), quiet)
+    assert tuple(asked) == needed
+    assert load_recipe(recipe).planner.solver.iterations == 5
+    assert saved == ([] if strategy == "pcc" else [weights])
+    for artifact in needed:
+        assert STRATEGIES.name_of(type(artifact.strategy)) == strategy
