@@ -120,6 +120,17 @@ def test_the_step_limit_is_not_blamed_for_goals_out_of_reach():
     )
 
 
+def test_a_run_that_ends_out_of_reach_is_not_advised_to_be_slower():
+    """The way to the goal is at the step limit, its end out of reach."""
+    angles = np.deg2rad(4.0) * np.minimum(np.arange(STEPS), 10)[:, None]
+    planned = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=-1)
+    outcomes = np.where(np.arange(STEPS) <= 10, Outcome.MOVING, Outcome.OUT_OF_REACH)
+    run = make_run(plan=0.026, planned=planned.repeat(3, axis=1))
+    text = describe_plans(Episode(TWIN, {**run.columns, "outcome": outcomes}))
+    assert "the step limit of 4 deg held the plan back in 10 of 20 steps" in text
+    assert "slower" not in text
+
+
 def test_the_plan_of_a_step_is_described_where_it_does_not_get_nearer():
     def describe(outcome):
         return describe_step_plan({"outcome": outcome, "plan_error": np.array(0.026)})

@@ -106,9 +106,11 @@ def describe_plans(episode: Episode) -> str:
         for outcome, text in PLAN_OUTCOMES.items():
             counts[f"the planner {text}"] = int((outcomes == outcome).sum())
     limit_text = (
-        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back "
-        "(a slower --pace avoids that)"
+        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
+    # at any pace, a goal out of reach stays so
+    if not counts.get(f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"):
+        limit_text += " (a slower --pace avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"
