@@ -167,7 +167,7 @@ class Plan(NamedTuple):
     memory: Memory
     search: Search
     disturbances: Disturbances | None = None
-    error: Float[Numbers, ""] = np.nan
+    error: Float[Numbers, ""] = np.array(np.nan)
 
     @property
     def outcome(self) -> Outcome:
