@@ -211,6 +211,13 @@ PLANS = (
         "part of that deviation which is due to extrapolation beyond the data",
     ),
     Column("outcome", "()", "", "number of the planner's outcome (below)"),
+    Column(
+        "plan_error",
+        "()",
+        "m",
+        "largest distance of the planned module ends from their desired positions, by "
+        "the plan's own model; NaN without a desired position",
+    ),
 )
 RUN_OPTIONS = (
     ("`task`, `strategy`, `recipe`, `seed`", "run", "what ran"),

@@ -85,7 +85,7 @@ def test_without_fallback_slopes_that_point_uphill_freeze_the_plan():
     planner = Planner(TWIN, Uphill(MODEL), replace(BEST, fallback=NO_FALLBACK))
     plans = run(planner, ASIDE, 10)
     np.testing.assert_allclose(plans[-1].configurations, STRAIGHT, atol=1e-3)
-    assert set(outcomes(plans)) == {Outcome.SOLVED}
+    assert set(outcomes(plans[1:])) == {Outcome.STALLED}
 
 
 def test_true_slopes_take_over_within_the_same_step(misled):
@@ -164,6 +164,6 @@ def test_invalid_parameters_are_rejected(numbers):
 
 
 def test_every_outcome_has_a_number_and_a_sentence():
-    assert [int(outcome) for outcome in Outcome] == [0, 1, 2, 3, 4]
+    assert [int(outcome) for outcome in Outcome] == list(range(8))
     assert Outcome(4) is Outcome.STUCK
     assert all(outcome.sentence.endswith(".") for outcome in Outcome)

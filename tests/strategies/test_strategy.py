@@ -262,7 +262,7 @@ def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
         "predictive_std": (3,),
         "extrapolation": (),
     }
-    columns |= {"outcome": ()}
+    columns |= {"outcome": (), "plan_error": ()}
     assert told == columns | watched
 
 

@@ -249,7 +249,7 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
             end = "the tip" if is_tip else f"the end of {number}"
             print(
                 f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
-                f"{waypoint.time:g} s of {end}"
+                f"{waypoint.time:g} s of {end}, if modules bend as arcs"
             )
         if all((track.positions[:, 2] < 0).all() for track in tracks):
             print(
@@ -271,6 +271,7 @@ def _report(
     print_results(title, rows, draw_runs(directory, runs, video), directory)
     describe_all = (
         evaluation.describe_plans,
+        evaluation.describe_lasting_error,
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
         evaluation.describe_overload,

@@ -33,6 +33,7 @@ class Episode:
     | `predictive_std`    | predictive std. deviation of ends [m] | (modules,)        |
     | `extrapolation`     | part of it due to extrapolation [m]   |                   |
     | `outcome`           | number of the planner's `Outcome`     |                   |
+    | `plan_error`        | of the plan's ends from the goal [m]  |                   |
     | `feedback`          | share of the feedback in use          |                   |
     | `target_offsets`    | learned in repetitions [m]            | (modules, 3)      |
     | `payload`           | estimated payload at the tip [kg]     |                   |
@@ -205,6 +206,7 @@ def _standard_row_shapes(
         "predictive_std": (modules,),
         "extrapolation": (),
         "outcome": (),
+        "plan_error": (),
         "feedback": (),
         "target_offsets": vectors,
         "payload": (),

@@ -2,6 +2,7 @@
 
 from s2c2a.evaluation.estimates import describe_estimates, describe_step_estimates
 from s2c2a.evaluation.extrapolation import describe_extrapolation, is_outside_data
+from s2c2a.evaluation.lasting_error import describe_lasting_error, describe_step_plan
 from s2c2a.evaluation.metrics import (
     METRICS,
     ScoreResult,

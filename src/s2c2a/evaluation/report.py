@@ -17,17 +17,19 @@ from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
-from s2c2a.planning import reach_gaps
+from s2c2a.planning import Outcome, reach_gaps
 from s2c2a.spaces import POSITION, Stage
 
 MAX_BYTES = 20_000_000
 PLAN_OUTCOMES = {
-    1: "kept the last plan",
-    2: "restarted from another shape",
-    3: "used the fallback search",
-    4: "was stuck",
+    Outcome.KEPT: "kept the last plan",
+    Outcome.RESTARTED: "restarted from another shape",
+    Outcome.FALLBACK: "used the fallback search",
+    Outcome.STUCK: "was stuck",
+    Outcome.STALLED: "stood still short of its goal",
+    Outcome.OUT_OF_REACH: "found its goal out of reach",
 }
-"""What the planner did in a step, by its `outcome`; 0, solved, is not reported."""
+"""What the planner did in a step; plans that reach their goal or move are not reported."""
 SIGNIFICANT = 0.01  # of the arm's length
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
@@ -96,7 +98,7 @@ def describe_plans(episode: Episode) -> str:
     """Describe in how many steps of a run planning was difficult; empty if in none.
 
     Counted are steps in which the planner did not solve its problem (`outcome`), or
-    the step limit held the plan back.
+    the step limit held the plan back from a goal within reach.
     """
     counts: dict[str, int] = {}
     if "outcome" in episode.columns:
@@ -104,9 +106,11 @@ def describe_plans(episode: Episode) -> str:
         for outcome, text in PLAN_OUTCOMES.items():
             counts[f"the planner {text}"] = int((outcomes == outcome).sum())
     limit_text = (
-        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back "
-        "(a slower --pace avoids that)"
+        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
+    # at any pace, a goal out of reach stays so
+    if not counts.get(f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"):
+        limit_text += " (a slower --pace avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"
@@ -199,7 +203,10 @@ def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
     if not episode.columns.keys() >= PLAN_COLUMNS or not len(episode.running):
         return np.zeros(0, dtype=bool)
     missed = _planned_misses(episode) > SIGNIFICANT * episode.arm.length
-    return missed & _whole_steps(episode)
+    held_back = missed & _whole_steps(episode)
+    if "outcome" in episode.columns:
+        held_back &= episode.ran("outcome") != Outcome.OUT_OF_REACH
+    return held_back
 
 
 def _whole_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.evaluation import describe_step_estimates
+from s2c2a.evaluation import describe_step_estimates, describe_step_plan
 from s2c2a.live.gate import HOST
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
@@ -269,12 +269,14 @@ class LivePage(Window):
         clearance = latest.clearance
         step = f"step {latest.task_step + 1} of {latest.task_steps}"
         measured = "states" in latest.step.reading.sensors
+        plan = describe_step_plan(latest.step.diagnostics)
         texts = {
             f"error {100 * error:.1f} cm": np.isfinite(error),
             f"clearance {100 * clearance:.1f} cm": np.isfinite(clearance),
             "task finished" if latest.finished else step: latest.task_steps,
             "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > REACH_TOLERANCE,
+            f"**{plan}**": plan,
             MODEL_DRAWN: not measured,
             f"**{latest.step.vibration}**": latest.step.vibration,
             f"feedback {latest.feedback:.0%}": latest.feedback < 1.0,

@@ -11,7 +11,6 @@ no iteration, also in a batch.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
@@ -23,13 +22,13 @@ from jaxtyping import Array, Bool, Float, Int
 from s2c2a.components import Component, ComponentRegistry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
+from s2c2a.planning.outcomes import STILL, Outcome
 from s2c2a.planning.solvers import Problem, solve_least_squares
 from s2c2a.planning.terms import Bends, largest_bend
 
 SAMPLES = 64  # random shapes, taken in turn
 AT_STEP_LIMIT = 0.999  # of the step limit: the step limit is active
 PROGRESS = 0.9  # of the cost before: a plan that leaves less makes progress
-STILL = 0.05  # of the step limit: a plan that moves less is still
 STILL_STEPS = 20  # steps; the arm has been still for long
 STUCK_STEPS = 5  # steps; a plan that follows a moving goal is left alone as long
 MAX_WAIT = 8  # steps between two searches without success
@@ -42,39 +41,6 @@ STILL_SHARE = 0.95  # where the plan has been still for long
 Count = Int[Array, ""]
 Flag = Bool[Array, ""]
 Cost = Float[Array, ""]
-
-
-class Outcome(IntEnum):
-    """How a control step was planned; the value is the number in files."""
-
-    sentence: str
-
-    SOLVED = 0, "The plan is the result of the solver."
-    KEPT = (
-        1,
-        "The last plan is kept, because the solver's result is farther from the goal.",
-    )
-    RESTARTED = (
-        2,
-        "The plan is the result of a solver run from a random start, within the step "
-        "limit.",
-    )
-    FALLBACK = (
-        3,
-        "The plan moves toward a better configuration that the fallback search found.",
-    )
-    STUCK = (
-        4,
-        "The plan makes no progress, although the fallback search knows a better "
-        "configuration.",
-    )
-
-    def __new__(cls, value: int, sentence: str) -> "Outcome":
-        """A number with a sentence."""
-        outcome = int.__new__(cls, value)
-        outcome._value_ = value
-        outcome.sentence = sentence
-        return outcome
 
 
 class SearchState(NamedTuple):
@@ -128,6 +94,10 @@ class Search(NamedTuple):
         """The memory with these counters."""
         integers = [jnp.asarray(value, jnp.int32) for value in state]
         return cls(shape, jnp.stack(integers))
+
+    def with_outcome(self, outcome: Count) -> "Search":
+        """The same memory with another outcome of this step."""
+        return self.pack(self.shape, self.state._replace(outcome=outcome))
 
     @property
     def state(self) -> SearchState:

@@ -27,11 +27,11 @@ from s2c2a.planning.fallback import (
     FALLBACKS,
     NO_FALLBACK,
     FallbackSearch,
-    Outcome,
     Search,
     SearchState,
 )
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
@@ -156,12 +156,15 @@ class Plan(NamedTuple):
         memory: hysteresis of the forward model.
         search: memory of the fallback search.
         disturbances: that the plan counts on, with payload moments; None for none.
+        error: largest distance of the planned module ends from their goal, by the
+            plan's own model [m]; NaN without a desired position.
     """
 
     configurations: Configurations
     memory: Memory
     search: Search
     disturbances: Disturbances | None = None
+    error: Float[Numbers, ""] = np.array(np.nan)
 
     @property
     def outcome(self) -> Outcome:
@@ -233,7 +236,7 @@ class Step(NamedTuple):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
             disturbances = settled
         search = Search.none(bends_from_configurations(sensed))
-        return Plan(sensed, memory, search, disturbances)
+        return Plan(sensed, memory, search, disturbances, jnp.asarray(jnp.nan))
 
     def expectation(self, plan: Plan) -> Expectation:
         """What the forward model predicts for a plan."""
@@ -276,7 +279,13 @@ class Step(NamedTuple):
             planned = jnp.where(search.state.is_replaced, improved, planned)
         unchanged = plan.configurations, Search.none(problem.situation.last.bends)
         planned, search = select_if_finite((planned, search), unchanged)
-        return last._replace(configurations=planned, search=search)
+        outcome, error = judge(
+            search.state.outcome,
+            problem.with_goal(goal),
+            bends_from_configurations(planned),
+        )
+        search = search.with_outcome(outcome)
+        return last._replace(configurations=planned, search=search, error=error)
 
     def _with_moments(
         self,

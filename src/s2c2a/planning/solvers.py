@@ -165,7 +165,7 @@ class Problem(NamedTuple):
 
     def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
-        return self._residuals(self.candidate_at(bends))
+        return self.residuals_of(self.candidate_at(bends))
 
     def candidate_at(self, bends: Bends) -> Candidate:
         """The candidate with these bends."""
@@ -173,7 +173,15 @@ class Problem(NamedTuple):
 
     def cost_of(self, candidate: Candidate) -> Float[Array, ""]:
         """The sum of mu |r|^2 of a candidate."""
-        return jnp.sum(self._residuals(candidate) ** 2)
+        return jnp.sum(self.residuals_of(candidate) ** 2)
+
+    def residuals_of(self, candidate: Candidate) -> Float[Array, " residuals"]:
+        """All sqrt(mu) r of a candidate."""
+        rows = []
+        for weights, residuals in self._weighted(candidate):
+            scale = jnp.sqrt(jnp.asarray(weights))[..., None]
+            rows.append((scale * residuals).reshape(-1))
+        return jnp.concatenate(rows)
 
     def with_goal(self, goal: Goal) -> "Problem":
         """The same problem with another goal."""
@@ -197,13 +205,6 @@ class Problem(NamedTuple):
         """Bends at most one step limit from the last ones."""
         last = self.situation.last.bends
         return last + limit_lengths(bends - last, self.situation.longest_step)
-
-    def _residuals(self, candidate: Candidate) -> Float[Array, " residuals"]:
-        rows = []
-        for weights, residuals in self._weighted(candidate):
-            scale = jnp.sqrt(jnp.asarray(weights))[..., None]
-            rows.append((scale * residuals).reshape(-1))
-        return jnp.concatenate(rows)
 
     def _weighted(self, candidate: Candidate) -> list[Residual]:
         return [term.residual(candidate, self.situation) for term in self.terms]
@@ -278,10 +279,12 @@ SOLVERS = ComponentRegistry.of("solver", Solver, Adam, LeastSquares)
 def reach_gaps(
     arm: ArmSpec, positions: Float[np.ndarray, "points 3"], module: int = -1
 ) -> Float[np.ndarray, " points"]:
-    """Distance from desired positions to the nearest reachable position.
+    """Distance from desired positions to the nearest reachable position of ideal arcs.
 
-    The arm is modeled as constant-curvature arcs within its bend limits, so a real arm
-    differs a little at the edge of its workspace.
+    The arm is modeled as constant-curvature arcs within its bend limits, without
+    gravity, hysteresis or payload, and no trained model is used. Near the edge of its
+    workspace, a real arm can miss positions by centimeters that arcs reach;
+    `Plan.error` is the distance by the planner's own model.
 
     Args:
         arm: the arm.

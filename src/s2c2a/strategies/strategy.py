@@ -142,6 +142,7 @@ class Strategy:
         | `predictive_std` | standard deviation of the predicted ends [m]  | (modules,)   |
         | `extrapolation`  | the part of it due to missing data [m]        | ()           |
         | `outcome`        | of the planner (`planning.Outcome`)           | ()           |
+        | `plan_error`     | of the predicted ends from their goal [m]     | ()           |
 
         The estimator adds its own (`Estimate.diagnostics`).
 
@@ -156,6 +157,7 @@ class Strategy:
             "predictive_std": np.asarray(expectation.predictive_std),
             "extrapolation": np.asarray(expectation.extrapolation),
             "outcome": np.asarray(plan.outcome),
+            "plan_error": np.asarray(plan.error, dtype=float),
         }
 
     def _with_feedback(self, estimate: Estimate) -> Estimate:
