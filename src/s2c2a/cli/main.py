@@ -10,7 +10,6 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
     bench,
@@ -97,7 +96,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given == ["--version"]:
         print(f"s2c2a {s2c2a.__version__}")
         return
-    enable_compilation_cache()
     try:
         _check_command(given)
         with interrupts_as_exceptions():
