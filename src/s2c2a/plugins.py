@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 
 
 def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
@@ -42,8 +42,9 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
     raise S2C2AError(
-        f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your "
-        "own as module:Name or file.py:Name"
+        f"no {kind} '{name}'{did_you_mean(name, known)}; "
+        f"choose one of {', '.join(known) or 'none'}, or give your own as "
+        "module:Name or file.py:Name"
     )
 
 
