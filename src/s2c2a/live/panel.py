@@ -247,7 +247,7 @@ class Panel:
         self,
         name: str,
         read: Callable[[Request], Point | None],
-        write: Callable[[Point], None],
+        write: Callable[[Point], Any],
     ) -> None:
         """Number fields of a point of the request [cm]; hidden without a point."""
         fields = [
@@ -268,7 +268,8 @@ class Panel:
             for axis, field in enumerate(fields):
                 field.visible = place is not None
                 if place is not None:
-                    field.value = round(100 * place[axis], 1)
+                    shown = round(100 * place[axis], 1)
+                    field.value = shown  # type: ignore[misc] # viser hides the setter
 
         self._followers.append(follow)
         for axis, field in enumerate(fields):

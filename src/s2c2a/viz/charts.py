@@ -212,7 +212,7 @@ def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
     """Draw every obstacle of a run with the time when it appears or has moved."""
     for sphere, note in trace.drawn_obstacles():
         draw_obstacles(axes, sphere[None], view, label="obstacle")
-        style = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
+        style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
         axes.text(*seen(sphere, view), note, ha="center", va="center", **style)
 
 
