@@ -93,12 +93,10 @@ def test_a_misspelled_option_is_answered_with_the_likely_one_of_the_command(
         ("run circle --strategy pc", "pcc"),
         ("run circle --robot dynamixl", "dynamixel"),
         ("run circle --recipe besst", "best"),
-        ("run circle --fidelity acurate", "accurate"),
-        ("collect --arm twin_arm --babbling stagged", "staged"),
     ],
 )
 def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, likely):
-    assert likely in failing(capsys, *arguments.split()).split("choose one of")[0]
+    assert f"(did you mean {likely}?)" in failing(capsys, *arguments.split())
 
 
 def test_a_reader_that_closes_the_output_is_no_fault():
