@@ -2,15 +2,11 @@
 
 import sys
 
-from s2c2a.cache import enable_compilation_cache
+import numpy as np
 
-enable_compilation_cache()
-
-import numpy as np  # noqa: E402
-
-from s2c2a.goals import Goal  # noqa: E402
-from s2c2a.spaces import Reading  # noqa: E402
-from s2c2a.strategies import load_strategy, s2c2a_strategy  # noqa: E402
+from s2c2a.goals import Goal
+from s2c2a.spaces import Reading
+from s2c2a.strategies import load_strategy, s2c2a_strategy
 
 networks = load_strategy(sys.argv[1])
 arm = networks.arm

@@ -32,6 +32,8 @@ from s2c2a.strategies import (
 from s2c2a.training import FitOptions
 from s2c2a.viz import Trace
 
+from xla_flags import known_flags
+
 LONGEST = (
     "test_pipeline",
     "test_artifacts",
@@ -43,15 +45,16 @@ LONGEST = (
 """Files that go first, so that no worker is left with one of them when all others have
 ended."""
 HASTY = (
-    "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
-    " --xla_cpu_parallel_codegen_split_count=1"
+    "--xla_cpu_use_fusion_emitters=false",
+    "--xla_backend_optimization_level=0",
+    "--xla_cpu_parallel_codegen_split_count=1",
 )
 """Compiles in two thirds of the time; chains train as fast, networks of the paper's
 kind by two fifths more slowly.
 
 What users run is compiled with care, as in `make demo`. Each program is compiled in one
-piece: the other core belongs to the other worker. XLA ends a process that names a flag
-it does not know; those of jaxlib 0.7 to 0.10 know these.
+piece: the other core belongs to the other worker. Flags that a version of XLA does not
+know are left out; jaxlib 0.12 does not know the first.
 """
 EPISODES, SAMPLES = 6, 100
 # of memory; the system allows 65,530 to a process, and a compiled program takes a few
@@ -73,13 +76,14 @@ def pytest_configure(config):
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
         delete_incomplete_programs(programs)
+        flags = known_flags(HASTY)
+        # read when the first array is made; workers inherit them
+        os.environ["XLA_FLAGS"] = " ".join([*flags, os.environ.get("XLA_FLAGS", "")])
     settings = {
         "jax_compilation_cache_dir": str(programs),
         "jax_compilation_cache_max_size": 2_000_000_000,
         "jax_persistent_cache_min_compile_time_secs": 0.1,
     }
-    # read when the first array is made
-    os.environ["XLA_FLAGS"] = f"{HASTY} {os.environ.get('XLA_FLAGS', '')}"
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)

@@ -1,4 +1,9 @@
-"""Exceptions of the package, all derived from one base."""
+"""Exceptions of the package, all derived from one base, and suggestions in them."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+MAX_NAME_LENGTH = 64  # of a name from a user, which may be a whole file
 
 
 class S2C2AError(Exception):
@@ -73,3 +78,17 @@ class SimulationError(S2C2AError):
     def __reduce__(self):
         """Support pickling, since errors travel between processes."""
         return type(self), (*self.args, self.step, self.last_states)
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """The known name that a misspelled one may mean; empty if none is similar."""
+    by_letters = {each.lower(): each for each in sorted(known, reverse=True)}
+    given = name[:MAX_NAME_LENGTH].lower()
+    similar = get_close_matches(given, by_letters, n=1)
+    return by_letters[similar[0]] if similar else ""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Suggestion behind a misspelled name in a message; empty if none is similar."""
+    nearest = nearest_name(name, known)
+    return f" (did you mean {nearest}?)" if nearest else ""

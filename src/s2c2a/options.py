@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.validation import describe_fault
 
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
@@ -61,7 +61,7 @@ def convert_option(
     """
     if name not in parameters:
         raise S2C2AError(
-            f"{_name(cls)} has no option '{name}'; "
+            f"{_name(cls)} has no option '{name}'{did_you_mean(name, parameters)}; "
             f"it has {', '.join(parameters) or 'none'}"
         )
     try:

@@ -17,7 +17,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
-from s2c2a.errors import S2C2AError, UntrustedCodeError
+from s2c2a.errors import S2C2AError, UntrustedCodeError, did_you_mean
 
 Result = TypeVar("Result")
 
@@ -115,8 +115,9 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
     raise S2C2AError(
-        f"no {kind} '{name}'; choose one of {', '.join(known) or 'none'}, or give your "
-        "own as module:Name or file.py:Name"
+        f"no {kind} '{name}'{did_you_mean(name, known)}; "
+        f"choose one of {', '.join(known) or 'none'}, or give your own as "
+        "module:Name or file.py:Name"
     )
 
 

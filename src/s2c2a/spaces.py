@@ -22,7 +22,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.errors import ReadingError
+from s2c2a.errors import ReadingError, did_you_mean
 from s2c2a.immutable import immutable_table, rebuilt
 
 POSITION = slice(0, 3)
@@ -155,7 +155,10 @@ class Reading:
         """
         if name not in self.sensors:
             names = ", ".join(self.sensors) or "nothing"
-            raise ReadingError(f"no '{name}' in this reading; it has {names}")
+            raise ReadingError(
+                f"no '{name}' in this reading{did_you_mean(name, self.sensors)}; "
+                f"it has {names}"
+            )
         return self.sensors[name]
 
     def get(self, name: str) -> np.ndarray | None:

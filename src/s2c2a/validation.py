@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
+
+from s2c2a.errors import nearest_name
 
 ONE = "one"
 EACH = "each"
@@ -88,12 +89,14 @@ def describe_fault(fault: Any, known: Iterable[str] = ()) -> str:
 
 
 def _describe_unknown_key(key: Any, known: Iterable[str]) -> str:
-    similar = get_close_matches(str(key)[:MAX_KEY_LENGTH], sorted(known), n=1)
-    if not similar:
+    # a key of a nested table is known with its path, such as planner.solver.iterations
+    paths = {path.rpartition(".")[2]: path for path in sorted(known, reverse=True)}
+    nearest = nearest_name(str(key), paths)
+    if not nearest:
         return "no such key"
-    if similar == [key]:
+    if nearest == key:
         return "no such key here, though another table has one"
-    return f"no such key; did you mean {similar[0]}?"
+    return f"no such key; did you mean {paths[nearest]}?"
 
 
 def _without_consequences(faults: list[Any]) -> list[Any]:

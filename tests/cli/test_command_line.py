@@ -68,6 +68,37 @@ def test_a_misspelled_command_is_answered_with_the_likely_one(capsys):
     assert "see s2c2a --help" in failing(capsys, "xyz")
 
 
+@pytest.mark.parametrize(
+    ("command", "option", "likely"),
+    [
+        ("run circle", "--weigths", "--weights"),
+        ("run circle", "--known_paylod=1", "--known-payload"),
+        ("arm random", "--sed", "--seed"),
+        ("motors scan", "--prot", "--port"),
+    ],
+)
+def test_a_misspelled_option_is_answered_with_the_likely_one_of_the_command(
+    capsys, command, option, likely
+):
+    message = failing(capsys, *command.split(), option, "1")
+    assert f"(did you mean {likely}?)" in message
+    assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "likely"),
+    [
+        ("run cirle", "circle"),
+        ("run circle --arm twin_am", "twin_arm"),
+        ("run circle --strategy pc", "pcc"),
+        ("run circle --robot dynamixl", "dynamixel"),
+        ("run circle --recipe besst", "best"),
+    ],
+)
+def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, likely):
+    assert f"(did you mean {likely}?)" in failing(capsys, *arguments.split())
+
+
 def test_a_reader_that_closes_the_output_is_no_fault():
     command = f"{sys.executable} -u -m s2c2a arm describe twin_arm | true"
     done = subprocess.run(

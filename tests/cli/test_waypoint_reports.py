@@ -15,7 +15,7 @@ def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
         written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), load_arm("twin_arm"), 1
     )
     printed = capsys.readouterr().out
-    assert "waypoint at 0 s of the tip" in printed
+    assert "2 of 2 waypoints of the tip are out of reach" in printed
     assert "z grows from the base toward the tip" in printed
 
 
@@ -31,3 +31,13 @@ def test_a_pace_in_the_name_reports_the_same_as_the_option(tmp_path, capsys):
     _paced_task(f"{path}@0.5", load_arm("twin_arm"), 1)
     assert by_option
     assert capsys.readouterr().out == by_option
+
+
+def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
+    far = {3, 4, 5, 8, 11, 12}
+    rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]
+    _paced_task(written(tmp_path, *rows), load_arm("twin_arm"), 1)
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 1
+    assert "6 of 14 waypoints of the tip are out of reach, by up to " in printed
+    assert "3 to 5, 8, 11 to 12 s" in printed

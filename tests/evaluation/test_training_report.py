@@ -54,6 +54,7 @@ def test_without_an_error_on_validation_samples_there_is_no_advice(networks):
     [
         (40.0, 0.5, "it reduces the fast part of the C2S error by 60 %"),
         (99.7, 0.5, "it reduces the fast part of the C2S error by 0.3 %"),
+        (99.999979, 0.5, "the recording does not show the vibration; frequency"),
         (100.0, 0.5, "the recording does not show the vibration; frequency"),
         (100.0, 0.0, "the recording has no complete episode that is long enough"),
     ],

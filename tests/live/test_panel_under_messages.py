@@ -113,3 +113,18 @@ def test_a_slider_stays_within_its_ends_for_any_request(twin, number):
     for slider in sliders:
         request = limits.changed(Request(), **slider.change(Request(), number))
         assert slider.low <= slider.value(request) <= slider.high
+
+
+def test_a_typed_coordinate_moves_the_target_and_fields_follow_it(control, page):
+    with browser(page) as tab:
+        tab.send(msgspec.msgpack.encode(CAMERA))
+        elements = elements_of(page)
+        uuids = {element.label: uuid for uuid, element in elements.items()}
+        control.ask(task=None, target=(0.1, 0.0, 0.5))
+        uuid = uuids["Target y [cm]"]
+        updates = {"value": -12.5}
+        typed = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates}
+        until(lambda: elements[uuids["Target z [cm]"]].value == 50.0, what="fields")
+        tab.send(msgspec.msgpack.encode(typed))
+        until(lambda: control.request.target == (0.1, -0.125, 0.5), what="the target")
+    until(lambda: page.session.driver is None, what="disconnecting")

@@ -67,6 +67,10 @@ def test_names_and_files_are_told_apart(tmp_path):
             "dept: no such key; did you mean depth",
         ),
         (
+            lambda text: f"iteration = 3\n{text}",
+            "iteration: no such key; did you mean planner.solver.iterations",
+        ),
+        (
             lambda text: text.replace("iterations = 20", "iterations = 0"),
             "iterations = 0 was given",
         ),

@@ -1,3 +1,4 @@
+from s2c2a.viz import charts, colors
 from s2c2a.viz.colors import colors_by_label, module_colors
 
 
@@ -22,3 +23,8 @@ def test_unknown_strategies_get_different_colors():
 
 def test_a_repeated_label_keeps_its_color():
     assert colors_by_label(["mine", "pcc", "mine"]) == colors_by_label(["mine", "pcc"])
+
+
+def test_the_desired_path_has_one_color_in_figures_and_scenes():
+    assert colors.DESIRED in charts.DESIRED_LINE.values()
+    assert not hasattr(colors, "TARGET")

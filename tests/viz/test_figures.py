@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz import learning_curves, recording_figure, run_figure, trials_figure
+from s2c2a.viz import (
+    charts,
+    learning_curves,
+    recording_figure,
+    run_figure,
+    trials_figure,
+)
 
 PNG = b"\x89PNG\r\n"
 ROWS = [
@@ -207,3 +213,20 @@ def test_scores_are_drawn_over_trials_and_parameters(rises, tmp_path):
 def test_a_search_without_finished_trials_is_refused(tmp_path):
     with pytest.raises(S2C2AError, match="no finished trial"):
         trials_figure([], np.array([]), {}, "error [cm]", [], tmp_path / "trials.png")
+
+
+def test_the_title_of_a_view_says_which_axes_run_backward():
+    assert charts.title_of_view("from above", (0, 1), (False, False)) == "from above"
+    mirrored = charts.title_of_view("from above", (0, 1), (True, False))
+    assert mirrored == "from above; x runs to the left"
+
+
+def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
+    make_trace, arm, tmp_path, drawn_figures
+):
+    obstacles = np.full((len(make_trace().times), 1, 4), np.nan)
+    obstacles[5:] = [0.2, 0.0, 0.3, 0.05]
+    run_figure([make_trace(obstacles=obstacles)], arm, tmp_path / "run.png")
+    above = drawn_figures[-1].axes[-1]
+    assert len(above.patches) == 1
+    assert "from 0.5 s" in [text.get_text() for text in above.texts]

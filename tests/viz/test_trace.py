@@ -78,3 +78,16 @@ def test_traces_of_another_arm_or_none_at_all_are_refused(make_arm, make_trace):
         check_same_arm([make_trace()], make_arm(4))
     with pytest.raises(S2C2AError, match="no trace"):
         check_same_arm([], make_arm())
+
+
+def test_obstacles_that_appear_later_or_move_are_drawn_with_their_time(make_trace):
+    steps = len(make_trace().times)
+    obstacles = np.full((steps, 3, 4), np.nan)
+    obstacles[:, 0] = [0.1, 0.0, 0.3, 0.05]
+    obstacles[5:, 1] = [0.2, 0.0, 0.3, 0.05]
+    obstacles[:, 2] = [0.3, 0.0, 0.3, 0.05]
+    obstacles[-1, 2, 0] = 0.4
+    trace = make_trace(obstacles=obstacles)
+    drawn = [(float(sphere[0]), note) for sphere, note in trace.drawn_obstacles()]
+    end = f"at {trace.times[-1]:.1f} s"
+    assert drawn == [(0.1, ""), (0.2, "from 0.5 s"), (0.3, ""), (0.4, end)]

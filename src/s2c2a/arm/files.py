@@ -12,7 +12,7 @@ from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
 from s2c2a.arm.servos import ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
-from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.errors import ArmError, S2C2AError, did_you_mean
 from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.plugins import trust_code_in
 from s2c2a.validation import explained
@@ -58,7 +58,9 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
     path = PRESETS / f"{name_or_path}.toml" if is_preset else Path(name_or_path)
     if not path.is_file():
         raise ArmError(
-            f"no arm '{name_or_path}': it is neither a preset "
+            f"no arm '{name_or_path}'"
+            f"{did_you_mean(str(name_or_path), preset_names())}: "
+            "it is neither a preset "
             f"({', '.join(preset_names())}) nor a file; check the path, "
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )

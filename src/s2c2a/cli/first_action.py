@@ -7,8 +7,6 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from s2c2a.cache import enable_compilation_cache
-
 if TYPE_CHECKING:
     from s2c2a import arm, strategies
     from s2c2a.models.forward_model import ForwardModel
@@ -52,6 +50,5 @@ def first_action(name: str) -> None:
 
 
 if __name__ == "__main__":
-    enable_compilation_cache()
     first_action(sys.argv[1])
     print(time.time())

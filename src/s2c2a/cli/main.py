@@ -1,16 +1,18 @@
 """Command `s2c2a`: its subcommands and error messages."""
 
+import io
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
+from contextlib import redirect_stdout, suppress
+from inspect import signature
 from typing import Literal
 
 from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cache import enable_compilation_cache
 from s2c2a.cli import (
     arm,
     bench,
@@ -30,7 +32,7 @@ from s2c2a.cli import (
     view,
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
 from s2c2a.plugins import trust_code, trust_of_one_command
 
@@ -100,7 +102,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given == ["--version"]:
         print(f"s2c2a {s2c2a.__version__}")
         return
-    enable_compilation_cache()
     with trust_of_one_command(), manifests_of_one_command():
         _run_or_exit(given)
 
@@ -110,6 +111,7 @@ def _run_or_exit(given: Sequence[str]) -> None:
     try:
         given = _without_trusted_code(given)
         _check_command(given)
+        _check_options(given)
         with interrupts_as_exceptions():
             _run_command(given)
     except S2C2AError as error:
@@ -166,9 +168,43 @@ def _check_command(given: Sequence[str]) -> None:
     """
     if not given or given[0].startswith("-") or given[0] in COMMANDS:
         return
-    similar = get_close_matches(given[0], COMMANDS, n=1)
-    advice = f"did you mean {similar[0]}?" if similar else "see s2c2a --help"
+    nearest = nearest_name(given[0], COMMANDS)
+    advice = f"did you mean {nearest}?" if nearest else "see s2c2a --help"
     raise S2C2AError(f"no command '{given[0]}'; {advice}")
+
+
+def _check_options(given: Sequence[str]) -> None:
+    """Suggest the option of this command that a misspelled one may mean.
+
+    Raises:
+        S2C2AError: the command has no such option.
+    """
+    options = [word.partition("=")[0] for word in given if word.startswith("--")]
+    unknown = [name for name in options if not _is_parameter(name, given[0])]
+    if not unknown or "--help" in options:
+        return
+    command = given[: 2 if given[0] in GROUPS else 1]
+    known = _options_of(command)
+    for name in unknown:
+        if known and name.replace("_", "-") not in known:
+            raise S2C2AError(
+                f"{' '.join(command)} has no option {name}{did_you_mean(name, known)}; "
+                f"see s2c2a {' '.join(command)} --help"
+            )
+
+
+def _is_parameter(option: str, verb: str) -> bool:
+    """Whether an option is a parameter of a verb's function, which is quick to see."""
+    name = option.removeprefix("--").replace("-", "_")
+    return verb in VERBS and name in signature(VERBS[verb]).parameters
+
+
+def _options_of(command: Sequence[str]) -> set[str]:
+    """Options that the help of a command shows; empty for no such command."""
+    help_text = io.StringIO()
+    with redirect_stdout(help_text), suppress(SystemExit):
+        _run_command([*command, "--help"])
+    return set(re.findall(r"--[a-z][a-z0-9.-]*", help_text.getvalue()))
 
 
 def _exit_with(message: str) -> None:

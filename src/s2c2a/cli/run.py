@@ -1,6 +1,7 @@
 """`s2c2a run`: strategies on a task."""
 
 from dataclasses import asdict
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -243,20 +244,45 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
     file, _ = split_pace(task)
     if file.endswith(".csv"):
         tracks = load_waypoints(file)
-        for waypoint in unreachable_waypoints(tracks, spec):
-            is_tip = waypoint.module in (-1, spec.module_count - 1)
-            number = f"module {waypoint.module} (counted from 0)"
-            end = "the tip" if is_tip else f"the end of {number}"
-            print(
-                f"out of reach by {100 * waypoint.gap:.1f} cm: waypoint at "
-                f"{waypoint.time:g} s of {end}, if modules bend as arcs"
-            )
+        unreachable = unreachable_waypoints(tracks, spec)
+        for track in tracks:
+            far = [point for point in unreachable if point.module == track.module]
+            if far:
+                print(_describe_unreachable(far, track, spec))
         if all((track.positions[:, 2] < 0).all() for track in tracks):
             print(
                 "all waypoints have z < 0, behind the base: z grows from the base "
                 "toward the tip at rest, also on a hanging arm"
             )
     return paced
+
+
+def _describe_unreachable(
+    far: "Sequence[tasks.OutOfReach]", track: "tasks.Waypoints", spec: "arm.ArmSpec"
+) -> str:
+    """One sentence on all waypoints of a module that the arm cannot reach."""
+    is_tip = track.module in (-1, spec.module_count - 1)
+    number = f"module {track.module} (counted from 0)"
+    end = "the tip" if is_tip else f"the end of {number}"
+    gap = f"{100 * max(point.gap for point in far):.1f} cm"
+    if len(far) == 1:
+        return f"out of reach by {gap}: waypoint at {far[0].time:g} s of {end}"
+    spans = _time_spans([point.time for point in far], track.times.tolist())
+    return (
+        f"{len(far)} of {len(track.times)} waypoints of {end} are out of reach, by up "
+        f"to {gap}: {', '.join(spans)} s"
+    )
+
+
+def _time_spans(times: "Sequence[float]", all_times: "Sequence[float]") -> list[str]:
+    """Times as text, successive waypoints together, such as "3 to 12"."""
+    wanted = set(times)
+    spans: list[str] = []
+    for is_wanted, group in groupby(all_times, wanted.__contains__):
+        first, *rest = group
+        if is_wanted:
+            spans.append(f"{first:g} to {rest[-1]:g}" if rest else f"{first:g}")
+    return spans
 
 
 def _report(

@@ -21,7 +21,7 @@ from s2c2a.data.outliers import MeasuredEnds, find_outliers
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
@@ -66,7 +66,9 @@ class CollectOptions:
     def __post_init__(self):
         if self.babbling not in BABBLING:
             raise RecordingError(
-                f"no babbling '{self.babbling}'; choose one of {', '.join(BABBLING)}"
+                f"no babbling '{self.babbling}'"
+                f"{did_you_mean(self.babbling, BABBLING)}; "
+                f"choose one of {', '.join(BABBLING)}"
             )
         if not (
             1 <= self.episodes <= MAX_EPISODES and 1 <= self.samples <= MAX_SAMPLES

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from s2c2a.emulation.answers import Answer
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 
 if TYPE_CHECKING:
     from s2c2a.emulation.emulator import Emulator
@@ -132,10 +132,16 @@ def _has_valid_arguments(fault: Fault) -> bool:
     return all(argument.low <= value <= argument.high for value, argument in pairs)
 
 
+def _suggested(text: str) -> str:
+    kind = "".join(text.split()[1:2])
+    return "" if kind in KINDS else did_you_mean(kind, KINDS)
+
+
 def _invalid_fault(text: str) -> S2C2AError:
     kinds = [" ".join((kind, *map(_describe, KINDS[kind]))) for kind in KINDS]
     return S2C2AError(
-        f"'{text}' is not a fault; write a time [s] (after '{AFTER_TORQUE}', from the "
+        f"'{text}' is not a fault{_suggested(text)}; write a time [s] (after "
+        f"'{AFTER_TORQUE}', from the "
         f'first torque on) and one of: {", ".join(kinds)}; for example "{EXAMPLE}", '
         f'"{AFTER_TORQUE}5 snapped 2"'
     )

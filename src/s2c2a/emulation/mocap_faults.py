@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 
 EXAMPLE = "3 hidden end-2 1.5"
 
@@ -128,10 +128,16 @@ def _is_allowed(word: str, argument: _Argument) -> bool:
         return False
 
 
+def _suggested(text: str) -> str:
+    kind = "".join(text.split()[1:2])
+    return "" if kind in KINDS else did_you_mean(kind, KINDS)
+
+
 def _invalid_fault(text: str) -> S2C2AError:
     kinds = [" ".join((kind, *map(_describe, KINDS[kind]))) for kind in KINDS]
     return S2C2AError(
-        f"'{text}' is not a fault of motion capture; write a time [s] and one of: "
+        f"'{text}' is not a fault of motion capture{_suggested(text)}; "
+        "write a time [s] and one of: "
         f'{", ".join(kinds)}; for example "{EXAMPLE}"'
     )
 

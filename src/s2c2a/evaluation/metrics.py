@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.errors import S2C2AError, TargetError, did_you_mean
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
@@ -259,7 +259,8 @@ def check_scores(task: Task, arm: ArmSpec) -> None:
     for score in task.scores:
         if score.metric not in METRICS:
             raise TargetError(
-                f"task '{task.name}' has the unknown metric '{score.metric}'; "
+                f"task '{task.name}' has the unknown metric '{score.metric}'"
+                f"{did_you_mean(score.metric, METRICS)}; "
                 f"choose one of {', '.join(METRICS)}"
             )
         if not -arm.module_count <= score.module < arm.module_count:

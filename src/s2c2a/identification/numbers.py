@@ -10,7 +10,7 @@ from jaxtyping import Float
 from pydantic import BaseModel
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 
 Path = tuple[str | int, ...]
 EACH = "*"
@@ -195,7 +195,8 @@ def unknowns_of(
     wrong = sorted(set(groups) - set(GROUPS))
     if wrong:
         raise S2C2AError(
-            f"{', '.join(wrong)}: no such group of numbers; "
+            f"{', '.join(wrong)}: no such group of numbers"
+            f"{did_you_mean(wrong[0], GROUPS)}; "
             f"choose from {', '.join(GROUPS)}"
         )
     table = _table_of(arm)

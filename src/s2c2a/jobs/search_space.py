@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.strategies import Recipe
 
 Value = bool | int | float
@@ -90,7 +90,8 @@ def value_at(recipe: Recipe, place: str) -> Value:
         children = _children(value)
         if name not in children or place in NOT_VARIED:
             raise S2C2AError(
-                f"nothing to vary at '{place}'; {path or f'recipe {recipe.name}'} has "
+                f"nothing to vary at '{place}'{did_you_mean(name, children)}; "
+                f"{path or f'recipe {recipe.name}'} has "
                 f"{_list_places(path, children)}"
             )
         value = children[name]

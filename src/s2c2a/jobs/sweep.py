@@ -17,7 +17,7 @@ from optuna.storages import JournalStorage, journal
 from optuna.trial import FrozenTrial, TrialState
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
 from s2c2a.files import list_in_manifest
@@ -69,7 +69,8 @@ class Sweep:
         common = set.intersection(*metrics)
         if self.metric not in common:
             raise S2C2AError(
-                f"no metric '{self.metric}' in all these tasks; "
+                f"no metric '{self.metric}' in all these tasks"
+                f"{did_you_mean(self.metric, common)}; "
                 f"they share {', '.join(sorted(common))}"
             )
         if self.batch < 1 or self.seed < 0:

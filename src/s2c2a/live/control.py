@@ -17,7 +17,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compilations
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
 from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
@@ -124,7 +124,8 @@ class ArmControl(Control):
         """See `Control`; builds the strategy in the calling thread."""
         if name not in self._builders:
             raise S2C2AError(
-                f"no strategy '{name}'; choose one of {', '.join(self.strategies)}"
+                f"no strategy '{name}'{did_you_mean(name, self.strategies)}; "
+                f"choose one of {', '.join(self.strategies)}"
             )
         strategy = self._builders[name]()
         self._loop.required_sensors(

@@ -10,7 +10,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
-from viser import ClientHandle, GuiButtonHandle, GuiEvent, GuiSliderHandle, Icon
+from viser import (
+    ClientHandle,
+    GuiButtonHandle,
+    GuiEvent,
+    GuiSliderHandle,
+    Icon,
+)
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.recorder import Recorder
@@ -19,6 +25,7 @@ from s2c2a.live.request import (
     SPEED_SLIDER,
     WEIGHT_SLIDERS,
     Obstacle,
+    Point,
     Request,
     RequestSlider,
     fault_sliders,
@@ -172,6 +179,11 @@ class Panel:
             control.ask(axis=axis)
 
         self._followers.append(follow)
+        self._point_fields(
+            "Target",
+            lambda request: request.target if request.task is None else None,
+            lambda place: control.ask(target=place),
+        )
         self._on_change(task, self._choose_task)
         self._on_change(direction, set_direction)
 
@@ -220,6 +232,48 @@ class Panel:
             "Threshold r [cm]", min(first, 1.0), 20.0, 0.1, first
         )
         self._on_change(threshold, resize)
+
+        def move(center: Point) -> None:
+            *others, last = control.request.obstacles
+            control.ask(obstacles=(*others, replace(last, center=center)))
+
+        self._point_fields(
+            "Last obstacle",
+            lambda request: request.obstacles[-1].center if request.obstacles else None,
+            move,
+        )
+
+    def _point_fields(
+        self,
+        name: str,
+        read: Callable[[Request], Point | None],
+        write: Callable[[Point], Any],
+    ) -> None:
+        """Number fields of a point of the request [cm]; hidden without a point."""
+        fields = [
+            self._gui.add_number(f"{name} {axis} [cm]", 0.0, step=0.1) for axis in "xyz"
+        ]
+
+        def change(axis: int, event: GuiEvent) -> None:
+            place = read(self._control.request)
+            # no browser has typed what `follow` sets
+            if place is None or event.client_id is None:
+                return
+            changed = list(place)
+            changed[axis] = checked_value(event.target) / 100
+            write(point(changed))
+
+        def follow(request: Request) -> None:
+            place = read(request)
+            for axis, field in enumerate(fields):
+                field.visible = place is not None
+                if place is not None:
+                    shown = round(100 * place[axis], 1)
+                    field.value = shown  # type: ignore[misc] # viser hides the setter
+
+        self._followers.append(follow)
+        for axis, field in enumerate(fields):
+            self._react(field.on_update, partial(change, axis))
 
     def _build_planner(self) -> None:
         names = self._control.strategies

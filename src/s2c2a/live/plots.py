@@ -9,7 +9,7 @@ from viser import GuiApi, GuiUplotHandle, uplot
 from s2c2a.arm import ArmSpec
 from s2c2a.live.snapshot import Snapshot
 from s2c2a.spaces import AXIS
-from s2c2a.viz.colors import MUTED, REAL, TARGET, module_colors
+from s2c2a.viz.colors import DESIRED, MUTED, REAL, module_colors
 
 DURATION = 20.0  # s
 HEIGHT = 124  # pixels
@@ -33,7 +33,7 @@ class Plots:
                 cables[f"module {module + 1}, {cable + 1}"] = color
         unit, self._scale = unit_of_cables(arm)
         charts = {
-            "tip error [cm]": {"error": TARGET},
+            "tip error [cm]": {"error": DESIRED},
             "predicted tip error, std [cm]": {"predictive_std": MUTED},
             "tip clearance [cm]": {"clearance": MUTED},
             "module bends [deg]": modules,
@@ -64,15 +64,28 @@ class Plots:
             self._scale * snapshot.step.action,
             1e3 * snapshot.step.tick_time,
         ]
-        # a NaN would empty the whole chart
-        self._rows.append([np.nan_to_num(np.ravel(row), posinf=0.0) for row in values])
+        self._rows.append([np.ravel(row) for row in values])
 
     def draw(self) -> None:
         """Update the charts; requires at least one `add`."""
         columns = [np.transpose(column) for column in zip(*self._rows, strict=True)]
         times = columns[0][0]
         for chart, lines in zip(self._charts, columns[1:], strict=True):
-            chart.data = (times - times[-1], *lines)
+            shown = latest_stretch(lines)
+            chart.data = (times[shown] - times[-1], *lines[:, shown])
+
+
+def latest_stretch(lines: np.ndarray) -> slice:
+    """The last columns in a row that are finite, of lines of shape (lines, times).
+
+    A chart cannot show a gap: a NaN would empty it, and a line would cross the gap.
+    """
+    finite = np.flatnonzero(np.isfinite(lines).all(axis=0))
+    if not finite.size:
+        return slice(0)
+    breaks = np.flatnonzero(np.diff(finite) > 1)
+    start = finite[breaks[-1] + 1] if breaks.size else finite[0]
+    return slice(start, finite[-1] + 1)
 
 
 def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:

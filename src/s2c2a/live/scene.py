@@ -25,12 +25,12 @@ from s2c2a.live.request import (
 from s2c2a.live.snapshot import straight
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colors import (
+    DESIRED,
     GRID,
     GRID_STRONG,
     INK,
     OBSTACLE,
     REAL,
-    TARGET,
     module_colors,
     rgb,
 )
@@ -100,14 +100,14 @@ class ArmScene:
             faces=tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
             visible=False,
         )
-        colors = {"real": REAL, "desired": TARGET, "axis": TARGET, "force": WARNING}
+        colors = {"real": REAL, "desired": DESIRED, "axis": DESIRED, "force": WARNING}
         self._lines = {
             name: add_line(name=f"/trails/{name}", color=color)
             for name, color in colors.items()
         }
         radius = BALL_RADIUS * self._size
-        self._target = _add_ball(scene, "/target", radius, TARGET)
-        self._pointer = _add_ball(scene, "/pointer", 0.6 * radius, TARGET)
+        self._target = _add_ball(scene, "/target", radius, DESIRED)
+        self._pointer = _add_ball(scene, "/pointer", 0.6 * radius, DESIRED)
         self._payload = _add_ball(scene, "/payload", 1.0, INK)
         self._uncertainty = _add_ball(
             scene, "/uncertainty", 1.0, REAL, opacity=UNCERTAINTY_OPACITY
@@ -173,7 +173,7 @@ class ArmScene:
         if center is None:
             return self._draw_line("axis")
         self._target.position = center
-        self._target.color = rgb(WARNING if far else TARGET)
+        self._target.color = rgb(WARNING if far else DESIRED)
         if far:
             self._gap_label.text = f"{100 * gap:.1f} cm out of reach"
             self._gap_label.position = center + 0.05 * self._size * self._up

@@ -26,7 +26,7 @@ from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptio
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MAX_EPISODES
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
 from s2c2a.estimation import (
     ESTIMATORS,
     ConfigurationMap,
@@ -40,6 +40,9 @@ from s2c2a.files import parse_toml, read_text, write_atomically
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
 from s2c2a.planning import BEST, PAPER, PlannerOptions
+from s2c2a.planning.guides import GUIDES
+from s2c2a.planning.solvers import SOLVERS
+from s2c2a.planning.terms import TERMS
 from s2c2a.plugins import trust_code_in
 from s2c2a.training.fit import FitOptions, check_limits
 from s2c2a.validation import explained
@@ -49,6 +52,13 @@ HEADING = "{count} fault(s) in the recipe"
 HINT = " (with a line such as based_on = 'best', a file need not be complete)"
 TAGS = {"name", "model"}
 """Keys that say of which class a table is."""
+
+NESTED = {
+    "planner.solver": SOLVERS,
+    "planner.terms": TERMS,
+    "planner.guides": GUIDES,
+}
+"""Components inside the table of the planner, by their place in a recipe."""
 
 AnyEstimator = Annotated[
     EstimatorOptions | CustomComponent, SkipValidation, BeforeValidator(ESTIMATORS.read)
@@ -263,7 +273,10 @@ def recipe_named(name: str) -> Recipe:
         StrategyError: no such recipe.
     """
     if name not in RECIPES:
-        raise StrategyError(f"no recipe '{name}'; choose one of {', '.join(RECIPES)}")
+        raise StrategyError(
+            f"no recipe '{name}'{did_you_mean(name, RECIPES)}; "
+            f"choose one of {', '.join(RECIPES)}"
+        )
     return RECIPES[name]
 
 
@@ -327,6 +340,10 @@ def _keys() -> Iterator[str]:
     for table in tables:
         for key in fields(table):
             yield key.name
+    for path, registry in NESTED.items():
+        for component in registry.known.values():
+            for key in fields(component):
+                yield f"{path}.{key.name}"
 
 
 def recipe_in(

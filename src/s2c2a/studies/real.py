@@ -20,7 +20,7 @@ from scipy.ndimage import label
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
-from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.errors import RecordingError, StrategyError, did_you_mean
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 from s2c2a.spaces import POSITION
@@ -208,7 +208,8 @@ class RealComparison(NamedTuple):
         unknown = [name for name in models if name not in MODELS]
         if unknown:
             raise StrategyError(
-                f"unknown model {', '.join(unknown)}; choose among {', '.join(MODELS)}"
+                f"unknown model {', '.join(unknown)}{did_you_mean(unknown[0], MODELS)}; "
+                f"choose among {', '.join(MODELS)}"
             )
         if min(block, last) < 0:
             raise RecordingError(

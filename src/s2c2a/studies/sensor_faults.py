@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.evaluation.estimates import REJECTED
 from s2c2a.robots import RobotFactory
@@ -94,7 +94,8 @@ class SensorFaultStudy:
             for name in given:
                 if name not in valid:
                     raise S2C2AError(
-                        f"no faults are known for '{name}'; "
+                        f"no faults are known for '{name}'"
+                        f"{did_you_mean(name, valid)}; "
                         f"choose among {', '.join(valid)}"
                     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import RobotFactory
@@ -68,7 +68,8 @@ class SensorStudy:
         for name in self.sets:
             if name not in valid:
                 raise S2C2AError(
-                    f"no set of sensors '{name}'; choose among {', '.join(valid)}"
+                    f"no set of sensors '{name}'{did_you_mean(name, valid)}; "
+                    f"choose among {', '.join(valid)}"
                 )
         axes = (self.arms, self.sets, self.payloads, self.tasks, self.seeds)
         if not all(axes):

@@ -12,7 +12,7 @@ from typing import Any
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.errors import ArmError, S2C2AError, did_you_mean
 from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
@@ -322,7 +322,8 @@ def make_table(
         return OTHERS[name](make, seeds, recipe, folder)
     if name not in TABLES:
         raise S2C2AError(
-            f"unknown table '{name}'; choose one of "
+            f"unknown table '{name}'{did_you_mean(name, [*TABLES, *OTHERS])}; "
+            "choose one of "
             f"{', '.join([*TABLES, *OTHERS])}, or all"
         )
     table = TABLES[name]

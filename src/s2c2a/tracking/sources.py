@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.options import convert_option, named_parameters, options_from
 from s2c2a.plugins import resolve, resolve_own
 from s2c2a.tracking.poses import TrackingError
@@ -58,7 +58,9 @@ def _check_is_class(text: str) -> None:
     """Refuse a misspelled protocol: a user's class is in a file or a module."""
     place, _, cls = text.partition(":")
     if ":" in text and not (place.endswith(".py") or cls.isidentifier()):
-        raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
+        raise TrackingError(
+            f"'{text}' is no tracking source{did_you_mean(place, KNOWN)}; give {FORMS}"
+        )
 
 
 def _own_class(text: str) -> Any:

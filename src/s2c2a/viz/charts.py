@@ -208,6 +208,26 @@ def draw_obstacles(axes: Axes, spheres: Spheres, view: View, **style) -> None:
         axes.add_patch(Circle(seen(sphere, view), sphere[3], **look))
 
 
+def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
+    """Draw every obstacle of a run with the time when it appears or has moved."""
+    for sphere, note in trace.drawn_obstacles():
+        draw_obstacles(axes, sphere[None], view, label="obstacle")
+        style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
+        axes.text(*seen(sphere, view), note, ha="center", va="center", **style)
+
+
+def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:
+    """Title of a view that says which axes of the base run backward in it."""
+    notes = [
+        f"{'xyz'[axis]} runs {direction}"
+        for axis, direction, runs in zip(
+            view, ("to the left", "downward"), backward, strict=True
+        )
+        if runs
+    ]
+    return f"{title}; {', '.join(notes)}" if notes else title
+
+
 def draw_ends(
     axes: Axes,
     path: Points,

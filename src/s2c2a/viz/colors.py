@@ -1,6 +1,6 @@
 """Colors with a fixed meaning, shared by figures, videos, replay and live pages.
 
-Modules, the desired path and the strategies have the colors of figures 3 and 6 of Chen
+Modules and the strategies have the colors of figures 3 and 6 of Chen
 et al. 2025.
 """
 
@@ -9,8 +9,7 @@ from itertools import cycle
 
 import numpy as np
 
-DESIRED = "#d62728"  # in figures
-TARGET = "#7b35c9"  # desired values in 3D scenes, where red is the last module
+DESIRED = "#7b35c9"  # desired paths and targets everywhere; red is the last module
 POINTING = "#e0a100"
 REAL = "#1f5fc4"  # measured path
 OBSTACLE = "#8a93a6"

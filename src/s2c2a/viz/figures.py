@@ -85,9 +85,9 @@ def run_figure(
     charts.draw_lines(
         above, traces, colors, lambda trace: seen(trace.followed_path, view)
     )
-    charts.draw_obstacles(above, traces[0].spheres(0), view)
+    charts.draw_obstacles_of_run(above, traces[0], view)
     above.plot(0, 0, label="base", **CROSS)
-    headline(above, "from above")
+    headline(above, charts.title_of_view("from above", view, backward))
     module = f"end of module {traces[0].followed_module + 1} of {arm.module_count}"
     headline(coordinates[0], f"{title or arm.name}: {module}")
     return save_figure(figure, path)
@@ -132,7 +132,7 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
         nearest, backward = Mounting.of(arm).flat(view)
         axes = charts.view_axes(figure, grid[column], nearest, backward)
         _draw_workspace(axes, shown, nearest)
-        headline(axes, title)
+        headline(axes, charts.title_of_view(title, nearest, backward))
     return save_figure(figure, path, markerscale=7)
 
 

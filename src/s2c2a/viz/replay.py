@@ -90,7 +90,7 @@ def _page_data(
         "title": title,
         "summary": [[str(name), str(value)] for name, value in summary.items()],
         "colors": {
-            "desired": colors.TARGET,
+            "desired": colors.DESIRED,
             "obstacle": colors.OBSTACLE,
             "grid": colors.GRID,
             "strong": colors.GRID_STRONG,

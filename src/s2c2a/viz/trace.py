@@ -135,6 +135,24 @@ class Trace:
         """Whether the model predicts an uncertainty."""
         return bool(np.nanmax(self.band, initial=0.0) > 0.0)
 
+    def drawn_obstacles(self) -> list[tuple[Spheres, str]]:
+        """Obstacles of the whole run for a still drawing, each with a note of its time.
+
+        An obstacle is drawn where it first stands. One that moves is drawn where it
+        last stands, too. The note is empty for one that stands from the start.
+        """
+        drawn = []
+        for places in np.swapaxes(self.obstacles, 0, 1):
+            steps = np.flatnonzero(standing(places))
+            if not steps.size:
+                continue
+            first, last = steps[0], steps[-1]
+            note = f"from {self.times[first]:.1f} s" if first else ""
+            drawn.append((places[first], note))
+            if (places[first] != places[last]).any():
+                drawn.append((places[last], f"at {self.times[last]:.1f} s"))
+        return drawn
+
     def spheres(self, step: int) -> Spheres:
         """Center and radius of the obstacles present at a step [m]."""
         obstacles = self.obstacles[step]

@@ -19,7 +19,7 @@ from s2c2a.files import write_atomically
 from s2c2a.spaces import States
 from s2c2a.viz.arrays import Point, Points
 from s2c2a.viz.camera import Camera
-from s2c2a.viz.colors import GRID, INK, MUTED, OBSTACLE, REAL, TARGET, rgb
+from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL, rgb
 from s2c2a.viz.mesh import ArmMesh, unit
 from s2c2a.viz.mounting import Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
@@ -91,7 +91,7 @@ class VideoRenderer:
         image = Image.new("RGB", size, BACKGROUND)
         draw = ImageDraw.Draw(image)
         self._draw_ground(draw)
-        self._draw_line(draw, trace.desired_path, TARGET)
+        self._draw_line(draw, trace.desired_path, DESIRED)
         self._draw_line(draw, trace.followed_path[: step + 1], REAL)
         for sphere in trace.spheres(step):
             depth = self.project(sphere[:3])[2]
@@ -132,9 +132,9 @@ class VideoRenderer:
         axis = trace.desired_axes[step, trace.pointing_module]
         position = trace.desired_path[step]
         tip = position + AXIS_LENGTH * self._length * axis
-        self._draw_line(draw, np.stack([position, tip]), TARGET)
+        self._draw_line(draw, np.stack([position, tip]), DESIRED)
         self._draw_dot(draw, position, 8, BACKGROUND, INK)
-        self._draw_dot(draw, position, 6, TARGET, INK)
+        self._draw_dot(draw, position, 6, DESIRED, INK)
 
     def _draw_arm(self, draw: ImageDraw.ImageDraw, states: States) -> None:
         """Draw the faces that are turned to the camera, the farthest first."""

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.robots.simulation.mismatched_module import MismatchedModule, cable_routing
 from s2c2a.spaces import CENTER_LINE_POINTS
 
@@ -72,7 +72,10 @@ def get_fidelity(name: str) -> Fidelity:
         S2C2AError: there is no such fidelity.
     """
     if name not in FIDELITIES:
-        raise S2C2AError(f"no fidelity '{name}'; choose one of {', '.join(FIDELITIES)}")
+        raise S2C2AError(
+            f"no fidelity '{name}'{did_you_mean(name, FIDELITIES)}; "
+            f"choose one of {', '.join(FIDELITIES)}"
+        )
     return FIDELITIES[name]
 
 

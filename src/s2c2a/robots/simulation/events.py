@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.robots.simulation import sensor_faults
 
 if TYPE_CHECKING:
@@ -94,11 +94,18 @@ def _is_valid(event: Event) -> bool:
     return True
 
 
+def _suggested(text: str) -> str:
+    kinds = [*KINDS, *sensor_faults.KINDS]
+    kind = "".join(text.split()[1:2])
+    return "" if kind in kinds else did_you_mean(kind, kinds)
+
+
 def _invalid_event(text: str) -> S2C2AError:
     kinds = [f"{kind} ({count} numbers)" for kind, count in KINDS.items()]
     faults = [f"{kind} ({count})" for kind, count in sensor_faults.KINDS.items()]
     return S2C2AError(
-        f"'{text.strip()}' is not an event; write a time [s], a kind and its numbers: "
+        f"'{text.strip()}' is not an event{_suggested(text)}; write a time [s], a "
+        f"kind and its numbers: "
         f"{', '.join(kinds)}; or a time, a fault, a sensor and the fault's numbers: "
         f'{", ".join(faults)}; for example "{EXAMPLE}", '
         '"8 latency camera_positions 2"'

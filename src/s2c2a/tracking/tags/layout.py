@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from s2c2a.errors import did_you_mean
 from s2c2a.json_files import load_json, save_json
 from s2c2a.tracking.poses import Pose, PoseError, TrackingError
 
@@ -181,7 +182,9 @@ def _choose(bodies: Iterable[str], names: list[str]) -> list[str]:
     chosen = list(bodies)
     unknown = sorted(set(chosen) - set(names))
     if unknown:
-        raise LayoutError(f"no bodies {unknown}; choose of {names}")
+        raise LayoutError(
+            f"no bodies {unknown}{did_you_mean(unknown[0], names)}; choose of {names}"
+        )
     return chosen
 
 

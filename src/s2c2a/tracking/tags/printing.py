@@ -11,6 +11,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from s2c2a.errors import did_you_mean
 from s2c2a.files import atomic_write
 from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.tags.calibration import board_picture
@@ -180,7 +181,10 @@ def _too_large(side: float) -> PrintError:
 
 def _paper(name: str) -> tuple[float, float]:
     if name not in PAPERS:
-        raise PrintError(f"paper '{name}'; choose one of {', '.join(PAPERS)}")
+        raise PrintError(
+            f"paper '{name}'{did_you_mean(name, PAPERS)}; "
+            f"choose one of {', '.join(PAPERS)}"
+        )
     return PAPERS[name]
 
 
