@@ -93,12 +93,11 @@ class _Rows:
     def chance(self, first: int, last: int) -> float:
         """Chance that a measured pose of the last row equals that of the first one.
 
-        Equal numbers are a chance of about the resolution over the usual motion. Ends
-        move on surfaces at least, so the chances of two coordinates count.
+        Each equal number is a chance of about the resolution over the usual motion.
         """
         usual = self._usual_motion(first, last)
         chances = self._resolution / (2 * usual + self._resolution)
-        return float(np.prod(np.sort(chances)[1:]))
+        return float(np.prod(chances))
 
     def _usual_motion(self, first: int, last: int) -> Float[np.ndarray, "3"]:
         """Median motion [m] while drives change as between two rows."""
