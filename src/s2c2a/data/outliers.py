@@ -1,7 +1,8 @@
-"""Outliers of measured module ends: marker jumps, swapped bodies, impossible lengths.
+"""Outliers of measured module ends: frozen, jumped or swapped bodies, wrong lengths.
 
 A pose, which is one end in one row, is compared with a robust regression on the drives,
-with rows of similar drives, and with its neighbors in time.
+with rows of similar drives, and with its neighbors in time. Poses that are only repeated
+are found before (`data.frozen_ends`), so that they calibrate nothing.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import median_filter
 from scipy.spatial import KDTree
 
+from s2c2a.data.frozen_ends import find_frozen
 from s2c2a.tracking.plausibility import MOUNTING, STRETCH
 
 MAX_SHARE = 0.2
@@ -65,19 +67,29 @@ class MeasuredEnds(NamedTuple):
     axes: Float[np.ndarray, "rows ends 3"]
     stretches: Int[np.ndarray, " rows"]
 
+    def without(self, is_excluded: Bool[np.ndarray, "rows ends"]) -> "MeasuredEnds":
+        """The same, without some poses."""
+        masked = is_excluded[..., None]
+        return self._replace(
+            positions=np.where(masked, np.nan, self.positions),
+            axes=np.where(masked, np.nan, self.axes),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
     """Poses that cannot be true; each is of one kind.
 
     Attributes:
-        jumps: position or axis that no motion explains, shape (rows, ends).
+        frozen: pose of an earlier row, while the drives changed, shape (rows, ends).
+        jumps: position or axis that no motion explains, same shape.
         swaps: position of another end, same shape.
         lengths: further from the end before it than the modules between are long, same
             shape.
         measured: whether a pose is measured at all, same shape.
     """
 
+    frozen: Bool[np.ndarray, "rows ends"]
     jumps: Bool[np.ndarray, "rows ends"]
     swaps: Bool[np.ndarray, "rows ends"]
     lengths: Bool[np.ndarray, "rows ends"]
@@ -86,7 +98,7 @@ class Outliers:
     @property
     def all(self) -> Bool[np.ndarray, "rows ends"]:
         """Poses of any kind."""
-        return self.jumps | self.swaps | self.lengths
+        return self.frozen | self.jumps | self.swaps | self.lengths
 
     @property
     def count(self) -> int:
@@ -95,14 +107,23 @@ class Outliers:
 
     @property
     def is_excessive(self) -> bool:
-        """Whether more than `MAX_SHARE` of the poses of an end are outliers."""
-        limits = MAX_SHARE * self.measured.sum(axis=0)
-        return bool((self.all.sum(axis=0) > limits).any())
+        """Whether more than `MAX_SHARE` of the poses of an end are outliers.
+
+        Frozen ones do not count: they are missing poses, and the others are true.
+        """
+        return bool((self.shares > MAX_SHARE).any())
+
+    @property
+    def shares(self) -> Float[np.ndarray, " ends"]:
+        """Share of the poses of each end that are outliers and not frozen."""
+        wrong = (self.all & ~self.frozen).sum(axis=0)
+        return wrong / np.maximum(self.measured.sum(axis=0), 1)
 
     @property
     def kinds(self) -> str:
         """Number of poses of each kind, in words."""
         counts = {
+            "frozen pose": self.frozen.sum(),
             "marker jump": self.jumps.sum(),
             "swapped body": self.swaps.sum(),
             "impossible length": self.lengths.sum(),
@@ -128,8 +149,10 @@ def find_outliers(
         reaches: length of the arm between each end and the measured one before it [m];
             None where it is unknown, as for the first end.
     """
+    measured = np.isfinite(ends.positions).all(axis=-1)
+    frozen = _find_frozen(ends)
+    ends = ends.without(frozen)
     positions = ends.positions
-    measured = np.isfinite(positions).all(axis=-1)
     least = SPREAD_RATIO * _spread(positions[:, -1])
     predicted = np.stack([_predict(ends, end) for end in _channels(positions)], axis=1)
     swaps = _find_swaps(positions, predicted, least)
@@ -139,9 +162,18 @@ def find_outliers(
     # axes are unit vectors, so the ratio itself is their least error
     turned = [_find_jumps(ends, axis, SPREAD_RATIO) for axis in _channels(ends.axes)]
     is_jump = np.stack(jumps, axis=1) | (np.stack(turned, axis=1) & measured & ~swaps)
+    is_jump &= ~frozen
     rest = np.where(is_jump[..., None], np.nan, rest)
     lengths = _find_lengths(rest, predicted, reaches or [None] * len(jumps))
-    return Outliers(is_jump, swaps, lengths, measured)
+    return Outliers(frozen, is_jump, swaps, lengths, measured)
+
+
+def _find_frozen(ends: MeasuredEnds) -> Bool[np.ndarray, "rows ends"]:
+    poses = np.concatenate([ends.positions, ends.axes], axis=-1)
+    columns = [
+        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
+    ]
+    return np.stack(columns, axis=1)
 
 
 def _channels(values: Float[np.ndarray, "rows ends 3"]) -> Iterator[np.ndarray]:

@@ -127,11 +127,10 @@ def _describe_rows(
 def _describe_excess(
     found: Outliers, excluded: Excluded, log_map: LogMap, order: np.ndarray
 ) -> str:
-    shares = found.all.sum(axis=0) / np.maximum(found.measured.sum(axis=0), 1)
-    worst = int(np.argmax(shares))
+    worst = int(np.argmax(found.shares))
     module = np.array(log_map.end_modules)[order][worst]
     return (
-        f"{100 * shares[worst]:.0f} % of the poses of the end of module {module} cannot "
+        f"{100 * found.shares[worst]:.0f} % of the poses of the end of module {module} cannot "
         f"be true ({excluded.kinds}; first rows {excluded.rows}), and at most "
         f"{100 * MAX_SHARE:.0f} % are excluded; check the columns and units of the "
         'ends, and the tracking of these rows, or set outliers = "keep" in [rows] to '

@@ -91,6 +91,8 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
     ]
     if imported.excluded.count:
         lines.append(str(imported.excluded))
+    if imported.frame_motion:
+        lines.append(f"warning: {imported.frame_motion}")
     return lines
 
 

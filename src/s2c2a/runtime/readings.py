@@ -1,12 +1,10 @@
-"""Plausibility check of readings: present, recent, in range, steady, following commands.
-
-`RepeatDetector` is the one place that decides whether a measurement is new.
-"""
+"""Plausibility check of readings: present, recent, in range, steady, following commands."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from s2c2a.repeats import RepeatDetector
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.spaces import Reading, Sensor
 
@@ -17,30 +15,6 @@ FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps
 FROZEN_CHANGE_OF_MODULES = 0.3
 CABLES = "cables"  # the sensor that commands are compared with
 MODULE_SENSORS = ("states", "configurations")
-
-
-class RepeatDetector:
-    """Distinguishes new measurements of named sensors from repeated ones, bit by bit.
-
-    A sensor that runs has noise in its last bits, so an exact repetition means that
-    the robot handed out the same measurement again.
-    """
-
-    def __init__(self) -> None:
-        """A detector without any measurement."""
-        self._last_bytes: dict[str, bytes] = {}
-
-    def is_repeated(self, name: str, values: np.ndarray) -> bool:
-        """Whether values equal the last ones of the same name to the last bit.
-
-        Args:
-            name: of the sensor.
-            values: its measurement, of any shape and type; kept for the next call.
-        """
-        current = values.tobytes()
-        repeated = self._last_bytes.get(name) == current
-        self._last_bytes[name] = current
-        return repeated
 
 
 class ReadingCheck:

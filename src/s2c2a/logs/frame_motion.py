@@ -1,0 +1,156 @@
+"""Motion of the frame within a log: a camera that was knocked, or that drifts.
+
+Rows with similar drives, far apart in time, have the same poses but for noise and
+hysteresis. If all ends differ by one shift wherever one row is before and the other
+after some time, the frame has jumped; if the difference grows with the time between
+them, it drifts.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
+
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.session import Session, effective_drives
+
+EXPLAINED = 0.07
+"""Share of all differences of similar rows that a motion of the frame must explain.
+Clean logs of two arms reach 0.005 to 0.045, and 0.06 where drives hardly return to old
+values; a jump by 5.8 mm in the middle reaches 0.07 to 0.24, a drift by 7 mm 0.06 to 0.16.
+"""
+
+_REFERENCES = 3000  # rows, evenly spread
+_NEIGHBORS = 46
+_SIMILAR = 6
+_APART = 20  # rows of the references between similar rows
+_TIMES = 61  # times of a jump that are tried
+_MIN_PAIRS = 20
+_MIN_ROWS = 300  # in fewer, hysteresis looks like a motion of the frame
+_LEAST = 1e-12
+
+
+class _Pairs(NamedTuple):
+    """Later and earlier rows with similar drives, and the shift between them [m]."""
+
+    later: Int[np.ndarray, " pairs"]
+    earlier: Int[np.ndarray, " pairs"]
+    shifts: Float[np.ndarray, "pairs 3"]
+
+
+class _Motion(NamedTuple):
+    explained: float
+    text: str
+
+
+def describe_frame_motion(sessions: Sequence[Session], log_map: LogMap) -> str:
+    """Describe jumps and drifts of the frame within logs; empty if there are none."""
+    texts = []
+    for number, session in enumerate(sessions, 1):
+        text = find_frame_motion(
+            effective_drives(session, log_map), session.positions, session.time
+        )
+        if text:
+            texts.append(f"log {number}: {text}" if len(sessions) > 1 else text)
+    return "; ".join(texts)
+
+
+def find_frame_motion(
+    drives: Float[np.ndarray, "rows drives"],
+    positions: Float[np.ndarray, "rows ends 3"],
+    time: Float[np.ndarray, " rows"],
+) -> str:
+    """Describe a jump or drift of the frame in one log; empty if there is none.
+
+    Args:
+        drives: values of the drives while each row was measured, in any units.
+        positions: of the ends [m]; NaN: not measured.
+        time: of the rows [s].
+    """
+    known = np.isfinite(drives).all(axis=1) & np.isfinite(time)
+    known &= np.isfinite(positions).all(axis=(1, 2))
+    rows = np.flatnonzero(known)
+    if len(rows) < _MIN_ROWS:
+        return ""
+    chosen = np.linspace(0, len(rows) - 1, min(len(rows), _REFERENCES)).astype(int)
+    rows = rows[chosen]
+    pairs = _similar_pairs(drives[rows], positions[rows].mean(axis=1))
+    if len(pairs.later) < _MIN_PAIRS:
+        return ""
+    motion = max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
+    return motion.text if motion.explained > EXPLAINED else ""
+
+
+def _similar_pairs(
+    drives: Float[np.ndarray, "rows drives"], centers: Float[np.ndarray, "rows 3"]
+) -> _Pairs:
+    count = len(drives)
+    scaled = drives / (drives.std(axis=0) + _LEAST)
+    distances, earlier = KDTree(scaled).query(scaled, k=min(_NEIGHBORS, count))
+    later = np.broadcast_to(np.arange(count)[:, None], earlier.shape)
+    is_pair = later - earlier > _APART
+    is_pair &= np.cumsum(is_pair, axis=1) <= _SIMILAR
+    if is_pair.any():
+        is_pair &= distances <= np.median(distances[is_pair])
+    later = later[is_pair]
+    earlier = earlier[is_pair]
+    # drives are similar, not equal: a smooth map explains the rest
+    centers = centers - _smooth_map(scaled, centers)
+    return _Pairs(later, earlier, centers[later] - centers[earlier])
+
+
+def _smooth_map(
+    drives: Float[np.ndarray, "rows drives"], centers: Float[np.ndarray, "rows 3"]
+) -> Float[np.ndarray, "rows 3"]:
+    """Quadratic regression of the ends' center on the drives."""
+    drives = drives - drives.mean(axis=0)
+    first, second = np.triu_indices(drives.shape[1])
+    ones = np.ones((len(drives), 1))
+    features = np.hstack([ones, drives, drives[:, first] * drives[:, second]])
+    return features @ np.linalg.lstsq(features, centers, rcond=1e-9)[0]
+
+
+def _jump(
+    pairs: _Pairs, rows: Int[np.ndarray, " rows"], time: Float[np.ndarray, " rows"]
+) -> _Motion:
+    """The time at which one shift explains most."""
+    lengths = np.linalg.norm(pairs.shifts, axis=1)
+    best = _Motion(0.0, "")
+    for split in np.linspace(0.05, 0.95, _TIMES) * len(rows):
+        begin = round(split)
+        across = (pairs.later >= begin) & (pairs.earlier < begin)
+        if across.sum() < _MIN_PAIRS:
+            continue
+        shift = np.median(pairs.shifts[across], axis=0)
+        left = np.linalg.norm(pairs.shifts[across] - shift, axis=1).sum()
+        explained = (lengths[across].sum() - left) / (lengths.sum() + _LEAST)
+        row = int(rows[begin])
+        text = (
+            f"all ends jump by {_size(shift)} about row {row} "
+            f"({time[row] - time[0]:.1f} s): a camera or the base was moved, or motors "
+            "were homed anew; import the rows before and after it as two logs"
+        )
+        best = max(best, _Motion(float(explained), text))
+    return best
+
+
+def _drift(pairs: _Pairs, count: int) -> _Motion:
+    """A shift that grows with the time between rows."""
+    ages = ((pairs.later - pairs.earlier) / count)[:, None]
+    drift = np.median(pairs.shifts / ages, axis=0)
+    left = np.linalg.norm(pairs.shifts - ages * drift, axis=1).sum()
+    total = np.linalg.norm(pairs.shifts, axis=1).sum()
+    text = (
+        f"all ends drift by about {_size(drift)} over the log: a camera, the base, or "
+        "the motors' zeros drift; the model takes the mean"
+    )
+    return _Motion(float(1 - left / (total + _LEAST)), text)
+
+
+def _size(shift: Float[np.ndarray, "3"]) -> str:
+    values = ", ".join(f"{1e3 * value:.1f}" for value in shift)
+    return (
+        f"{1e3 * np.linalg.norm(shift):.1f} mm, ({values}) mm in the frame of the log"
+    )

@@ -1,0 +1,45 @@
+"""A frame that jumps or drifts within a log is reported; hysteresis is not."""
+
+import numpy as np
+import pytest
+
+from s2c2a.logs.frame_motion import find_frame_motion
+
+ROWS = 1500
+SHIFT = np.array([4.5, 3.5, -1.0]) * 1e-3  # m, 5.8 mm
+
+
+@pytest.fixture
+def log():
+    """Drives in random order, and two ends with 4 mm of slow errors."""
+    random = np.random.default_rng(0)
+    drives = random.uniform(-1, 1, (ROWS, 2))
+    positions = np.zeros((ROWS, 2, 3))
+    positions[..., :2] = drives[:, None] * np.array([0.03, 0.1])[:, None]
+    positions[..., 2] = np.array([0.1, 0.2])
+    slow = np.sin(np.arange(ROWS) / 15.0)
+    positions[..., 0] += 4e-3 * slow[:, None]
+    return drives, positions, 0.5 * np.arange(ROWS)
+
+
+def test_a_steady_frame_is_not_reported(log):
+    assert find_frame_motion(*log) == ""
+
+
+def test_a_jump_is_reported_with_time_and_size(log):
+    drives, positions, time = log
+    positions[ROWS // 2 :] += SHIFT
+    text = find_frame_motion(drives, positions, time)
+    assert text.startswith("all ends jump by 5.")
+    assert "about row 750 (375.0 s)" in text
+
+
+def test_a_drift_is_reported_with_its_size(log):
+    drives, positions, time = log
+    positions += np.linspace(0, 2, ROWS)[:, None, None] * SHIFT
+    assert "all ends drift by about 1" in find_frame_motion(drives, positions, time)
+
+
+def test_a_short_log_is_not_judged(log):
+    drives, positions, time = log
+    assert find_frame_motion(drives[:30], positions[:30], time[:30]) == ""
