@@ -138,7 +138,8 @@ class ReadingCheck:
         """Change of a sensor since an earlier measurement, and the largest possible."""
         time, values = earlier
         elapsed = max(reading.time - time, self._period)
-        return np.abs(reading[name] - values), self._sensors[name].fastest * elapsed
+        largest = np.asarray(self._sensors[name].fastest * elapsed)
+        return np.abs(reading[name] - values), largest
 
     def _frozen_fault(self, reading: Reading, last_change: float) -> str:
         """Detect sensors whose values repeat for some steps while commands change."""
