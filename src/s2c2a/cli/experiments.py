@@ -419,8 +419,8 @@ def payloads(
         "seen": seen,
     }
     with run_directory(EXPERIMENT, options, folder) as (directory, _):
-        rows = list(payload_rows(load_strategy(weights), loaded, seen))
-        save_rows(rows, directory / "results.json")
+        keep = partial(save_rows, path=directory / "results.json")
+        rows = payload_rows(load_strategy(weights), loaded, seen, keep)
     print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
 
 
@@ -450,8 +450,8 @@ def plans(
         networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
     options = {"weights": weights, "count": count, "seed": seed}
     with run_directory("plans", options, folder) as (directory, _):
-        rows = plan_rows(networks, count, seed)
-        save_rows(rows, directory / "results.json")
+        keep = partial(save_rows, path=directory / "results.json")
+        rows = plan_rows(networks, count, seed, keep)
     print_results(f"{count} plans compared with a long search", rows, [], directory)
 
 
