@@ -59,6 +59,11 @@ def trust_code(*names: str, folder: Path | None = None) -> None:
         _trusted[name] = folder or _trusted.get(name)
 
 
+def is_trusted(name: str) -> bool:
+    """Whether the user has named this code."""
+    return _without_options(name) in _trusted
+
+
 def trust_code_in(table: Any, folder: Path | None = None) -> None:
     """Trust all names of code in the nested tables of a file that the user gave.
 
@@ -158,7 +163,7 @@ def resolve_own(path: str) -> Any:
 
 
 def _check_trusted(kind: str, name: str) -> None:
-    if name in _trusted:
+    if is_trusted(name):
         return
     raise UntrustedCodeError(
         f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "

@@ -9,6 +9,7 @@ import tyro
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, Events, print_results, progress_bar
+from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 Compared = Annotated[
@@ -74,6 +75,7 @@ def randomized_arms(
     print(table)
 
 
+@beside("random_arms", "strength")
 def sensors(
     arm: Arm = "twin_arm",
     random_arms: int = 0,
@@ -152,6 +154,7 @@ def sensors(
     print_results(f"sensors, {seeds} seeds", rows, figures, directory)
 
 
+@beside("random_arms", "strengths")
 def stability(
     arm: Arm = "twin_arm",
     random_arms: int = 3,
@@ -202,6 +205,7 @@ def stability(
     print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
 
 
+@beside("random_arms", "strength")
 def repetition(
     arm: Arm = "twin_arm",
     random_arms: int = 3,
