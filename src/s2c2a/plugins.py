@@ -38,10 +38,11 @@ GROUPS = {
 }
 """Groups of entry points, by the kind of objects that they hold."""
 
-_trusted: set[str] = set()
+_trusted: dict[str, Path | None] = {}
+"""Trusted names, each with the folder of the arm file that it stands in, if any."""
 
 
-def trust_code(*names: str) -> None:
+def trust_code(*names: str, folder: Path | None = None) -> None:
     """Allow this process, and the workers that it starts, to import custom code.
 
     Commands call it for the names in their arguments, and in the arm and recipe files
@@ -51,35 +52,68 @@ def trust_code(*names: str) -> None:
     Args:
         names: `module:Name` or `file.py:Name`, exactly as the recording or the weight
             file has it. Options of a tracker behind a comma are ignored.
+        folder: of the arm file that the names stand in: where their files are
+            (`located`). Without it, a folder that is known already stays.
     """
-    _trusted.update(_without_options(name) for name in names)
+    for name in map(_without_options, names):
+        _trusted[name] = folder or _trusted.get(name)
 
 
-def trust_code_in(table: Any) -> None:
-    """Trust all names of code in the nested tables of a file that the user gave."""
-    trust_code(*(text for text in _texts(table) if ":" in text))
+def is_trusted(name: str) -> bool:
+    """Whether the user has named this code."""
+    return _without_options(name) in _trusted
+
+
+def trust_code_in(table: Any, folder: Path | None = None) -> None:
+    """Trust all names of code in the nested tables of a file that the user gave.
+
+    Args:
+        table: of the file.
+        folder: see `trust_code`.
+    """
+    trust_code(*(text for text in _texts(table) if ":" in text), folder=folder)
+
+
+def located(name: str, file: str) -> Path:
+    """Where a file is: beside the arm file that names it, else in the current folder.
+
+    Arms and recordings keep names as they were written.
+
+    Args:
+        name: the whole text, such as `my_sensor.py:MyMap`.
+        file: within it, such as `my_sensor.py`.
+    """
+    folder = _trusted.get(_without_options(name))
+    if folder is not None and (folder / file).is_file():
+        return folder / file
+    return Path(file)
 
 
 @contextmanager
 def trust_of_one_command() -> Iterator[None]:
     """Forget afterwards what is trusted within: the next command names its own code."""
-    before = set(_trusted)
+    before = dict(_trusted)
     try:
         yield
     finally:
-        _trusted.intersection_update(before)
+        _trusted.clear()
+        _trusted.update(before)
 
 
-def trusted_code() -> tuple[str, ...]:
-    """The trusted names, for a worker's `run_with_trust`."""
-    return tuple(sorted(_trusted))
+def trusted_code() -> tuple[tuple[str, Path | None], ...]:
+    """The trusted names and their folders, for a worker's `run_with_trust`."""
+    return tuple(sorted(_trusted.items(), key=lambda item: item[0]))
 
 
 def run_with_trust(
-    names: tuple[str, ...], function: Callable[..., Result], *args: Any, **kwargs: Any
+    trusted: tuple[tuple[str, Path | None], ...],
+    function: Callable[..., Result],
+    *args: Any,
+    **kwargs: Any,
 ) -> Result:
     """Call a function on a worker that trusts what the parent process trusts."""
-    trust_code(*names)
+    for name, folder in trusted:
+        trust_code(name, folder=folder)
     return function(*args, **kwargs)
 
 
@@ -87,8 +121,9 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     """Return the object that a name refers to.
 
     The name is one of `known`, an entry point of the group of the kind (`GROUPS`),
-    `module:Name` or `file.py:Name`. The folder of the file (for a module, the current
-    folder) is added to `sys.path`, so that processes started later find it too.
+    `module:Name` or `file.py:Name` (`located`). The folder of the file (for a module,
+    the current folder) is added to `sys.path`, so that processes started later find it
+    too.
 
     Args:
         kind: type of the object, such as "robot".
@@ -107,7 +142,7 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
         _check_trusted(kind, name)
     try:
         if colon:
-            return getattr(_import_module(module), attribute)
+            return getattr(_import_module(module, name), attribute)
         for entry_point in entry_points(group=group, name=name):
             return entry_point.load()
     except Exception as error:  # custom code may raise anything during its import
@@ -128,7 +163,7 @@ def resolve_own(path: str) -> Any:
 
 
 def _check_trusted(kind: str, name: str) -> None:
-    if name in _trusted:
+    if is_trusted(name):
         return
     raise UntrustedCodeError(
         f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "
@@ -154,14 +189,14 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(entry)
 
 
-def _import_module(name: str):
+def _import_module(module_or_file: str, name: str):
     """Import a module by its name or by its file."""
-    path = Path(name)
-    if path.suffix != ".py":
+    if not module_or_file.endswith(".py"):
         _add_to_path(str(Path.cwd()))
-        return importlib.import_module(name)
+        return importlib.import_module(module_or_file)
+    path = located(name, module_or_file)
     if not path.is_file():
-        raise ImportError(f"there is no file {name}")
+        raise ImportError(f"there is no file {path}")
     _add_to_path(str(path.resolve().parent))
     module = importlib.import_module(path.stem)
     if Path(str(module.__file__)).resolve() != path.resolve():

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from s2c2a.errors import StrategyError, UntrustedCodeError
-from s2c2a.plugins import resolve, trust_code
+from s2c2a.plugins import is_trusted, resolve, trust_code
 
 Base = TypeVar("Base")
 
@@ -47,18 +47,24 @@ class OptionsRegistry(Generic[Base]):
         return found
 
     def imported(self, name: str) -> type[Base]:
-        """Find a class by a name from a file of unknown origin, importing nothing.
+        """Find a class by a name from a file of unknown origin.
+
+        Nothing is imported unless the user has named this code (`plugins.trust_code`).
 
         Raises:
-            UntrustedCodeError: the class is neither the package's nor imported already.
+            UntrustedCodeError: the class is not the package's, not imported already,
+                and not trusted.
         """
         for found in _subclasses(self.base):
             if self.name_of(found) == name:
                 return found
+        if is_trusted(name):
+            return self.named(name)
         raise UntrustedCodeError(
             f"its {self.kind} is '{name}', which is not part of the package, and files "
-            f"cannot run code; if you trust it, name it with --{self.kind} module:Name "
-            "or file.py:Name, or import it in Python"
+            f"cannot run code; if you trust it, add --trust {name} in the folder of its "
+            f"file, or, to `run`, `live` and `view`, --{self.kind} file.py:Name; or "
+            "import it in Python"
         )
 
     def name_of(self, options: type) -> str:

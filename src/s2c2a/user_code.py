@@ -17,6 +17,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from s2c2a.plugins import located
+
 PACKAGE = "s2c2a"
 GROUPS = f"{PACKAGE}."
 """Beginning of all groups of entry points."""
@@ -77,7 +79,7 @@ def _files_in_text(text: str) -> Iterator[Path]:
     if not colon or not attribute.isidentifier():
         return
     if place.endswith(".py"):
-        yield from _if_file(Path(place))
+        yield from _if_file(located(name, place))
     elif all(part.isidentifier() for part in place.split(".")):
         yield from _module_files(place)
 

@@ -9,7 +9,6 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.cli.response import (
     cells,
     check_response,
-    check_response_options,
     compare_responses,
     kept,
 )
@@ -251,9 +250,3 @@ def test_a_mode_that_is_too_fast_for_the_control_rate_is_not_made_up(twin):
     assert cells(found)[:2] == ("too fast to see", "-")
     assert kept(found)["frequency"] is None
     assert found.gain == pytest.approx(0.8, rel=0.05)
-
-
-def test_options_of_the_response_are_refused_without_it():
-    with pytest.raises(S2C2AError, match="--weights go with --response"):
-        check_response_options(False, weights="some.safetensors", out=None)
-    check_response_options(True, weights="some.safetensors", out=None)

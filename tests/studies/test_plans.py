@@ -8,6 +8,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, NO_FALLBACK, FallbackSearch, LeastSquares, Pull
+from s2c2a.strategies import shipped_networks
 from s2c2a.studies import plans as studied
 from s2c2a.studies.plans import (
     KINDS,
@@ -74,3 +75,24 @@ def test_most_plans_are_optimal_and_few_with_one_iteration_are():
         )
         share[solver.iterations] = comparisons["settled"].optimal.mean()
     assert share[20] > 0.8 > share[1]
+
+
+def test_rows_of_finished_networks_are_kept_when_the_next_ones_fail(monkeypatch):
+    kept = []
+    started = []
+    numbers = np.ones(4)
+    comparison = Comparison(numbers, numbers, numbers > 2)
+
+    def compare(arm, *_):
+        started.append(arm.name)
+        if len(started) == 2:
+            raise KeyboardInterrupt
+        return {"one step": comparison}
+
+    monkeypatch.setattr(studied, "compare_with_long_search", compare)
+    networks = shipped_networks(TWIN)
+    with pytest.raises(KeyboardInterrupt):
+        studied.plan_rows(
+            [networks, networks], 4, keep=lambda rows: kept.append(len(rows))
+        )
+    assert kept == [2 * (1 + len(KINDS))]

@@ -48,7 +48,8 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
     """Load an arm by preset name or from a TOML file.
 
     The code that the file names is trusted (`plugins.trust_code`), since the user gave
-    the file; it is imported when it is used.
+    the file; it is imported when it is used. Files that it names are beside it, or in
+    the current folder.
 
     Raises:
         ArmError: there is no such preset or file, or it has invalid TOML, an unknown
@@ -65,7 +66,7 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
     arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
-    trust_code_in(arm.model_dump(mode="json"))
+    trust_code_in(arm.model_dump(mode="json"), path.resolve().parent)
     return arm
 
 

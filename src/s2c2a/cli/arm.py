@@ -18,6 +18,7 @@ from s2c2a.arm import (
     save_arm,
 )
 from s2c2a.cli.console import Arm, File, print_table
+from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,
@@ -240,6 +241,7 @@ def random(
 
 
 @robot_app.command(name="check")
+@beside("response", "weights", "out")
 def check_contract(
     robot: RobotName = "sim",
     arm: Arm = "twin_arm",
@@ -267,10 +269,9 @@ def check_contract(
         weights: networks from `s2c2a train`; they give the expected response.
         out: a file (.json) for the measured response, with a figure next to it.
     """
-    from s2c2a.cli.response import check_response, check_response_options
+    from s2c2a.cli.response import check_response
     from s2c2a.robots import check_robot
 
-    check_response_options(response, weights=weights, out=out)
     factory = robot_factory_for(robot, robot_option, tracking=tracking)
     opened = factory.seeded(load_arm(arm), 0)
     with emergency_controls(factory):

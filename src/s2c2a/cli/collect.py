@@ -14,10 +14,10 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     TrackingSource,
+    check_parallel,
     make_executor,
     robot_factory_for,
 )
-from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from s2c2a import data
@@ -82,12 +82,8 @@ def collect(
         episodes=options.episodes if episodes is None else episodes,
         samples=samples,
     )
+    check_parallel(factory, threads, cluster, "--threads")
     if not factory.simulated:
-        if cluster or threads not in (None, 1):
-            raise S2C2AError(
-                f"{factory} is one arm and records one episode at a time; leave out "
-                "--threads and --cluster"
-            )
         threads = 1
     with (
         make_executor(threads, cluster) if cluster else nullcontext() as executor,

@@ -1,6 +1,7 @@
 """Commands `s2c2a emulate`: devices of a real arm, emulated for tests and rehearsals."""
 
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
@@ -9,6 +10,7 @@ from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName
+from s2c2a.cli.dependent_options import beside, effective
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -41,6 +43,12 @@ def _motive_options(data_port: int, **options: Any) -> "MotiveOptions":
 
 
 @app.command
+@beside("mocap_port", "mocap_rate", "mocap_latency", "mocap_noise")
+@effective(
+    "pose_rate",
+    where="with --poses-to or --record",
+    holds=lambda given: given["poses_to"] or given["record"],
+)
 def servos(
     arm: Arm = "twin_arm",
     fidelity: FidelityName = "fast",
@@ -186,7 +194,20 @@ def lab(
     laboratory.emulator.run(lambda _: print(laboratory.welcome, flush=True))
 
 
+def _of_protocols(options: tuple[str, ...], *protocols: str) -> Callable:
+    where = " or ".join(f"--protocol {name}" for name in protocols)
+    return effective(
+        *options,
+        where=f"with {where}",
+        holds=lambda given: given["protocol"] in protocols,
+    )
+
+
 @app.command
+@_of_protocols(("command_port", "data_port", "multicast"), "natnet")
+@_of_protocols(("port",), "qualisys")
+@_of_protocols(("poses_to",), "udp")
+@_of_protocols(("host",), "natnet", "qualisys")
 def mocap(
     arm: Arm = "twin_arm",
     protocol: Literal["natnet", "qualisys", "udp"] = "natnet",

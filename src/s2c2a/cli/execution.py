@@ -88,6 +88,28 @@ def make_executor(jobs: int | None = None, cluster: str | None = None) -> Execut
     return Cluster(cluster, jobs)
 
 
+def check_parallel(
+    factory: RobotFactory, jobs: int | None, cluster: str | None, option: str = "--jobs"
+) -> None:
+    """Refuse to drive a robot of the user's own in several processes.
+
+    Raises:
+        S2C2AError: the robot is real, and parallel execution is given.
+    """
+    if not factory.simulated and (cluster or jobs not in (None, 1)):
+        raise S2C2AError(
+            f"{factory} is one arm, and is driven by one process at a time; leave out "
+            f"{option} and --cluster"
+        )
+
+
+def uses_recipe(strategy: str) -> bool:
+    """Whether a strategy, by name, uses any key of a recipe."""
+    from s2c2a.strategies import STRATEGIES
+
+    return bool(STRATEGIES.named(strategy).recipe_keys)
+
+
 @contextmanager
 def run_directory(
     label: str,

@@ -9,6 +9,7 @@ import tyro
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, Events, print_results, progress_bar
+from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 Compared = Annotated[
@@ -74,6 +75,7 @@ def randomized_arms(
     print(table)
 
 
+@beside("random_arms", "strength")
 def sensors(
     arm: Arm = "twin_arm",
     random_arms: int = 0,
@@ -152,6 +154,7 @@ def sensors(
     print_results(f"sensors, {seeds} seeds", rows, figures, directory)
 
 
+@beside("random_arms", "strengths")
 def stability(
     arm: Arm = "twin_arm",
     random_arms: int = 3,
@@ -202,6 +205,7 @@ def stability(
     print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
 
 
+@beside("random_arms", "strength")
 def repetition(
     arm: Arm = "twin_arm",
     random_arms: int = 3,
@@ -419,8 +423,8 @@ def payloads(
         "seen": seen,
     }
     with run_directory(EXPERIMENT, options, folder) as (directory, _):
-        rows = list(payload_rows(load_strategy(weights), loaded, seen))
-        save_rows(rows, directory / "results.json")
+        keep = partial(save_rows, path=directory / "results.json")
+        rows = payload_rows(load_strategy(weights), loaded, seen, keep)
     print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
 
 
@@ -450,8 +454,8 @@ def plans(
         networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
     options = {"weights": weights, "count": count, "seed": seed}
     with run_directory("plans", options, folder) as (directory, _):
-        rows = plan_rows(networks, count, seed)
-        save_rows(rows, directory / "results.json")
+        keep = partial(save_rows, path=directory / "results.json")
+        rows = plan_rows(networks, count, seed, keep)
     print_results(f"{count} plans compared with a long search", rows, [], directory)
 
 

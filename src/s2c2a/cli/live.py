@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import tyro
 
-from s2c2a.cli.console import Arm, FidelityName, GuardName, ModelName, StrategyNames
+from s2c2a.cli.console import (
+    Arm,
+    ControllerName,
+    FidelityName,
+    GuardName,
+    ModelName,
+    StrategyNames,
+)
+from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
@@ -20,12 +28,12 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
+from s2c2a.robots.factory import RobotFactory
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
-    from s2c2a.robots import RobotFactory
 
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
@@ -34,6 +42,11 @@ THIS_MACHINE: Final = "127.0.0.1"
 Host = Literal["127.0.0.1", "0.0.0.0"]
 
 
+@effective(
+    "seed",
+    where="with the simulated arm, or a robot class that has a seed",
+    holds=lambda given: RobotFactory(given["robot"]).accepts("seed"),
+)
 def live(
     arm: Arm = "twin_arm",
     weights: tuple[str, ...] = (),
@@ -49,6 +62,7 @@ def live(
     out: Path = Path("runs"),
     release_after: float = 10.0,
     model: ModelName = None,
+    controller: ControllerName = None,
 ) -> None:
     """Control an arm in the browser: drag its target, move an obstacle.
 
@@ -75,7 +89,8 @@ def live(
         out: folder of the run directories of recordings.
         release_after: time without a connected page until the arm returns to rest [s];
             until then it holds its position.
-        model: class of a custom forward model that a strategy file names.
+        model: class of a custom forward model that a weight file uses.
+        controller: the same of a custom learned controller.
     """
     require("live", "viser", "websockets", "msgspec")
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
@@ -88,6 +103,7 @@ def live(
         "seed": seed,
         "release_after": release_after,
         "model": model,
+        "controller": controller,
         "host": host,
     }
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
@@ -100,7 +116,7 @@ def live(
     print(f"{arm} has stopped; {state}.")
 
 
-def _check_host(host: str, factory: "RobotFactory") -> None:
+def _check_host(host: str, factory: RobotFactory) -> None:
     """Raise S2C2AError if other machines could move a real arm."""
     if host != THIS_MACHINE and not factory.simulated:
         raise S2C2AError(
@@ -118,7 +134,7 @@ def wait_for_interrupt() -> None:
 @contextmanager
 def running_page(
     arm: str,
-    factory: "RobotFactory | None" = None,
+    factory: RobotFactory | None = None,
     port: int = 8080,
     out: Path = Path("runs"),
     on_message: "Callable[[str], None]" = lambda _: None,

@@ -17,6 +17,7 @@ from s2c2a.cli.console import (
     print_table,
     progress_bar,
 )
+from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
         from s2c2a.studies import tables
 
         numbers, chosen = _seeds_and_recipe(seeds, recipe)
+        tables.check_strategies(names, strategy)
         options = {
             "tables": names,
             "recipe": recipe if recipe in RECIPES else asdict(chosen),
@@ -219,6 +221,7 @@ def controller(
 
 
 @app.command
+@beside("search", "out", "overwrite")
 def calibration(
     arm: Arm = "twin_arm",
     seeds: int = 1,

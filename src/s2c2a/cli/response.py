@@ -10,7 +10,6 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.cli.console import print_table, progress_bar
-from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
@@ -206,16 +205,3 @@ def kept(response: "Response") -> dict[str, float | None]:
         name: number if np.isfinite(number) else None
         for name, number in response._asdict().items()
     }
-
-
-def check_response_options(response: bool, **options: object) -> None:
-    """Reject options that need --response where it is not given.
-
-    Raises:
-        S2C2AError: there is one.
-    """
-    names = [f"--{name}" for name, value in options.items() if value is not None]
-    if names and not response:
-        raise S2C2AError(
-            f"{' and '.join(names)} go with --response; add it, or leave them out"
-        )

@@ -17,6 +17,7 @@ from s2c2a.cli.console import (
     StrategyNames,
     print_results,
 )
+from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     ALL_CORES,
@@ -24,8 +25,10 @@ from s2c2a.cli.execution import (
     RobotOptions,
     TrackingSource,
     Work,
+    check_parallel,
     robot_factory_for,
     run_directory,
+    uses_recipe,
 )
 
 if TYPE_CHECKING:
@@ -34,6 +37,11 @@ if TYPE_CHECKING:
     from s2c2a import arm, jobs, robots, strategies, tasks
 
 
+@effective(
+    "recipe",
+    where="with a strategy that uses a recipe",
+    holds=lambda given: any(map(uses_recipe, given["strategy"])),
+)
 def run(
     task: File,
     arm: Arm = "twin_arm",
@@ -112,9 +120,12 @@ def run(
         known_payload, disturbance_estimation, max_compensated_force
     )
     conditions = jobs.Conditions(factory, strategies.RunOptions(guard, settings))
-    _import_classes(model, controller)
+    check_parallel(factory, work.jobs, work.cluster)
+    strategies.import_own_classes(model, controller)
     chosen = strategies.recipe_from(recipe) if recipe else None
     given = _given_networks(weights, spec, chosen) if weights else None
+    used_by_files = [given.recipe] if given else []
+    strategies.check_own_classes_used(used_by_files, model, controller)
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _paced_task(task, spec, pace)
     job_list = jobs.jobs_for(
@@ -175,17 +186,6 @@ def _tracking_calibration(spec: "arm.ArmSpec") -> str:
     from s2c2a.tracking.calibration import describe_tracking_calibration
 
     return describe_tracking_calibration(spec)
-
-
-def _import_classes(model: str | None, controller: str | None) -> None:
-    """Import the user's classes, so that a weight file may name them."""
-    from s2c2a.control.options import CONTROLLERS
-    from s2c2a.models.registry import MODELS
-
-    if model:
-        MODELS.named(model)
-    if controller:
-        CONTROLLERS.named(controller)
 
 
 def _check_used(given: "jobs.GivenNetworks | None", jobs: "Sequence[jobs.Job]") -> None:

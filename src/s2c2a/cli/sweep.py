@@ -22,6 +22,7 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     Work,
+    check_parallel,
     make_executor,
     require,
     robot_factory_for,
@@ -97,6 +98,7 @@ def sweep(
         raise S2C2AError("no task to score; name at least one, such as circle")
     chosen_tasks = tuple(load_task(name, spec) for name in dict.fromkeys(tasks))
     factory = robot_factory_for(robot, robot_option, fidelity, payload)
+    check_parallel(factory, work.jobs, work.cluster)
     plan = sweeps.Sweep(
         arm=spec,
         tasks=chosen_tasks,

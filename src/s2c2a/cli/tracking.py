@@ -10,6 +10,7 @@ from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.tracking_calibration import frames, latency
 from s2c2a.errors import S2C2AError
 
@@ -116,6 +117,12 @@ def _board(columns: int, rows: int, square: float) -> "Board":
 
 
 @app.command(name="calibrate-camera")
+@effective(
+    "views",
+    "resolution",
+    where="with a camera or a video file as --source",
+    holds=lambda given: not Path(given["source"]).is_dir(),
+)
 def calibrate_camera(
     source: Device = "0",
     out: Path = Path("camera.json"),

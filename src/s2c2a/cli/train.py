@@ -12,6 +12,8 @@ from s2c2a.cli.console import (
     print_held_out_errors,
     progress_bar,
 )
+from s2c2a.cli.dependent_options import effective
+from s2c2a.cli.execution import uses_recipe
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
 
@@ -26,6 +28,11 @@ OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 Start = Annotated[Path | None, tyro.conf.arg(name="from", metavar="FILE")]
 
 
+@effective(
+    "recipe",
+    where="with a recording, and a strategy that uses a recipe",
+    holds=lambda given: given["recording"] and uses_recipe(given["strategy"]),
+)
 def train(
     out: Path,
     recording: Recorded = None,

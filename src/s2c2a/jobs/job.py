@@ -110,7 +110,7 @@ class Job(Artifact[Run]):
 
     def __post_init__(self):
         """Refuse unknown strategies, options that they ignore, and wrong numbers."""
-        self.conditions.run.estimation.check_supported(
+        self.conditions.run.check_supported(
             self.options.supports, f"strategy '{self.strategy}'"
         )
         if not 1 <= self.repetitions <= MAX_REPETITIONS:

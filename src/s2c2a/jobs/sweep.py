@@ -26,7 +26,7 @@ from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
-from s2c2a.strategies import Recipe, save_recipe, save_strategy
+from s2c2a.strategies import STRATEGIES, Recipe, save_recipe, save_strategy
 from s2c2a.tasks import Task
 from s2c2a.viz import trials_figure
 
@@ -64,7 +64,8 @@ class Sweep:
     strategy: str = "s2c2a"
 
     def __post_init__(self):
-        """Validate the metric and the numbers."""
+        """Validate the metric, the search space and the numbers."""
+        self._check_varied()
         metrics = [{score.metric for score in task.scores} for task in self.tasks]
         common = set.intersection(*metrics)
         if self.metric not in common:
@@ -78,6 +79,18 @@ class Sweep:
                 f"batch {self.batch}, seed {self.seed}: give a batch of at least one "
                 "trial and a seed of at least zero"
             )
+
+    def _check_varied(self) -> None:
+        """Refuse places that the strategy does not read: all trials would be equal."""
+        keys = STRATEGIES.named(self.strategy).recipe_keys
+        for varied in self.varied:
+            if varied.place.partition(".")[0] not in keys:
+                used = ", ".join(sorted(keys - {"name"})) or "no key of a recipe"
+                raise S2C2AError(
+                    f"--vary {varied.place} would have no effect: strategy "
+                    f"'{self.strategy}' uses {used}; vary what it uses, or choose "
+                    "another --strategy"
+                )
 
     def jobs(self, recipe: Recipe) -> list[Job]:
         """The runs of a trial with this recipe."""

@@ -22,7 +22,6 @@ from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
-from s2c2a.models.registry import MODELS
 from s2c2a.planning import Guard
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import (
@@ -38,6 +37,8 @@ from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
     STRATEGIES,
     RunOptions,
+    check_own_classes_used,
+    import_own_classes,
     load_strategy,
     recipe_named,
     shipped_networks,
@@ -290,17 +291,16 @@ def arm_control(
     release_after: float = 10.0,
     model: str | None = None,
     strategies: tuple[str, ...] = (),
+    controller: str | None = None,
 ) -> ArmControl:
     """Control of an arm that is not started yet; see `s2c2a live` for the options.
 
     Raises:
         S2C2AError: a strategy file cannot be read, or an option does not fit the arm.
     """
-    if model:
-        MODELS.named(model)
     return ArmControl(
         robot.make(arm, seed=seed),
-        strategies_of(arm, weights, guard, strategies),
+        strategies_of(arm, weights, guard, strategies, model, controller),
         tasks_of(arm),
         release_after,
     )
@@ -323,6 +323,8 @@ def strategies_of(
     files: tuple[str, ...],
     guard: Guard,
     names: tuple[str, ...] = (),
+    model: str | None = None,
+    controller: str | None = None,
 ) -> Strategies:
     """Strategies that can drive an arm, by name, built when first used.
 
@@ -334,14 +336,20 @@ def strategies_of(
         files: of weights; "shipped" stands for those of the package.
         guard: which points are kept out of obstacles.
         names: of strategies without training (`STRATEGIES`, or file.py:Class).
+        model: class of the user's own forward model that a file uses.
+        controller: the same of a learned controller.
 
     Raises:
-        StrategyError: a file cannot be read, or a strategy needs training.
+        StrategyError: a file cannot be read, a strategy needs training, or an option
+            would have no effect.
     """
+    import_own_classes(model, controller)
     networks = [
         shipped_networks(arm) if file == SHIPPED else load_strategy(file, arm)
         for file in files
     ]
+    recipes = [trained.recipe for trained in networks]
+    check_own_classes_used(recipes, model, controller)
     labels = [Path(file).stem for file in files]
     if not networks:
         with suppress(StrategyError):
@@ -351,10 +359,12 @@ def strategies_of(
     builders: dict[str, Callable[[], Driver]] = {}
     for label, trained in zip(labels, networks, strict=True):
         options = STRATEGIES.imported(trained.strategy)()
+        run.check_supported(options.supports, f"strategy '{trained.strategy}'")
         build = partial(options.build, arm, trained.recipe, trained, run)
         builders[f"{options.name} · {label}"] = cache(build)
     for name in names:
         options = STRATEGIES.named(name)()
+        run.check_supported(options.supports, f"strategy '{name}'")
         recipe = recipe_named("best")
         if options.collect_options(recipe, 0) is not None:
             raise StrategyError(

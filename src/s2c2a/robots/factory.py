@@ -83,6 +83,14 @@ class RobotFactory:
         """Whether it is the package's own simulation."""
         return self.name == SIMULATED
 
+    def accepts(self, option: str) -> bool:
+        """Whether the class has an option, such as a seed.
+
+        Raises:
+            S2C2AError: there is no such class.
+        """
+        return option in named_parameters(robot_class(self.name))
+
     def make(self, arm: ArmSpec, **defaults: Any) -> Robot:
         """Create the robot of an arm.
 

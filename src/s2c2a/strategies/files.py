@@ -46,20 +46,13 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     Raises:
         S2C2AError: the file cannot be written.
     """
-    recipe = networks.recipe
-    recipe = replace(
-        recipe,
-        # by class, wherever its file was
-        c2s=replace(recipe.c2s, model=MODELS.name_of(type(recipe.c2s))),
-        c2a=replace(recipe.c2a, model=CONTROLLERS.name_of(type(recipe.c2a))),
-    )
     metadata = Metadata(
         schema_version=SCHEMA,
         version=s2c2a.__version__,
         strategy=networks.strategy,
         strategy_options=dict(networks.strategy_options),
         arm=arm_to_toml(networks.arm),
-        recipe=asdict(recipe),
+        recipe=asdict(networks.recipe.by_class),
         seed=networks.seed,
         percent=networks.percent,
         errors=networks.errors,

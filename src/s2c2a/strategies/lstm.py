@@ -43,6 +43,7 @@ class LSTM(StrategyOptions):
 
     options: LSTMOptions = LSTMOptions()  # noqa: RUF009  # frozen
     name = "lstm"
+    recipe_keys = frozenset()
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         """See `StrategyOptions`."""

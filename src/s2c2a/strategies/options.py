@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from jaxtyping import PRNGKeyArray
@@ -17,6 +17,7 @@ from s2c2a.runtime import Driver
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 
+RECIPE_KEYS = frozenset(key.name for key in fields(Recipe))
 NetworkProgress = Callable[[str, int, int, float], None]
 """Called with network, epoch, number of epochs, validation loss."""
 
@@ -33,6 +34,23 @@ class RunOptions:
     guard: Guard = "tip"
     estimation: EstimationSettings = EstimationSettings()  # noqa: RUF009  # frozen
 
+    def check_supported(self, supported: frozenset[str], name: str) -> None:
+        """Check that a strategy supports the options.
+
+        Args:
+            supported: names that it supports: "guard" and `EstimationSettings`.
+            name: of the strategy, for the message.
+
+        Raises:
+            StrategyError: an option without support differs from its default.
+        """
+        if self.guard != RunOptions.guard and "guard" not in supported:
+            raise StrategyError(
+                f"{name} does not support --guard {self.guard}; leave it out, or choose "
+                "a strategy that keeps the arm out of obstacles"
+            )
+        self.estimation.check_supported(supported, name)
+
 
 @dataclass(frozen=True)
 class StrategyOptions(ABC):
@@ -45,14 +63,16 @@ class StrategyOptions(ABC):
     Attributes:
         name: in messages and weight files; rows and figures show the name that the
             command gives.
-        supports: which settings of a run it supports
-            (`EstimationSettings.check_supported`).
+        supports: which options of a run it supports (`RunOptions.check_supported`).
+        recipe_keys: which keys of a recipe it uses; by default all. A sweep of others,
+            and a recipe for a strategy that uses none, are refused.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     name: ClassVar[str] = ""
     supports: ClassVar[frozenset[str]] = frozenset()
+    recipe_keys: ClassVar[frozenset[str]] = RECIPE_KEYS
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """The recipe that it is trained by, given the one that the user chose."""

@@ -26,6 +26,8 @@ from s2c2a.training import Trained
 from s2c2a.training.fit import Fixed
 
 GAINS = "gains"
+PLANNING_KEYS = frozenset({"planner", "axis_weights"})
+"""Keys of a recipe that count without networks."""
 MIN_MOTION = 1e-6  # rad2; a module that moves less cannot be fitted
 
 
@@ -34,6 +36,8 @@ class PlainPCC(StrategyOptions):
     """PCC with the arm's nominal numbers."""
 
     name = "pcc"
+    supports = frozenset({"guard"})
+    recipe_keys = PLANNING_KEYS
 
     def build(
         self,
@@ -61,6 +65,8 @@ class FittedPCC(StrategyOptions):
     """PCC with one gain per module, fitted to a recording."""
 
     name = "pcc-fitted"
+    supports = frozenset({"guard"})
+    recipe_keys = PLANNING_KEYS | {"babbling", "speeds", "episodes", "active"}
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         """See `StrategyOptions`."""

@@ -156,6 +156,18 @@ class Recipe:
         return ESTIMATORS.build(self.estimator)
 
     @property
+    def by_class(self) -> "Recipe":
+        """The same, naming the user's own classes by module, as weight files do.
+
+        A recipe file names them by their files, wherever these are.
+        """
+        return replace(
+            self,
+            c2s=replace(self.c2s, model=MODELS.name_of(type(self.c2s))),
+            c2a=replace(self.c2a, model=CONTROLLERS.name_of(type(self.c2a))),
+        )
+
+    @property
     def training(self) -> dict[str, Any]:
         """All options that training depends on, with the names of all classes."""
         unused = (

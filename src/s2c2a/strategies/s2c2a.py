@@ -22,7 +22,12 @@ from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import EstimationSettings, StateEstimator
 from s2c2a.models.active import choose_targets
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
-from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
+from s2c2a.strategies.options import (
+    RECIPE_KEYS,
+    NetworkProgress,
+    RunOptions,
+    StrategyOptions,
+)
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
@@ -44,7 +49,7 @@ class S2C2A(StrategyOptions):
 
     name = "s2c2a"
     supports = frozenset(
-        {"known_payload", "disturbance_estimation", "max_compensated_force"}
+        {"guard", "known_payload", "disturbance_estimation", "max_compensated_force"}
     )
 
     def training_arm(self, arm: ArmSpec, recipe: Recipe) -> ArmSpec:
@@ -94,6 +99,7 @@ class S2C2AMotor(S2C2A):
     """The same, trained on motor babbling (Chen et al. 2025, sec. IV)."""
 
     name = "s2c2a-motor"
+    recipe_keys = RECIPE_KEYS - {"babbling"}
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """See `StrategyOptions`."""
@@ -305,8 +311,8 @@ def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
     Raises:
         StrategyError: that recipe trains differently.
     """
-    ours = networks.recipe.training | {"estimator": ""}
-    if recipe.training | {"estimator": ""} != ours:
+    ours = networks.recipe.by_class.training | {"estimator": ""}
+    if recipe.by_class.training | {"estimator": ""} != ours:
         raise StrategyError(
             f"recipe '{recipe.name}' trains differently from '{networks.recipe.name}', "
             "by which these networks were trained; leave it out, or base one on theirs "

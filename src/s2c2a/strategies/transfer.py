@@ -100,11 +100,12 @@ def check_same_training(networks: TrainedNetworks, recipe: Recipe) -> None:
     Raises:
         StrategyError: they differ.
     """
-    start = networks.recipe
+    start = networks.recipe.by_class
+    wanted = recipe.by_class
     differing = [
         name
         for name in ("c2s", "c2a", "unit_length")
-        if getattr(start, name) != getattr(recipe, name)
+        if getattr(start, name) != getattr(wanted, name)
     ]
     if start.estimator.name != recipe.estimator.name:
         differing.append("estimator")

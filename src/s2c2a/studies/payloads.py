@@ -4,7 +4,7 @@ The networks were trained without payload. The state estimator uses encoders, an
 first seconds the position of the tip; then it has encoders alone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -47,13 +47,16 @@ def payload_rows(
     networks: TrainedNetworks,
     recordings: Mapping[str, Recording],
     seconds: float,
-) -> Iterator[Row]:
+    keep: Callable[[list[Row]], object] = lambda rows: None,
+) -> list[Row]:
     """Prediction error after the tip is no longer measured, and the estimated payload.
 
     Args:
         networks: trained without payload.
         recordings: of the same arm with a payload, by name.
         seconds: for which the tip is measured.
+        keep: called with all rows so far whenever a recording is finished, so that an
+            interruption loses none.
 
     Raises:
         RecordingError: no recording, one of another arm, or one that is too short.
@@ -67,19 +70,34 @@ def payload_rows(
     disturbance_filter = _filter(networks)
     for name, recording in recordings.items():
         _check_recording(name, recording, networks.arm, steps)
-        sensed = training_data(recording, networks.recipe).sensed
-        tips = recording.sensor("states")[:, :, -1, POSITION]
-        for label, measured_steps in ((WITHOUT, 0), (ESTIMATED, steps)):
-            episodes = [
-                estimate_episode(
-                    disturbance_filter,
-                    sensed[number, :length],
-                    tips[number, :length],
-                    measured_steps,
-                )
-                for number, length in enumerate(recording.lengths)
-            ]
-            yield from _rows(networks, name, label, tips, episodes, steps)
+    rows: list[Row] = []
+    for name, recording in recordings.items():
+        rows += _recording_rows(networks, disturbance_filter, name, recording, steps)
+        keep(rows)
+    return rows
+
+
+def _recording_rows(
+    networks: TrainedNetworks,
+    disturbance_filter: DisturbanceFilter,
+    name: str,
+    recording: Recording,
+    steps: int,
+) -> Iterator[Row]:
+    """Rows of one recording, without and with estimation."""
+    sensed = training_data(recording, networks.recipe).sensed
+    tips = recording.sensor("states")[:, :, -1, POSITION]
+    for label, measured_steps in ((WITHOUT, 0), (ESTIMATED, steps)):
+        episodes = [
+            estimate_episode(
+                disturbance_filter,
+                sensed[number, :length],
+                tips[number, :length],
+                measured_steps,
+            )
+            for number, length in enumerate(recording.lengths)
+        ]
+        yield from _rows(networks, name, label, tips, episodes, steps)
 
 
 def _check_recording(name: str, recording: Recording, arm: ArmSpec, steps: int) -> None:

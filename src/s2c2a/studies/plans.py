@@ -282,7 +282,10 @@ def _in_chunks(
 
 
 def plan_rows(
-    networks: Sequence[TrainedNetworks], count: int, seed: int = 0
+    networks: Sequence[TrainedNetworks],
+    count: int,
+    seed: int = 0,
+    keep: Callable[[list[Row]], object] = lambda rows: None,
 ) -> list[Row]:
     """Make rows of the shares of optimal and stuck plans [%], of all kinds and each.
 
@@ -290,8 +293,10 @@ def plan_rows(
         networks: each plans with the options of its recipe.
         count: number of problems for each.
         seed: of all samples.
+        keep: called with all rows so far whenever networks are finished, so that an
+            interruption loses none.
     """
-    rows = []
+    rows: list[Row] = []
     kinds = np.array(KINDS)[np.arange(count) % 4]
     for each in networks:
         arm = each.arm
@@ -311,4 +316,5 @@ def plan_rows(
                 for metric, values in metrics.items():
                     share = 100.0 * float(values[selected].mean())
                     rows.append(Row(*heading, metric, "%", share, seeds=(seed,)))
+        keep(rows)
     return rows

@@ -7,12 +7,13 @@ recipes without one ingredient of `best`, or with one added to `paper` (docs/con
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import ArmError, S2C2AError, did_you_mean
+from s2c2a.errors import ArmError, S2C2AError, StrategyError, did_you_mean
 from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
@@ -20,7 +21,7 @@ from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, LeastSquares
 from s2c2a.planning.terms import Evenness
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import RECIPES, Recipe, RunOptions
+from s2c2a.strategies import RECIPES, STRATEGIES, Recipe, RunOptions
 from s2c2a.studies.calibration import sensing_rows
 from s2c2a.studies.figures.space import (
     obstacles_figure,
@@ -287,6 +288,28 @@ TABLES: dict[str, Table] = {
 
 OTHERS = {"networks": _networks, "workspace": _workspace}
 """Tables without runs (secs. II-D and III-B): name -> makes its rows and figures."""
+
+
+def check_strategies(names: Sequence[str], strategies: Sequence[str]) -> None:
+    """Check that further strategies support the options of all runs of tables.
+
+    Args:
+        names: of tables; those that compare no strategies are passed over.
+        strategies: names of the strategies.
+
+    Raises:
+        S2C2AError: there is no such strategy, or it does not support an option.
+    """
+    for name, strategy in product(names, strategies):
+        supports = STRATEGIES.named(strategy).supports
+        for block in TABLES[name].blocks if name in TABLES else ():
+            try:
+                block.conditions.run.check_supported(supports, f"'{strategy}'")
+            except StrategyError as error:
+                raise S2C2AError(
+                    f"--strategy {strategy} cannot be compared in table '{name}': "
+                    f"{error}; here, reproduce other tables one by one"
+                ) from error
 
 
 def make_table(

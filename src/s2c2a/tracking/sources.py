@@ -5,7 +5,7 @@ from typing import Any
 
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.options import convert_option, named_parameters, options_from
-from s2c2a.plugins import resolve, resolve_own
+from s2c2a.plugins import located, resolve, resolve_own
 from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.tracker import Tracker
 
@@ -23,6 +23,8 @@ _ADDRESSES: Mapping[str, Sequence[tuple[str, ...]]] = {
     "camera": [("device", "camera_file"), ("device", "camera_file", "layout_file")],
 }
 """Options that can be written behind the name, with colons."""
+FILES = {"device", "camera_file", "layout_file"}
+"""Options that can name a file."""
 FORMS = (
     "udp, udp:PORT, udp:HOST:PORT, natnet:HOST, qualisys:HOST, "
     "camera:DEVICE:CAMERA_FILE, "
@@ -51,6 +53,9 @@ def tracker_of(source: str) -> Tracker:
     if names is None or "" in address:
         raise TrackingError(f"'{text}' is no tracking source; give {FORMS}")
     options = dict(zip(names, address, strict=True)) | dict(options_from(given))
+    for option in FILES & options.keys():
+        if file := options[option]:
+            options[option] = str(located(source, file))
     return _make(resolve_own(KNOWN[name]), options)
 
 

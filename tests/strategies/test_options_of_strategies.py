@@ -1,0 +1,149 @@
+"""Options that a strategy accepts change what it builds; others are refused."""
+
+from collections import ChainMap
+from dataclasses import fields, replace
+
+import jax
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
+from s2c2a.jobs import Conditions, jobs_for
+from s2c2a.jobs.search_space import varied_from
+from s2c2a.live.control import strategies_of
+from s2c2a.strategies import (
+    STRATEGIES,
+    Recipe,
+    RunOptions,
+    StrategyOptions,
+    lstm,
+    pcc,
+    recipe_named,
+    s2c2a,
+    shipped_networks,
+)
+
+TWIN = load_arm("twin_arm")
+BEST = recipe_named("best")
+RUNS = {
+    "guard": RunOptions("arm"),
+    "known_payload": RunOptions(estimation=EstimationSettings(known_payload=0.05)),
+    "disturbance_estimation": RunOptions(
+        estimation=EstimationSettings(disturbance_estimation=False)
+    ),
+    "max_compensated_force": RunOptions(
+        estimation=EstimationSettings(max_compensated_force=1.0)
+    ),
+}
+"""By option of a run: a run with another value."""
+CHANGED = {
+    "c2s": replace(BEST.c2s, hidden=16),
+    "c2a": replace(BEST.c2a, hidden=16),
+    "c2s_fit": replace(BEST.c2s_fit, max_epochs=3),
+    "c2a_fit": replace(BEST.c2a_fit, max_epochs=3),
+    "history_noise": 0.1,
+    "estimator": EncoderOnly(),
+    "planner": replace(BEST.planner, engaged_slopes=not BEST.planner.engaged_slopes),
+    "babbling": "mixed",
+    "speeds": (0.02, 0.1),
+    "episodes": 9,
+    "integral_gain": 0.1,
+    "unit_length": not BEST.unit_length,
+    "active": True,
+}
+"""By key of a recipe: another value."""
+IN_THE_TASK = {"name", "axis_weights"}
+"""Keys that name the recipe, or change the goals of a task."""
+
+
+@pytest.fixture(scope="module")
+def networks():
+    """All networks of all strategies; what is not trained is not run either."""
+    shipped = shipped_networks(TWIN)
+    untrained = [
+        STRATEGIES.named(name)().untrained(TWIN, BEST, jax.random.key(0))
+        for name in ("pcc-fitted", "lstm")
+    ]
+    return replace(shipped, networks=dict(ChainMap(dict(shipped.networks), *untrained)))
+
+
+@pytest.fixture
+def effect(monkeypatch, networks):
+    """Text of all that a strategy trains by, and of the parts that it builds."""
+    for module in (pcc, s2c2a):
+        monkeypatch.setattr(module, "Planner", lambda arm, model, options: options)
+        monkeypatch.setattr(module, "Strategy", lambda *parts: parts[2:])
+    monkeypatch.setattr(pcc, "EncoderEstimator", lambda configuration_map: "encoders")
+    monkeypatch.setattr(lstm, "LSTMStrategy", lambda arm, network: network)
+    for estimator in (KalmanFilter, EncoderOnly):
+        monkeypatch.setattr(estimator, "build", lambda self, *given: (self, given[-1]))
+
+    def effect_of(options: StrategyOptions, recipe: Recipe, run: RunOptions) -> str:
+        used = options.recipe(recipe)
+        training = ()
+        if options.collect_options(used, 0) is not None:
+            training = options.training_key(used), options.collect_options(used, 0)
+        return repr((training, options.build(TWIN, used, networks, run)))
+
+    return effect_of
+
+
+@pytest.mark.parametrize("option", RUNS)
+@pytest.mark.parametrize("name", STRATEGIES.known)
+def test_an_option_of_a_run_changes_what_is_built_or_is_refused(name, option, effect):
+    options = STRATEGIES.named(name)()
+    run = RUNS[option]
+    changes = effect(options, BEST, run) != effect(options, BEST, RunOptions())
+    assert changes == (option in options.supports)
+    conditions = Conditions(run=run)
+    if changes:
+        assert jobs_for(["circle"], TWIN, [name], [0], BEST, conditions)
+        return
+    with pytest.raises(StrategyError, match=f"'{name}' does not support --"):
+        jobs_for(["circle"], TWIN, [name], [0], BEST, conditions)
+
+
+@pytest.mark.parametrize("key", CHANGED)
+@pytest.mark.parametrize("name", STRATEGIES.known)
+def test_a_strategy_uses_the_keys_of_a_recipe_that_it_declares(name, key, effect):
+    options = STRATEGIES.named(name)()
+    changed = replace(BEST, **{key: CHANGED[key]})
+    run = RunOptions()
+    changes = effect(options, changed, run) != effect(options, BEST, run)
+    assert changes == (key in options.recipe_keys)
+
+
+def test_all_options_and_all_keys_are_tried():
+    settings = {field.name for field in fields(EstimationSettings)}
+    assert RUNS.keys() == {"guard"} | settings
+    keys = {field.name for field in fields(Recipe)}
+    assert CHANGED.keys() | IN_THE_TASK == keys
+
+
+@pytest.mark.parametrize("place", ["c2s.hidden", "planner.solver.iterations"])
+@pytest.mark.parametrize("name", STRATEGIES.known)
+def test_a_sweep_varies_what_its_strategy_uses(name, place):
+    sweeps = pytest.importorskip("s2c2a.jobs.sweep")
+    job = jobs_for(["circle"], TWIN, ["pcc"], [0], BEST)[0]
+    varied = varied_from([f"{place}=16,32"], BEST)
+    if place.partition(".")[0] in STRATEGIES.named(name).recipe_keys:
+        assert sweeps.Sweep(TWIN, (job.task,), BEST, varied, strategy=name)
+        return
+    with pytest.raises(S2C2AError, match=f"--vary {place} would have no effect"):
+        sweeps.Sweep(TWIN, (job.task,), BEST, varied, strategy=name)
+
+
+def test_the_live_page_refuses_a_strategy_that_ignores_the_guard():
+    with pytest.raises(StrategyError, match="'lstm' does not support --guard arm"):
+        strategies_of(TWIN, ("shipped",), "arm", ("lstm",))
+
+
+@pytest.mark.parametrize("option", ["model", "controller"])
+def test_the_live_page_refuses_a_class_that_no_weight_file_uses(option):
+    name = {
+        "model": "s2c2a.models:C2SOptions",
+        "controller": "s2c2a.control.options:ControllerOptions",
+    }[option]
+    with pytest.raises(StrategyError, match=f"--{option} .*: it names the class"):
+        strategies_of(TWIN, ("shipped",), "tip", **{option: name})

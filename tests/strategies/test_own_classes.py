@@ -1,0 +1,70 @@
+"""Weight files and recipe files name the same class of the user's own alike."""
+
+from dataclasses import asdict, replace
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.models.registry import MODELS
+from s2c2a.plugins import trust_code, trust_of_one_command
+from s2c2a.strategies import (
+    check_own_classes_used,
+    load_recipe,
+    load_strategy,
+    planning_as,
+    save_strategy,
+    shipped_networks,
+)
+from s2c2a.strategies.transfer import check_same_training
+
+TEXT = """from dataclasses import dataclass
+
+from s2c2a.models import LocalOptions
+
+
+@dataclass(frozen=True)
+class Mine(LocalOptions):
+    pass
+"""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """A recipe file and a weight file with a forward model of the user's own."""
+    tmp_path = tmp_path_factory.mktemp("own_classes")
+    (tmp_path / "own_local_model.py").write_text(TEXT)
+    recipe_file = tmp_path / "own.toml"
+    c2s = asdict(shipped_networks(load_arm("twin_arm")).recipe.c2s)
+    del c2s["model"]
+    lines = [f"{key} = {str(value).lower()}" for key, value in c2s.items()]
+    recipe_file.write_text(
+        'based_on = "best"\n[c2s]\nmodel = "own_local_model.py:Mine"\n'
+        + "\n".join(lines).replace("(", "[").replace(")", "]")
+    )
+    recipe = load_recipe(recipe_file)
+    weights = tmp_path / "own.safetensors"
+    networks = shipped_networks(load_arm("twin_arm"))
+    save_strategy(replace(networks, recipe=recipe), weights)
+    return recipe, weights
+
+
+def test_a_recipe_file_plans_with_weights_of_its_own_class(own):
+    recipe, weights = own
+    networks = load_strategy(weights)
+    assert networks.recipe.c2s.model == "own_local_model:Mine"
+    assert planning_as(networks, recipe).recipe is recipe
+    check_same_training(networks, recipe)
+
+
+def test_a_class_that_a_weight_file_uses_is_accepted(own):
+    recipe, weights = own
+    used = load_strategy(weights).recipe
+    check_own_classes_used([used], recipe.c2s.model, None)
+
+
+def test_a_trusted_class_of_a_weight_file_is_imported(tmp_path, monkeypatch):
+    (tmp_path / "trusted_model.py").write_text(TEXT)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with trust_of_one_command():
+        trust_code("trusted_model:Mine")
+        assert MODELS.imported("trusted_model:Mine").__name__ == "Mine"
