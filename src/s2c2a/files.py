@@ -70,6 +70,12 @@ def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any
         raise fault(f"not valid TOML: {error}") from error
 
 
+def toml_comment(text: str) -> str:
+    """One line of TOML that is a comment, whatever the text holds, such as line feeds."""
+    printable = (char if char.isprintable() else " " for char in text)
+    return f"# {''.join(printable)}"
+
+
 MANIFEST = "manifest.jsonl"
 """List of the files of a folder that this package wrote, a name a line."""
 _PART = re.compile(r"\.(.+)\.\d+\.part")
