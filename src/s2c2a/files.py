@@ -172,6 +172,26 @@ def _walk(folder: Path) -> Iterator[Path]:
             yield from _walk(path)
 
 
+def check_replaceable(
+    path: str | os.PathLike, ending: str, fault: type[S2C2AError] = S2C2AError
+) -> None:
+    """Refuse to replace a file of another kind, such as a text that a typo names.
+
+    Args:
+        path: of the file, which need not exist.
+        ending: of the kind that is written, such as ".toml".
+        fault: class of the exception.
+
+    Raises:
+        S2C2AError: the file exists and has another ending.
+    """
+    if Path(path).suffix != ending and os.path.lexists(path):
+        raise fault(
+            f"{path} exists and does not end in {ending}; --overwrite replaces only "
+            "files that do: choose another name, or delete that file first"
+        )
+
+
 @contextmanager
 def atomic_write(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError

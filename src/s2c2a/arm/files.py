@@ -13,12 +13,13 @@ from s2c2a.arm.servos import ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
-from s2c2a.files import parse_toml, read_text, write_atomically
+from s2c2a.files import check_replaceable, parse_toml, read_text, write_atomically
 from s2c2a.plugins import trust_code
 from s2c2a.validation import explained
 
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""
+ENDING = ".toml"
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
 TABLES = (
     ArmSpec,
@@ -113,6 +114,7 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         raise ArmError(
             f"{path} exists; choose another name or overwrite it (--overwrite)"
         )
+    check_replaceable(path, ENDING, ArmError)
     write_atomically(arm_to_toml(arm), path, ArmError)
 
 

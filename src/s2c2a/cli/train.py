@@ -14,6 +14,7 @@ from s2c2a.cli.console import (
 )
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.files import check_replaceable
 
 if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
@@ -60,6 +61,7 @@ def train(
     limit_jax_to_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
+    check_replaceable(out, ".safetensors", StrategyError)
     chosen = strategies.recipe_from(recipe)
     begun = strategies.load_strategy(start) if start else None
     networks = _trained(recording, arm, strategy, chosen, seed, begun, out)
