@@ -28,6 +28,10 @@ OPENING = """# Commands
 yours. A value without dashes stands directly behind the command. A flag has no value;
 `--no-NAME` switches the flag `--NAME` off. Several values follow one option, separated
 by spaces; a repeatable option occurs once for each value.
+
+Every command also takes `--trust file.py:Name` or `--trust module:Name`, repeatable:
+custom code that a recording or a weight file names, and that it may run
+([extending](../guides/extending.md)).
 """
 SUFFIX = re.compile(r"\s*\((default: (?P<default>.*)|required|repeatable)\)$", re.S)
 WORDS = {

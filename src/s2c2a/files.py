@@ -70,6 +70,12 @@ def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any
         raise fault(f"not valid TOML: {error}") from error
 
 
+def toml_comment(text: str) -> str:
+    """One line of TOML that is a comment, whatever the text holds, such as line feeds."""
+    printable = (char if char.isprintable() else " " for char in text)
+    return f"# {''.join(printable)}"
+
+
 MANIFEST = "manifest.jsonl"
 """List of the files of a folder that this package wrote, a name a line."""
 _PART = re.compile(r"\.(.+)\.\d+\.part")
@@ -164,6 +170,26 @@ def _walk(folder: Path) -> Iterator[Path]:
         yield path
         if path.is_dir() and not path.is_symlink():
             yield from _walk(path)
+
+
+def check_replaceable(
+    path: str | os.PathLike, ending: str, fault: type[S2C2AError] = S2C2AError
+) -> None:
+    """Refuse to replace a file of another kind, such as a text that a typo names.
+
+    Args:
+        path: of the file, which need not exist.
+        ending: of the kind that is written, such as ".toml".
+        fault: class of the exception.
+
+    Raises:
+        S2C2AError: the file exists and has another ending.
+    """
+    if Path(path).suffix != ending and os.path.lexists(path):
+        raise fault(
+            f"{path} exists and does not end in {ending}; --overwrite replaces only "
+            "files that do: choose another name, or delete that file first"
+        )
 
 
 @contextmanager

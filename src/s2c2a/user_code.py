@@ -8,6 +8,7 @@ a kept file also holds the digest of all custom code that the values name.
 import ast
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import is_dataclass
 from functools import cache
 from hashlib import blake2b
@@ -112,15 +113,22 @@ def _module_files(module: str) -> Iterator[Path]:
 
 
 def _if_file(path: Path) -> Iterator[Path]:
-    if path.is_file():
+    if _is_file(path):
         yield path.resolve()
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; the path may be any text of a stranger's file."""
+    with suppress(OSError, ValueError):  # such as a name that is too long
+        return path.is_file()
+    return False
 
 
 def _file_in(folder: Path, module: str) -> Path | None:
     """Source file of a module, if a folder has it."""
     place = folder.joinpath(*module.split("."))
     for candidate in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
-        if candidate.is_file():
+        if _is_file(candidate):
             return candidate.resolve()
     return None
 
@@ -132,7 +140,8 @@ def _add_with_imports(file: Path, files: set[Path]) -> None:
     files.add(file)
     try:
         tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):  # reported where it is imported
+    # reported where it is imported; the last two: too many nested expressions
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         return
     for folder, module in _imports(tree, file):
         if imported := _file_in(folder, module):

@@ -40,7 +40,7 @@ def script(request, scripts, capsys) -> Path:
 @pytest.mark.parametrize("script", ["bash", "zsh", "fish"], indirect=True)
 def test_the_script_of_a_shell_holds_commands_and_options(script):
     text = script.read_text(encoding="utf-8")
-    for word in ("s2c2a", "collect", "reproduce", "--fidelity"):
+    for word in ("s2c2a", "collect", "reproduce", "--fidelity", "--trust"):
         assert word in text
 
 

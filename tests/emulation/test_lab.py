@@ -19,6 +19,7 @@ from s2c2a import data
 from s2c2a.arm import load_arm
 from s2c2a.emulation.lab import open_lab
 from s2c2a.emulation.motive import MotiveOptions
+from s2c2a.emulation.outputs import describe
 from s2c2a.errors import S2C2AError
 from s2c2a.hardware.calibration import (
     CalibratedServo,
@@ -52,6 +53,20 @@ def test_an_arm_file_of_the_user_is_not_replaced(tmp_path):
     open_lab(load_arm("twin_arm"), tmp_path, MOCAP)
     open_lab(load_arm("twin_both"), tmp_path, MOCAP)
     assert load_arm(path).name == "twin_both-lab"
+
+
+@pytest.mark.parametrize("text", ["mine", '{"mine": 1}', "[1]", "[" * 100_000])
+def test_a_status_file_of_the_user_is_not_replaced(tmp_path, text):
+    (tmp_path / "status.json").write_text(text)
+    with pytest.raises(S2C2AError, match=r"status\.json is not the status"):
+        open_lab(load_arm("twin_arm"), tmp_path, MOCAP)
+    assert [path.name for path in tmp_path.iterdir()] == ["status.json"]
+
+
+def test_the_status_file_of_a_killed_laboratory_is_replaced(tmp_path):
+    emulator = open_lab(load_arm("twin_arm"), tmp_path, MOCAP).emulator
+    (tmp_path / "status.json").write_text(json.dumps(describe(emulator)))
+    open_lab(load_arm("twin_arm"), tmp_path, MOCAP)
 
 
 def test_a_folder_in_use_is_refused(tmp_path):

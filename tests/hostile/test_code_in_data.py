@@ -1,15 +1,17 @@
 """Recordings, weight files and cached results run no code, whatever names they hold."""
 
 import ast
+import contextlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from s2c2a.arm import ArmSpec, load_arm, save_arm
+from s2c2a.arm import ArmSpec, arm_from_toml, load_arm, save_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.cli.main import main
@@ -19,6 +21,11 @@ from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError, UntrustedCodeError
 from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
 from s2c2a.executors import submit
+from s2c2a.logs.arm_file import Layout, format_arm
+from s2c2a.logs.cable_model import Parameters
+from s2c2a.logs.cable_search import Assignment
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.model_fit import CableFit
 from s2c2a.plugins import GROUPS, resolve, trust_code
 from s2c2a.registry import OptionsRegistry
 from s2c2a.robots import RobotFactory
@@ -40,6 +47,21 @@ def X(*_):
 """
 NAMES = ("evil_code.py:X", "./evil_code.py:X", "evil_code:X", "this:s", "os:system")
 CUSTOM = CustomComponent("evil_code.py:X")
+MAP = """
+[rows]
+kind = "steps"
+[arm]
+name = "mine"
+modules = 3
+control_rate = 10
+cable_radius = 0.02
+[[drives]]
+commanded = "a"
+unit = "free"
+[[ends]]
+position = ["x", "y", "z"]
+unit = "m"
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -258,3 +280,110 @@ def test_a_worker_trusts_what_its_parent_trusts(ran):
         trust_code("evil_code.py:X")
         submit(executor, resolve, "task", "evil_code.py:X", {}).result()
     assert ran.exists()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_description_of_an_arm_file_allows_no_code(name, twin, tmp_path):
+    """It may be a stranger's text, which `s2c2a import` copies from the map."""
+    arm = twin.model_copy(update={"description": name})
+    save_arm(arm, tmp_path / "mine.toml")
+    load_arm(tmp_path / "mine.toml")
+    with pytest.raises(UntrustedCodeError):
+        resolve("sensor", name, {})
+
+
+@pytest.mark.parametrize("breaks", ["\n", "\r\n", "\x0b", "\u2028", "\x00"])
+def test_names_in_a_map_add_no_key_to_the_arm_file(breaks):
+    text = f'x{breaks}sensing = "evil_code.py:X"{breaks}#'
+    drive = {"commanded": text, "unit": "free", "module": 0}
+    known = {"name": "mine", "modules": 1, "control_rate": 10, "cable_radius": 0.02}
+    table = {
+        "source": {"name": text},
+        "rows": {"kind": "steps"},
+        "arm": known,
+        "drives": [drive] * 3,
+        "ends": [{"position": ["x", "y", "z"], "unit": "m"}],
+    }
+    zero = np.zeros(3)
+    parameters = Parameters(zero, 0.0, zero, zero, np.zeros(1), 0.0, 0.0, zero, zero)
+    layout = Layout(
+        np.array([[0, 1, 2]]),
+        np.ones((1, 3)),
+        np.array([[0.0, 120.0, 240.0]]),
+        np.array([0.02]),
+        np.ones((1, 3)),
+    )
+    log_map = LogMap.model_validate(table)
+    fit = CableFit(parameters, None, 0.0)
+    assignment = Assignment(np.zeros(3, int), np.ones(3), False)
+    bends = [np.zeros((2, 1, 2))]
+    written = format_arm(fit, assignment, layout, log_map, bends, 0.0)
+    assert arm_from_toml(written).sensing == "encoders"
+
+
+@pytest.fixture
+def evil_recording(recording, tmp_path) -> str:
+    """A recording whose arm, options and columns name code wherever they can."""
+    arm = recording.arm
+    for change, _ in USES.values():
+        arm = change(arm, "evil_code.py:X")
+    named = dict.fromkeys(
+        ("strategy", "task", "recipe", "robot", "estimator", "babbling"),
+        "evil_code.py:X",
+    )
+    episodes = [replace(e, arm=arm, options=named) for e in recording.episodes]
+    path = tmp_path / "evil.episodes"
+    save_episodes(episodes, path, {**recording.options, **named})
+    return str(path)
+
+
+@pytest.fixture
+def evil_weights(tiny_best_networks, tmp_path) -> str:
+    """Networks whose arm and recipe name code wherever they can."""
+    arm = tiny_best_networks.arm
+    for change, _ in USES.values():
+        arm = change(arm, "evil_code.py:X")
+    planner = replace(
+        tiny_best_networks.recipe.planner,
+        solver=CUSTOM,
+        terms=(CUSTOM,),
+        guides=(CUSTOM,),
+        fallback=CUSTOM,
+    )
+    recipe = replace(tiny_best_networks.recipe, planner=planner, estimator=CUSTOM)
+    save_strategy(
+        replace(tiny_best_networks, arm=arm, recipe=recipe),
+        tmp_path / "evil.safetensors",
+    )
+    return str(tmp_path / "evil.safetensors")
+
+
+COMMANDS = {
+    "train": "train evil.episodes --out w.safetensors",
+    "from": "train --from evil.safetensors --arm twin_arm --out w.safetensors",
+    "run": "run circle --weights evil.safetensors --out runs/a",
+    "like": "import log.csv --map map.toml --like evil.episodes --out b.episodes",
+    "view": "view evil.episodes --port 0",
+    "weights": "view evil.safetensors --port 0",
+    "arm": "arm describe evil.episodes",
+    "sweep": "sweep circle --recipe evil.safetensors",
+}
+"""What a user may do with files of a stranger."""
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_no_command_runs_the_code_that_data_names(
+    command, ran, evil_recording, evil_weights, tmp_path, monkeypatch, capsys
+):
+    """Most end with an error; some do their work without the code."""
+    (tmp_path / "map.toml").write_text(MAP)
+    (tmp_path / "log.csv").write_text("time,a,b,c,x,y,z\n0,1,2,3,0,0,0.6\n" * 9)
+    monkeypatch.setattr("s2c2a.cli.view.wait_for_interrupt", lambda: None)
+    path = list(sys.path)
+    with contextlib.suppress(SystemExit):
+        main(command.split())
+    assert not ran.exists()
+    assert "evil_code" not in sys.modules
+    assert sys.path == path
+    for written in tmp_path.glob("*.toml"):
+        assert "evil_code" not in written.read_text()

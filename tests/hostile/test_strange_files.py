@@ -1,9 +1,12 @@
 """Malicious files: links, huge sizes and pathological text are rejected."""
 
+import builtins
+import io
 import os
 import subprocess
 import sys
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +14,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.data import CollectOptions, collect, load_recording
-from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
+from s2c2a.episodes import Episode, EpisodeWriter, load_episodes, save_episodes
 from s2c2a.episodes.blocks import write_block
 from s2c2a.errors import (
     ArmError,
@@ -23,10 +26,18 @@ from s2c2a.errors import (
 )
 from s2c2a.evaluation.report import load_rows
 from s2c2a.files import holds, write_atomically
+from s2c2a.hardware.calibration import load_calibration
+from s2c2a.logs import load_map
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_recipe, load_strategy
-from s2c2a.tasks import load_waypoints, waypoints_task
+from s2c2a.strategies.files import arm_of_strategy
+from s2c2a.tasks import load_task, load_waypoints, waypoints_task
+from s2c2a.tracking.calibration import load_or_empty, load_tracking_calibration
+from s2c2a.tracking.tags.camera import load_camera
+from s2c2a.tracking.tags.capture import open_device
+from s2c2a.tracking.tags.layout import load_layout
+from s2c2a.tracking.tags.live_calibration import read_pictures
 
 TWIN = load_arm("twin_arm")
 READERS = {
@@ -38,6 +49,20 @@ READERS = {
     "results.json": load_rows,
 }
 AB = ColumnRequest(["a", "b"])
+BY_PATH = READERS | {
+    "map.toml": load_map,
+    "recipe.csv": partial(load_task, arm=TWIN),
+    "x.episodes.json": partial(load_calibration, arm=TWIN),
+    "tracking.json": partial(load_tracking_calibration, arm=TWIN),
+    "begun.json": partial(load_or_empty, arm=TWIN),
+    "camera.json": load_camera,
+    "layout.json": load_layout,
+    "picture.png": lambda path: read_pictures([Path(path)]),
+    "video.avi": lambda path: open_device(str(path)),
+    "first.episodes": load_episodes,
+    "own.safetensors": arm_of_strategy,
+}
+"""All that reads a file whose path the user gives, beside tables of logs."""
 TABLES = {name: partial(read_table, request=AB) for name in ("t.csv", "t.npz", "t.mat")}
 
 
@@ -109,9 +134,12 @@ def make_binary(path):
     path.write_bytes(bytes(range(256)) * 9)
 
 
-def make_unreadable(path):
-    path.write_text("x")
-    path.chmod(0)
+def make_json(path):
+    path.write_text("[1, 2")
+
+
+def make_other_table(path):
+    path.write_text('strange = 1\nother = "x"\n')
 
 
 def make_utf16(path):
@@ -122,16 +150,47 @@ def make_nothing(path):
     del path
 
 
-@pytest.mark.parametrize("name", [*READERS, *TABLES])
+@pytest.mark.parametrize("name", [*BY_PATH, *TABLES])
 @pytest.mark.parametrize(
     "make",
-    [make_folder, make_empty, make_binary, make_unreadable, make_utf16, make_nothing],
+    [
+        make_folder,
+        make_empty,
+        make_binary,
+        make_json,
+        make_other_table,
+        make_utf16,
+        make_nothing,
+    ],
 )
 def test_every_reader_names_the_strange_file_that_it_rejects(tmp_path, name, make):
     path = tmp_path / f"ä {name}"
     make(path)
+    if (name, make) == ("begun.json", make_nothing):
+        return
     with pytest.raises(S2C2AError, match=f"ä {name}"):
-        (READERS | TABLES)[name](path)
+        (BY_PATH | TABLES)[name](str(path))
+
+
+@pytest.mark.parametrize("name", [*BY_PATH, *TABLES])
+def test_every_reader_names_the_file_that_it_may_not_read(tmp_path, name, monkeypatch):
+    """For the superuser, who may read everything, opening has to fail otherwise."""
+    path = tmp_path / f"ä {name}"
+    path.write_text("x")
+
+    def refusing(opener):
+        def opened(file, *arguments, **options):
+            if file in (path, str(path)):
+                raise PermissionError(13, "Permission denied", str(file))
+            return opener(file, *arguments, **options)
+
+        return opened
+
+    for module, name_in_it in ((builtins, "open"), (io, "open"), (os, "open")):
+        opener = getattr(module, name_in_it)
+        monkeypatch.setattr(module, name_in_it, refusing(opener))
+    with pytest.raises(S2C2AError, match=f"ä {name}"):
+        (BY_PATH | TABLES)[name](str(path))
 
 
 @pytest.mark.parametrize(
@@ -267,3 +326,28 @@ def test_a_table_with_too_many_modules_is_rejected(tmp_path):
     )
     with pytest.raises(TargetError, match="names 50000 modules; an arm has at most 20"):
         load_waypoints(path)
+
+
+OVERWRITES = {
+    "copy": "arm copy twin_arm thesis.tex",
+    "collect": "collect thesis.tex --episodes 1 --samples 5",
+    "train": "train x.episodes --out thesis.tex",
+    "pretrain": "pretrain --out thesis.tex",
+    "identify": "identify x.episodes --arm twin_arm --out thesis.tex",
+    "import": "import log.csv --map map.toml --out thesis.tex",
+    "home": "motors home --arm twin_arm --out thesis.tex",
+    "calibrate": "reproduce calibration --search 1 --out thesis.tex",
+}
+"""Every command with --overwrite that writes a single file."""
+
+
+@pytest.mark.parametrize("command", OVERWRITES.values(), ids=OVERWRITES)
+def test_overwrite_replaces_no_file_of_another_kind(
+    command, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thesis.tex").write_text("of value")
+    with pytest.raises(SystemExit):
+        main([*command.split(), "--overwrite"])
+    assert "thesis.tex" in capsys.readouterr().err
+    assert (tmp_path / "thesis.tex").read_text() == "of value"

@@ -189,3 +189,18 @@ def test_modules_and_packages_count_with_the_modules_that_they_import(
 def test_texts_that_name_no_custom_code_have_no_digest(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert code_digest(text) == ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["x" * 5000 + ".py:X", ".".join(["a"] * 3000) + ":X", "\0.py:X", "/dev/zero.py:X"],
+    ids=["long", "deep", "null", "device"],
+)
+def test_a_name_of_no_file_has_no_digest(name):
+    assert code_digest(name) == ""
+
+
+@pytest.mark.parametrize("text", ["-" * 200_000 + "1", "a" + ".a" * 100_000, "\0"])
+def test_code_that_cannot_be_parsed_has_a_digest(text, tmp_path):
+    (tmp_path / "strange.py").write_text(text)
+    assert code_digest(f"{tmp_path}/strange.py:X")

@@ -13,12 +13,13 @@ from s2c2a.arm.servos import ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
-from s2c2a.files import parse_toml, read_text, write_atomically
-from s2c2a.plugins import trust_code_in
+from s2c2a.files import check_replaceable, parse_toml, read_text, write_atomically
+from s2c2a.plugins import trust_code
 from s2c2a.validation import explained
 
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""
+ENDING = ".toml"
 HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
 TABLES = (
     ArmSpec,
@@ -66,8 +67,19 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
     arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
-    trust_code_in(arm.model_dump(mode="json"), path.resolve().parent)
+    trust_code(*_code_names(arm), folder=path.resolve().parent)
     return arm
+
+
+def _code_names(arm: ArmSpec) -> list[str]:
+    """Names in the keys that may name code.
+
+    Other texts may stem from strangers: `s2c2a import` copies the description of a map.
+    """
+    names = [arm.sensing, *(raw.model for raw in arm.sensors.raw)]
+    if arm.tracking is not None:
+        names.append(arm.tracking.source)
+    return [name for name in names if ":" in name]
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
@@ -103,6 +115,7 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
         raise ArmError(
             f"{path} exists; choose another name or overwrite it (--overwrite)"
         )
+    check_replaceable(path, ENDING, ArmError)
     write_atomically(arm_to_toml(arm), path, ArmError)
 
 

@@ -48,6 +48,13 @@ RESUME_HINTS = {
 """How to continue an interrupted command, by command."""
 
 
+# entries of an option in the scripts of all shells; every command has the first one
+_HELP_ENTRY = "{'flags': ['-h', '--help']"
+_TRUST_ENTRY = str(
+    {"flags": [TRUST], "description": "allow code that data name", "type": "value"}
+)
+
+
 def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
     """Print a script that completes commands and options in a shell.
 
@@ -58,7 +65,12 @@ def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
         shell: the shell that reads the script.
     """
     # a file named "-" is the standard output
-    _run_command(("--tyro-write-completion", shell, "-"))
+    script = io.StringIO()
+    try:
+        with redirect_stdout(script):
+            _run_command(("--tyro-write-completion", shell, "-"))
+    finally:  # it exits
+        print(script.getvalue().replace(_HELP_ENTRY, f"{_TRUST_ENTRY}, {_HELP_ENTRY}"))
 
 
 VERBS: dict[str, Callable[..., None]] = {
@@ -133,7 +145,8 @@ def _run_command(arguments: Sequence[str]) -> None:
     app.cli(
         prog="s2c2a",
         description="Plan and control modular soft robot arms. "
-        "`s2c2a --version` prints the version.",
+        "`s2c2a --version` prints the version. Every command also takes --trust "
+        "file.py:Name: custom code that a recording or a weight file may run.",
         args=arguments,
     )
 

@@ -16,6 +16,7 @@ from s2c2a.arm.servos import MODEL_NUMBERS
 from s2c2a.cli.console import Arm, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
+from s2c2a.files import check_replaceable
 
 if TYPE_CHECKING:
     from s2c2a.hardware.bring_up import BringUp
@@ -194,6 +195,8 @@ def home(
             f"{path} exists; replace it (--overwrite), continue it (--resume), or "
             "choose another name (--out)"
         )
+    if overwrite:
+        check_replaceable(path, ".json")
     before = files.load_calibration(path, spec) if resume and path.exists() else None
     with _bring_up(spec, port, yes) as (bring_up, bus):
         calibration = bring_up.home(

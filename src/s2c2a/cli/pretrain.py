@@ -8,7 +8,7 @@ from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_b
 from s2c2a.cli.execution import Address, make_executor
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
-from s2c2a.files import write_atomically
+from s2c2a.files import check_replaceable, write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.strategies import TrainedNetworks
@@ -52,6 +52,7 @@ def pretrain(
     limit_jax_to_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
+    check_replaceable(out, ".safetensors", StrategyError)
     chosen = strategies.recipe_from(recipe)
     nominal = chosen.training_arm(load_arm(arm))
     prior = artifacts.PriorNetworks(

@@ -16,6 +16,7 @@ from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import uses_recipe
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.files import check_replaceable
 
 if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
@@ -67,6 +68,7 @@ def train(
     limit_jax_to_one_thread()
     if out.exists() and not overwrite:
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
+    check_replaceable(out, ".safetensors", StrategyError)
     chosen = strategies.recipe_from(recipe)
     begun = strategies.load_strategy(start) if start else None
     networks = _trained(recording, arm, strategy, chosen, seed, begun, out)

@@ -21,8 +21,10 @@ from s2c2a.data.outliers import MeasuredEnds, find_outliers
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
+from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
+from s2c2a.files import check_replaceable
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime import CommandLimits, Loop, StepRecord, StepRequest, build_episode
@@ -227,6 +229,7 @@ def _open_writer(
     path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool
 ) -> EpisodeWriter:
     if not path.exists() or overwrite:
+        check_replaceable(path, ENDING, RecordingError)
         return EpisodeWriter.create(path, arm, options)
     if not resume:
         raise RecordingError(

@@ -1,5 +1,7 @@
 """An emulated laboratory in a folder: arm file, servos and motion capture."""
 
+import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +10,7 @@ from s2c2a.arm import ArmSpec, Tracking, arm_to_toml, servos_of
 from s2c2a.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.emulation.motive import MotiveOptions
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files import read_text, write_atomically
 
 ARM_FILE = "arm.toml"
 PORT = "port"
@@ -56,6 +58,7 @@ def open_lab(
     """
     path = folder / ARM_FILE
     _check_replaceable(path)
+    _check_is_status(folder / STATUS_FILE)
     _check_unused(folder / PORT)
     link = folder.absolute() / PORT
     status = folder / STATUS_FILE
@@ -81,6 +84,19 @@ def _check_replaceable(path: Path) -> None:
             f"{path} is not an arm file of an emulated laboratory; choose another "
             "--folder"
         )
+
+
+def _check_is_status(path: Path) -> None:
+    """A killed laboratory leaves its status file, which may be replaced."""
+    if not path.exists():
+        return
+    with suppress(S2C2AError, ValueError, RecursionError):
+        status = json.loads(read_text(path))
+        if isinstance(status, dict) and {"packets", "plugged"} <= status.keys():
+            return
+    raise S2C2AError(
+        f"{path} is not the status of an emulated laboratory; choose another --folder"
+    )
 
 
 def _check_unused(link: Path) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
+from s2c2a.files import toml_comment
 from s2c2a.identification.fitting import Fit, Posterior
 from s2c2a.identification.numbers import Path
 from s2c2a.identification.problem import FRAME_SPREAD, first_rows, held_out
@@ -171,7 +172,7 @@ def fitted_toml(fit: Fit, remark: str = "") -> str:
     """Text of the fitted arm's file, with the standard deviation of each number."""
     numbers = zip(fit.problem.unknowns, fitted_numbers(fit), strict=False)
     comments = {unknown.path: _comment(number) for unknown, number in numbers}
-    lines = [f"# {line}" for line in remark.splitlines()]
+    lines = [toml_comment(line) for line in remark.splitlines()]
     lines.append("# +- is one standard deviation.")
     for path, line in _lines_with_paths(arm_to_toml(fit.arm)):
         lines.append(_add_comment(line, path, comments))

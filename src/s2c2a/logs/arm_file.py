@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
+from s2c2a.files import toml_comment
 from s2c2a.logs.cable_model import Parameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.errors import LogError
@@ -155,8 +156,10 @@ def format_arm(
     arm = log_map.arm
     source = f" ({log_map.source.name})" if log_map.source.name else ""
     lines = [
-        f"# Identified from a log{source}: the ends of the model are "
-        f"{1e3 * residual:.1f} mm (rms) from the measured ones.",
+        toml_comment(
+            f"Identified from a log{source}: the ends of the model are "
+            f"{1e3 * residual:.1f} mm (rms) from the measured ones."
+        ),
         "# +- is one standard deviation: the scatter of stretches of the log, and the "
         "model error.",
         "# A guess is neither stated nor identified.",
@@ -223,7 +226,7 @@ def _module_lines(
         f"cable_radius = {radius:.5f}  # {radius_origin}",
         f"cable_angles_deg = [{angles}]",
         f"# angles +- {angle_std} deg",
-        f"# driven by {quote(names)[1:-1]}",
+        toml_comment(f"driven by {names}"),
         f"# gains over their mean: {', '.join(gains)}",
     ]
 

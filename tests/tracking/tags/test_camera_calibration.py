@@ -10,7 +10,7 @@ from s2c2a.tracking.tags.calibration import board_picture
 from s2c2a.tracking.tags.camera import CameraError
 from s2c2a.tracking.tags.live_calibration import (
     calibrate_folder,
-    read_picture,
+    read_pictures,
     take_views,
 )
 from s2c2a.tracking.tags.opencv import cv2
@@ -129,7 +129,7 @@ def test_an_empty_folder_is_refused(tmp_path):
 def test_damaged_pictures_are_named(tmp_path, content):
     (tmp_path / "one.png").write_bytes(content)
     with pytest.raises(CameraError, match=r"one\.png"):
-        read_picture(tmp_path / "one.png")
+        read_pictures([tmp_path / "one.png"])
 
 
 class ScriptedCamera:

@@ -8,7 +8,13 @@ import pytest
 from painted_tags import CAMERA, LAYOUT, collar_pose, errors, picture
 
 from s2c2a.tracking import ModuleEnds, TrackingError
-from s2c2a.tracking.tags import TagDropReason, TagTracker, save_camera, tag_tracker
+from s2c2a.tracking.tags import (
+    TagDropReason,
+    TagTracker,
+    decoder,
+    save_camera,
+    tag_tracker,
+)
 from s2c2a.tracking.tags import tracker as module
 from s2c2a.tracking.tags.capture import open_device
 from s2c2a.tracking.tags.opencv import cv2
@@ -186,6 +192,46 @@ def test_a_file_that_is_no_video_is_refused(tmp_path):
     (tmp_path / "arm.avi").write_text("no video")
     with pytest.raises(TrackingError, match="no video"):
         open_device(str(tmp_path / "arm.avi"))
+
+
+DYING = """
+import os, sys
+from s2c2a.tracking.tags.decoder import HEADER
+sys.stdout.buffer.write(HEADER.pack(100.0, 1, 1, 1) + b"x")
+sys.stdout.flush()
+{end}
+"""
+
+
+@pytest.mark.parametrize(
+    "end", ["os.abort()", "sys.stdout.buffer.write(HEADER.pack(0.0, 10**9, 1, 1))"]
+)
+def test_a_video_that_ends_its_decoder_is_an_error_here(tmp_path, monkeypatch, end):
+    (tmp_path / "dying.py").write_text(DYING.format(end=end))
+    (tmp_path / "arm.avi").touch()
+    monkeypatch.setattr(decoder, "__file__", str(tmp_path / "dying.py"))
+    source = open_device(str(tmp_path / "arm.avi"))
+    with pytest.raises(TrackingError, match=r"arm\.avi is no video"):
+        source.read()
+    source.close()
+
+
+def test_a_decoder_that_does_not_answer_is_ended(tmp_path, monkeypatch):
+    (tmp_path / "endless.py").write_text("while True: pass")
+    (tmp_path / "arm.avi").touch()
+    monkeypatch.setattr(decoder, "__file__", str(tmp_path / "endless.py"))
+    monkeypatch.setattr("s2c2a.tracking.tags.decoding.PATIENCE", 0.1)
+    with pytest.raises(TrackingError, match=r"arm\.avi is no video"):
+        open_device(str(tmp_path / "arm.avi"))
+
+
+def test_a_module_in_the_current_folder_is_not_imported(tmp_path, monkeypatch):
+    (tmp_path / "cv2.py").write_text("open('ran', 'w')")
+    (tmp_path / "arm.avi").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TrackingError):
+        open_device("arm.avi")
+    assert not (tmp_path / "ran").exists()
 
 
 def test_without_opencv_the_error_names_the_extra(monkeypatch):

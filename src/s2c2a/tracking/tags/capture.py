@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from s2c2a.tracking.poses import TrackingError
+from s2c2a.tracking.tags.decoding import Decoder, Image
 from s2c2a.tracking.tags.opencv import cv2
 
 MAX_DEVICE = 63
@@ -81,28 +82,48 @@ class VideoFile:
         Raises:
             TrackingError: it is no video.
         """
-        self._capture = cv2.VideoCapture(path)
-        if not self._capture.isOpened():
+        self._path = path
+        self._decoder = Decoder("video", [Path(path)])
+        try:
+            self._next = self._decode()
+        except TrackingError:
+            self.close()
+            raise
+        if self._next is None:
             self.close()
             raise TrackingError(f"{path} is no video that OpenCV reads")
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
+        rate = self._next.rate
         self._period = 1 / rate if 1 <= rate <= 1000 else 1 / 30
         self._start = time.perf_counter()
         self._count = 0
 
     def read(self) -> Picture | None:
-        """See `PictureSource`; None at the end."""
-        is_read, image = self._capture.read()
-        if not is_read:
+        """See `PictureSource`; None at the end.
+
+        Raises:
+            TrackingError: the video is damaged here.
+        """
+        image = self._next
+        if image is None:
             return None
         exposure = self._count * self._period
         self._count += 1
         time.sleep(max(0.0, self._start + exposure - time.perf_counter()))
-        return image, exposure
+        self._next = self._decode()
+        return image.pixels, exposure
 
     def close(self) -> None:
         """See `PictureSource`."""
-        self._capture.release()
+        self._decoder.close()
+
+    def _decode(self) -> Image | None:
+        try:
+            return self._decoder.read()
+        except TrackingError as error:
+            raise TrackingError(
+                f"{self._path} is no video that OpenCV reads: {error}; record it again, "
+                "or convert it"
+            ) from error
 
 
 def open_device(device: str, width: int = 0, height: int = 0) -> PictureSource:
@@ -123,7 +144,7 @@ def open_device(device: str, width: int = 0, height: int = 0) -> PictureSource:
     if Path(device).is_file():
         return VideoFile(device)
     raise TrackingError(
-        f"no camera {device!a}; give a number (0 to {MAX_DEVICE}), a path such as "
+        f"no camera {device!r}; give a number (0 to {MAX_DEVICE}), a path such as "
         "/dev/video0, or a video file"
     )
 

@@ -1,11 +1,13 @@
 """Calibration from a live camera or from a folder of pictures."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from s2c2a.progress import Progress
+from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.tags.calibration import (
     MIN_VIEWS,
     BoardView,
@@ -15,9 +17,9 @@ from s2c2a.tracking.tags.calibration import (
     is_new_view,
     movement,
 )
-from s2c2a.tracking.tags.camera import MAX_SIDE, Board, CameraError, CameraModel
+from s2c2a.tracking.tags.camera import Board, CameraError, CameraModel
 from s2c2a.tracking.tags.capture import PictureSource, open_device
-from s2c2a.tracking.tags.opencv import cv2
+from s2c2a.tracking.tags.decoding import Decoder
 
 MAX_VIEWS = 100
 MAX_PICTURES = 500  # of a folder
@@ -42,29 +44,44 @@ def calibrate_folder(folder: Path, board: Board) -> CameraModel:
             f"{folder} has {len(paths)} pictures ({', '.join(_PICTURES)}); give "
             f"{MIN_VIEWS} to {MAX_PICTURES}"
         )
-    return calibrate([read_picture(path) for path in paths], board)
+    return calibrate(read_pictures(paths), board)
 
 
-def read_picture(path: Path) -> np.ndarray:
-    """Read a picture in gray, shape (height, width).
+def read_pictures(paths: Sequence[Path]) -> list[np.ndarray]:
+    """Read pictures in gray, each of shape (height, width).
 
     Raises:
-        CameraError: it is damaged or too large.
+        CameraError: one is damaged or too large.
     """
-    if path.stat().st_size > MAX_BYTES:
-        raise CameraError(f"{path} has more than {MAX_BYTES} bytes; leave it out")
+    for path in paths:
+        _check_size(path)
+    pictures = []
+    decoder = Decoder("pictures", paths)
     try:
-        content = np.frombuffer(path.read_bytes(), np.uint8)
-        image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE)
-    # cv2.error: an empty file, or a picture of absurd size
-    except cv2.error as error:
-        raise CameraError(f"{path} is damaged: {error.err}; leave it out") from error
-    if image is None or max(image.shape) > MAX_SIDE:
-        raise CameraError(
-            f"{path} is no picture of at most {MAX_SIDE} x {MAX_SIDE} pixels; leave it "
-            "out"
-        )
-    return image
+        for path in paths:
+            pictures.append(_decoded(decoder, path))
+    finally:
+        decoder.close()
+    return pictures
+
+
+def _check_size(path: Path) -> None:
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise CameraError(f"{path} cannot be read: {error}; leave it out") from error
+    if size > MAX_BYTES:
+        raise CameraError(f"{path} has more than {MAX_BYTES} bytes; leave it out")
+
+
+def _decoded(decoder: Decoder, path: Path) -> np.ndarray:
+    try:
+        image = decoder.read()
+    except TrackingError as error:
+        raise CameraError(f"{path} is damaged: {error}; leave it out") from error
+    if image is None:
+        raise CameraError(f"{path} is no picture; leave it out")
+    return image.pixels
 
 
 def calibrate_source(
