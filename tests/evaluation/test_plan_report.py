@@ -7,6 +7,7 @@ from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import (
     describe_faults,
+    describe_jumps_of_frame,
     describe_lost_states,
     describe_overload,
     describe_plans,
@@ -129,6 +130,20 @@ def test_untracked_module_ends_are_reported():
         "ends not tracked: module 2 in 50 % of the steps"
     )
     assert "add --tracking" in describe_tracking(make_episode())
+
+
+def test_a_jump_of_all_module_ends_is_reported():
+    states = np.random.default_rng(0).normal(0, 1e-4, (40, 3, 6))
+    states += [[0, 0, height, 0, 0, 1] for height in (0.2, 0.4, 0.6)]
+    columns = {"time": 0.1 * np.arange(40.0), "actions": np.zeros((40, 3, 3))}
+    still = Episode(TWIN, columns | {"sensor.states": states})
+    assert describe_tracking(still) == ""
+    states = states.copy()
+    states[25:, :, 0] += 0.0058
+    knocked = Episode(TWIN, columns | {"sensor.states": states})
+    text = describe_tracking(knocked)
+    assert text.startswith("step 26 (2.5 s): all tracked ends jump by 5.")
+    assert "episode 2, step 26" in describe_jumps_of_frame([still, knocked])
 
 
 def test_a_run_that_ended_before_its_task_lacks_no_module_ends():

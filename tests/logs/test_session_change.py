@@ -1,9 +1,10 @@
-"""A moved camera, a payload and larger pulls are told apart."""
+"""A moved camera, homed motors, a payload and larger pulls are told apart."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.logs.session_change import describe_change, find_change
 
 ROWS = 400
@@ -73,3 +74,60 @@ def test_too_few_rows_say_nothing(hanging):
     change = find_change(cables, unknown, cables, positions, hanging)
     assert change.rows == 0
     assert not change.is_moved
+
+
+def arcs(arm, seed, offsets=0.0):
+    """Every module bends by its own cables, whose zeros are off by some bends [rad]."""
+    random = np.random.default_rng(seed)
+    cables = random.uniform(-0.7, 0.7, (4 * ROWS, arm.module_count, 2))
+    lengths = np.full(arm.module_count, arm.length / arm.module_count)
+    states = np.array(states_from_bends(cables + offsets, lengths), float)
+    return cables, states[..., :3] + random.normal(0, 2e-3, states[..., :3].shape)
+
+
+def test_homed_motors_are_no_moved_camera(hanging):
+    offsets = np.array([[0.0, 0.0], [0.15, -0.1]])
+    change = find_change(*arcs(hanging, 1, offsets), *arcs(hanging, 0), hanging)
+    assert change.may_be_homing
+    assert not change.is_moved
+    text = describe_change(change)
+    assert text.startswith("motors were homed anew")
+    assert "without --like" in text
+
+
+def test_of_homed_motors_of_the_first_module_both_causes_are_named(hanging):
+    """A bend of the first module turns all ends about its middle, as a camera may."""
+    offsets = np.array([[0.15, -0.1], [0.0, 0.0]])
+    change = find_change(*arcs(hanging, 1, offsets), *arcs(hanging, 0), hanging)
+    text = describe_change(change)
+    assert text.startswith("either a camera or the base has moved")
+    assert "or motors were homed anew" in text
+
+
+@pytest.mark.parametrize("shift", [(0.03, 0.0, 0.0), (0.0, 0.01, 0.03)])
+def test_a_moved_camera_is_no_homing(hanging, shift):
+    cables, positions = arcs(hanging, 1)
+    change = find_change(cables, positions + shift, *arcs(hanging, 0), hanging)
+    assert change.is_moved
+    assert not change.may_be_homing
+    assert describe_change(change).startswith("a camera or the base has moved")
+
+
+def test_of_a_nearly_straight_arm_both_causes_are_named(hanging):
+    """Small bends of one module turn its end as a camera does."""
+    shares = 0.1
+    cables, _ = arcs(hanging, 1)
+    lengths = np.full(2, hanging.length / 2)
+    ends = [
+        np.array(states_from_bends(shares * one + [[offset, 0.0], [0, 0]], lengths))
+        for one, offset in ((cables, 0.1), (arcs(hanging, 0)[0], 0.0))
+    ]
+    noise = np.random.default_rng(2).normal(0, 2e-3, (2, *cables.shape[:2], 3))
+    later, first = (end[..., :3] + one for end, one in zip(ends, noise, strict=True))
+    change = find_change(cables, later, arcs(hanging, 0)[0], first, hanging)
+    assert "the data cannot tell" in describe_change(change)
+
+
+def test_the_same_arm_has_no_cause(hanging):
+    change = find_change(*arcs(hanging, 1), *arcs(hanging, 0), hanging)
+    assert "no camera has moved" in describe_change(change)

@@ -59,11 +59,12 @@ class StillTracker(Tracker):
         self.frame = None
         self.number = 0
         self.closed = False
+        self.shift = 0.0
 
     def show(self, age=0.0):
         now = time.perf_counter() - age
         poses = {
-            name: Pose(np.array([0.0, 0.0, SPACING * place]), NO_TURN)
+            name: Pose(np.array([self.shift, 0.0, SPACING * place]), NO_TURN)
             for place, name in enumerate(self.names)
         }
         self.frame = PoseFrame(now, now, self.number, poses)
@@ -162,6 +163,50 @@ def test_a_frame_that_is_read_again_does_not_confirm_a_jump():
         with pytest.warns(UserWarning, match="module 3 has jumped"):
             readings = [robot.read() for _ in range(2 * PERSISTENCE)]
     assert all(np.isnan(reading["states"][2]).all() for reading in readings)
+
+
+def frame_after(tracker, changes):
+    """The next frame, in which some bodies have moved along x [m]."""
+    tracker.show()
+    poses = dict(tracker.frame.poses)
+    for name, change in changes.items():
+        height = poses[name].position[2]
+        poses[name] = Pose(np.array([change, 0.0, height]), NO_TURN)
+    frame = tracker.frame
+    return PoseFrame(frame.arrival_time, frame.source_time, frame.number, poses)
+
+
+def test_a_frozen_end_is_missing_and_reported_once(monkeypatch):
+    monkeypatch.setattr("s2c2a.tracking.frozen_bodies.RESPONSE", 0.0)
+    robot, tracker = tracked()
+    pulled = CABLES.copy()
+    pulled[0, 0] = 0.005
+    with robot, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for step, command in enumerate([CABLES, pulled, pulled, pulled, pulled]):
+            robot.send(command)
+            moved = {"end-1": 1e-5 * step, "end-3": 1e-5 * step}
+            tracker.frame = frame_after(tracker, moved)
+            states = robot.read()["states"]
+        tracker.frame = frame_after(tracker, {"end-2": 1e-5})
+        again = robot.read()["states"]
+    assert np.isnan(states).all(axis=1).tolist() == [False, True, False]
+    assert np.isfinite(again).all()
+    assert ["module 2 is frozen" in str(one.message) for one in caught] == [True]
+
+
+def test_a_jump_of_all_ends_is_reported_once_and_removes_nothing():
+    arm = ARM.model_copy(update={"tracking": Tracking(base="")})
+    robot, tracker = tracked(arm)
+    with robot, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for step in range(100):
+            tracker.shift = 0.0058 * (step // 40)
+            tracker.show()
+            assert np.isfinite(robot.read()["states"]).all()
+    assert [
+        "all tracked ends jump by 5.8 mm" in str(one.message) for one in caught
+    ] == [True]
 
 
 def test_the_arm_file_names_the_bodies():

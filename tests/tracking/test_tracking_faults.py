@@ -10,16 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.emulation.plant import Pose
 from s2c2a.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.tracking import DropReason, ModuleEnds, UdpTracker
 from s2c2a.tracking.datagrams import DatagramError
+from s2c2a.tracking.frame_jumps import FrameJumps
+from s2c2a.tracking.frozen_bodies import RESPONSE, FrozenBodies
 from s2c2a.tracking.plausibility import StateCheck
 
 RATE = 100.0  # Hz
 BEGIN = 0.5  # s
 FIRST = 50  # frame of the fault
 UP = np.array([0.0, 0.0, 0.0, 1.0])
+GEOMETRY = ArmGeometry.of(load_arm("twin_arm"))
 
 
 def arm_poses(length):
@@ -38,13 +42,15 @@ class Step:
     age: float
     lost: list[int]
     reasons: tuple[str, ...]
+    frozen: list[int]
+    jump: np.ndarray | None
 
 
 class Run:
     """One second of a stream with faults that begin after a half."""
 
-    def __init__(self, *faults, seconds=1.0, length=0.2):
-        options = DatagramOptions(rate=RATE, faults=faults)
+    def __init__(self, *faults, seconds=1.0, length=0.2, noise=0.0, base="base"):
+        options = DatagramOptions(rate=RATE, faults=faults, noise=noise)
         poses = arm_poses(length)
         server = PoseDatagrams(list(poses), options)
         server._send_frame = self._receive
@@ -52,9 +58,15 @@ class Run:
         self.dropped = Counter()
         self.steps = []
         self._check = StateCheck([length] * 3, np.deg2rad([50.0] * 3))
-        self._ends = ModuleEnds.of(3)
+        self._ends = ModuleEnds.of(3, base=base)
+        self._frozen = FrozenBodies(self._ends, GEOMETRY)
+        self._jumps = FrameJumps(3 * length)
+        command = GEOMETRY.action_neutral.copy()
         for step in range(round(seconds * RATE)):
             now = (step + 0.5) / RATE
+            # cables of the second module move a little in each step
+            command[1, 0] += 0.01 * GEOMETRY.action_scale[1]
+            self._frozen.sent(command, now)
             server.serve(now, lambda: poses)
             self.steps.append(self._see(now))
         server.close()
@@ -68,11 +80,20 @@ class Run:
     def _see(self, now):
         frame = self.tracker.latest()
         if frame is None:
-            return Step(-1, np.inf, [], ())
+            return Step(-1, np.inf, [], (), [], None)
         tracked = self._ends.states(frame, now)
         checked = self._check(tracked.states, now)
         lost = np.flatnonzero(np.isnan(checked.states).any(axis=1)) + 1
-        return Step(frame.number, tracked.since_arrival, lost.tolist(), checked.reasons)
+        frozen = np.flatnonzero(self._frozen.find(frame)) + 1
+        jump = self._jumps.find(tracked.states, now)
+        return Step(
+            frame.number,
+            tracked.since_arrival,
+            lost.tolist(),
+            checked.reasons,
+            frozen.tolist(),
+            jump,
+        )
 
     @property
     def oldest(self):
@@ -144,6 +165,29 @@ def test_a_lost_body_is_missing_without_a_reason(body, rows):
     run = Run(f"0.5 hidden {body}")
     assert_from_the_first_frame_on(run, rows)
     assert run.steps[-1].reasons == ("", "", "")
+
+
+@pytest.mark.parametrize(("body", "rows"), [("end-1", []), ("end-2", [2])])
+def test_a_frozen_body_is_found_when_its_cables_have_moved(body, rows):
+    run = Run(f"0.5 frozen {body}", seconds=2.0, noise=1e-4)
+    answered = FIRST + round(RATE * RESPONSE)
+    assert all(step.frozen == [] for step in run.steps[:answered])
+    # a change of 0.1 of the action range, after the time to answer
+    assert all(step.frozen == rows for step in run.steps[answered + 15 :])
+
+
+def test_a_body_that_is_no_longer_frozen_is_back_at_once():
+    run = Run("0.5 frozen end-2 1", seconds=2.0, noise=1e-4)
+    assert run.steps[148].frozen == [2]
+    assert run.steps[152].frozen == []
+
+
+def test_a_knocked_camera_is_found_once_if_no_base_is_tracked():
+    run = Run("0.5 knocked 0.0058", noise=1e-4, base=None)
+    jumps = [step.jump for step in run.steps if step.jump is not None]
+    np.testing.assert_allclose(jumps, [[0.0058, 0.0, 0.0]], atol=5e-4)
+    with_base = Run("0.5 knocked 0.0058", noise=1e-4)
+    assert all(step.jump is None for step in with_base.steps)
 
 
 def test_after_a_restart_frames_are_accepted_again():

@@ -120,6 +120,8 @@ def _print_summary(recording: "data.Recording", out: Path) -> None:
         text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
         if lost := evaluation.describe_lost_states(states):
             text += f"; {lost}"
+        if jump := evaluation.describe_jumps_of_frame(recording.episodes):
+            text += f"; {jump}"
         if excluded := data.describe_excluded(recording):
             text += f"; {excluded}"
     else:

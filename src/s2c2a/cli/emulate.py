@@ -243,8 +243,8 @@ def mocap(
         faults: a fault, such as "3 hidden end-2 1.5"; can be repeated. The time [s]
             counts from the start. Kinds: lost SHARE, late SECONDS SHARE, reordered
             SHARE, duplicated SHARE, garbage SHARE, incomplete SHARE, absurd SHARE,
-            hidden BODY [SECONDS], swapped BODY BODY, flipped BODY, millimeters,
-            restart SECONDS, drift PPM.
+            hidden BODY [SECONDS], frozen BODY [SECONDS], swapped BODY BODY,
+            flipped BODY, millimeters, knocked METERS, restart SECONDS, drift PPM.
         noise: standard deviation of positions [m].
         latency: from exposure to transmission [s].
         motion: none, or babble for a slow random motion of the arm.

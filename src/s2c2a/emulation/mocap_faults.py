@@ -37,9 +37,11 @@ KINDS: dict[str, tuple[_Argument, ...]] = {
     "incomplete": (_SHARE,),
     "absurd": (_SHARE,),
     "hidden": (_BODY, _SECONDS._replace(required=False)),
+    "frozen": (_BODY, _SECONDS._replace(required=False)),
     "swapped": (_BODY, _BODY),
     "flipped": (_BODY,),
     "millimeters": (),
+    "knocked": (_Argument("METERS", 1.0),),
     "restart": (_SECONDS,),
     "drift": (_Argument("PPM", 1e5, low=-1e5),),
 }
@@ -49,10 +51,12 @@ lost, late, reordered, duplicated, garbage: share of the frames that are lost, c
 later, come after the next one, come twice, are followed by a damaged copy; incomplete:
 lack a part; absurd: have a body with impossible numbers; from then on, until the kind
 comes again with share 0. hidden: the body is not tracked, for good or for a time.
+frozen: its last pose comes again as if it were tracked, for good or for a time.
 swapped: two bodies have each other's poses; flipped: a body is turned by 180 deg about
-its x axis; millimeters: positions are in mm, against the protocol; until
-the kind comes again. restart: the program is off for a time and forgets its clients;
-its clock begins again. drift: its clock runs faster than that of this computer.
+its x axis; millimeters: positions are in mm, against the protocol; until the kind comes
+again. knocked: the world frame shifts along x, for good. restart: the program is off
+for a time and forgets its clients; its clock begins again. drift: its clock
+runs faster than that of this computer.
 """
 SHARE_KINDS = frozenset(
     ("lost", "late", "reordered", "duplicated", "garbage", "incomplete", "absurd")

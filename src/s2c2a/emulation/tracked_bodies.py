@@ -66,22 +66,27 @@ class TrackedBodies:
         self._up = up
         self._random = random
         self._hidden: dict[str, float] = {}
+        self._frozen: dict[str, float] = {}
         self._swapped: set[frozenset[str]] = set()
         self._flipped: set[str] = set()
         self._scale = 1.0
+        self._shift = np.zeros(3)
         self._seen: dict[str, Pose] = {}
 
     def apply(self, fault: MocapFault, now: float) -> None:
         """Begin or end a fault of the bodies; other kinds have no effect."""
-        if fault.kind == "hidden":
+        if fault.kind in ("hidden", "frozen"):
             seconds = fault.values[0] if fault.values else math.inf
-            self._hidden[fault.bodies[0]] = now + seconds
+            ends = self._hidden if fault.kind == "hidden" else self._frozen
+            ends[fault.bodies[0]] = now + seconds
         elif fault.kind == "swapped":
             self._swapped ^= {frozenset(fault.bodies)}
         elif fault.kind == "flipped":
             self._flipped ^= set(fault.bodies)
         elif fault.kind == "millimeters":
             self._scale = _MILLIMETERS if self._scale == 1.0 else 1.0
+        elif fault.kind == "knocked":
+            self._shift = self._shift + np.array([fault.values[0], 0.0, 0.0])
 
     def see(self, poses: Mapping[str, Pose], now: float) -> dict[str, StreamedBody]:
         """Return the bodies of a frame.
@@ -97,13 +102,17 @@ class TrackedBodies:
         return {name: self._see_one(name, poses[name], now) for name in self._names}
 
     def _see_one(self, name: str, pose: Pose, now: float) -> StreamedBody:
-        """Return a body with noise; a hidden one where it was seen last."""
+        """Return a body with noise; a hidden or frozen one where it was seen last."""
         if now < self._hidden.get(name, -math.inf):
             return StreamedBody(self._seen.get(name, pose), is_tracked=False)
+        if now < self._frozen.get(name, -math.inf) and name in self._seen:
+            return StreamedBody(self._seen[name])
         if name in self._flipped:
             pose = flip(pose)
         noise = self._random.normal(0.0, self._noise, 3)
-        noisy = replace(pose, position=self._scale * (pose.position + noise))
+        noisy = replace(
+            pose, position=self._scale * (pose.position + self._shift + noise)
+        )
         self._seen[name] = to_stream(noisy, self._up)
         return StreamedBody(self._seen[name])
 

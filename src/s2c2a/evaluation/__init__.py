@@ -15,6 +15,7 @@ from s2c2a.evaluation.metrics import (
 from s2c2a.evaluation.report import (
     Row,
     describe_faults,
+    describe_jumps_of_frame,
     describe_lost_states,
     describe_overload,
     describe_plans,

@@ -19,6 +19,7 @@ from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.planning import Outcome, reach_gaps
 from s2c2a.spaces import POSITION, Stage
+from s2c2a.tracking.frame_jumps import describe_frame_jump, find_frame_jumps
 
 MAX_BYTES = 20_000_000
 PLAN_OUTCOMES = {
@@ -181,7 +182,23 @@ def describe_tracking(episode: Episode) -> str:
             "no scores, since nothing measured the module ends; add --tracking SOURCE "
             "(docs/guides/tracking.md)"
         )
-    return describe_lost_states(episode.sensor("states")[episode.running])
+    lost = describe_lost_states(episode.sensor("states")[episode.running])
+    return "; ".join(filter(None, (lost, describe_jumps_of_frame([episode]))))
+
+
+def describe_jumps_of_frame(episodes: Sequence[Episode]) -> str:
+    """Describe the first jump of all tracked ends at once; empty if there is none."""
+    for number, episode in enumerate(episodes, 1):
+        if "states" not in episode.sensors:
+            continue
+        times = episode["time"]
+        states = episode.sensor("states")
+        jumps = find_frame_jumps(states, times, episode.arm.length)
+        for row, shift in jumps.items():
+            place = f"episode {number}, " if len(episodes) > 1 else ""
+            place += f"step {row + 1} ({times[row]:.1f} s)"
+            return f"{place}: {describe_frame_jump(shift)}"
+    return ""
 
 
 def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:

@@ -12,7 +12,7 @@ The pipeline (`pipeline.import_logs`):
    candidates, and `model_fit` fits the model in `cable_model` to compare them.
 7. `arm_file` writes the identified arm with the uncertainty of each number.
 8. `rig` converts the segments to episodes; another session reuses it.
-   `session_change` distinguishes a moved camera from a payload.
+   `session_change` distinguishes a moved camera, homed motors and a payload.
 9. `summary` describes the result.
 """
 

@@ -18,6 +18,8 @@ from s2c2a.tracking.calibration import (
     load_tracking_calibration,
 )
 from s2c2a.tracking.clock import ExposureClock
+from s2c2a.tracking.frame_jumps import FrameJumps, describe_frame_jump
+from s2c2a.tracking.frozen_bodies import FrozenBodies
 from s2c2a.tracking.plausibility import CheckedStates, StateCheck
 from s2c2a.tracking.poses import TrackingError
 from s2c2a.tracking.sources import tracker_of
@@ -27,7 +29,12 @@ FIRST_POSES = 5.0  # s in which the first poses must come
 POLL_PERIOD = 0.02  # s
 MAX_SILENCE = 1.5  # control periods since a frame arrived; then states are missing
 CAMERA_TOLERANCE = 0.1  # of a camera's period
-REASONS = {"out of reach": "is out of reach", "jumped": "has jumped"}
+FROZEN = "frozen"
+REASONS = {
+    "out of reach": "is out of reach",
+    "jumped": "has jumped",
+    FROZEN: "is frozen: its pose is repeated while its cables and other bodies move",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +45,13 @@ class _CheckedFrame:
         frame: of the tracker.
         exposure: time on the clock `time.perf_counter` [s].
         checked: states of the module ends that the arm can have.
+        jump: of all ends at once [m]; None if there is none.
     """
 
     frame: PoseFrame
     exposure: float
     checked: CheckedStates
+    jump: np.ndarray | None
 
 
 class StateSensor:
@@ -71,7 +80,10 @@ class StateSensor:
         self._newest: _CheckedFrame | None = None
         geometry = ArmGeometry.of(arm)
         self._check = StateCheck(geometry.lengths, geometry.bend_limits)
+        self._frozen = FrozenBodies(self._ends, geometry)
+        self._jumps = FrameJumps(arm.length)
         self._warned: set[tuple[int, str]] = set()
+        self._has_jumped = False
         self._max_silence = MAX_SILENCE * arm.control_period
         self._camera = arm.sensors.camera
         self._camera_views = _CameraViews(self._camera) if self._camera else None
@@ -96,7 +108,10 @@ class StateSensor:
         self._tracker.start()
         self._newest = None
         self._check.reset()
+        self._frozen.reset()
+        self._jumps.reset()
         self._warned.clear()
+        self._has_jumped = False
         end = time.monotonic() + FIRST_POSES
         while problem := self._find_problem():
             if time.monotonic() > end:
@@ -110,11 +125,16 @@ class StateSensor:
         """Return the newest frame; None before the first."""
         return self._tracker.latest()
 
+    def sent(self, command: Actions) -> None:
+        """Note a command that the robot sent: its cables move the ends."""
+        self._frozen.sent(command, time.perf_counter())
+
     def values(self, frame: PoseFrame | None, now: float) -> dict[str, np.ndarray]:
         """Return the sensors at a time of the clock `time.perf_counter` [s].
 
         States are NaN if no frame has arrived, or the newest one is too old. Rows that
-        are impossible for the arm are NaN, too; a warning states each reason once.
+        are impossible for the arm or frozen are NaN, too; a warning states each reason
+        once. So does one of a jump of all ends at once, which removes no row.
         """
         if frame is None or now - frame.arrival_time > self._max_silence:
             return {"states": self._missing}
@@ -122,6 +142,7 @@ class StateSensor:
         age = np.asarray(now - newest.exposure)
         states = newest.checked.states
         self._warn(newest.checked.reasons)
+        self._warn_of_jump(newest.jump)
         values = {"states": states, "states_age": age}
         if self._camera_views is not None:
             values |= self._camera_views.read(frame, states, now, age)
@@ -147,15 +168,34 @@ class StateSensor:
             arrival = frame.arrival_time
             exposure = self._clock.exposure(arrival, frame.source_time)
             states = self._ends.states(frame, arrival).states
-            newest = _CheckedFrame(frame, exposure, self._check(states, arrival))
+            jump = self._jumps.find(states, exposure)
+            checked = self._without_frozen(frame, states)
+            newest = _CheckedFrame(frame, exposure, checked, jump)
             self._newest = newest
         return newest
+
+    def _without_frozen(self, frame: PoseFrame, states: States) -> CheckedStates:
+        """States that the arm can have, of bodies that are not frozen."""
+        is_frozen = self._frozen.find(frame)
+        # a frozen row would contradict others, which are true
+        states = np.where(is_frozen[:, None], np.nan, states)
+        checked = self._check(states, frame.arrival_time)
+        reasons = [
+            FROZEN if frozen else reason
+            for frozen, reason in zip(is_frozen, checked.reasons, strict=True)
+        ]
+        return CheckedStates(checked.states, tuple(reasons))
 
     def _warn(self, reasons: Sequence[str]) -> None:
         for reason in enumerate(reasons, 1):
             if reason[1] and reason not in self._warned:
                 self._warned.add(reason)
                 warnings.warn(f"{_describe(*reason)}; it is missing", stacklevel=1)
+
+    def _warn_of_jump(self, jump: np.ndarray | None) -> None:
+        if jump is not None and not self._has_jumped:
+            self._has_jumped = True
+            warnings.warn(describe_frame_jump(jump), stacklevel=1)
 
 
 class _CameraViews:
@@ -243,7 +283,9 @@ class TrackedRobot(Robot):
 
     def send(self, action: Actions) -> Actions:
         """See `Robot`."""
-        return self._robot.send(action)
+        sent = self._robot.send(action)
+        self._tracked.sent(sent)
+        return sent
 
     def halt(self) -> None:
         """See `Robot`."""

@@ -1,0 +1,132 @@
+"""Jumps of the frame: a camera or the base that was knocked.
+
+All ends then shift at once by one vector and turn no more than a knock turns them. An arm
+that moves by itself does otherwise: its outer ends move further than the inner ones, and
+an end that is carried aside by a bend turns with it. Smooth motion is taken out, as the mean
+velocity before and after. A knock during fast motion stays unseen.
+"""
+
+from collections import deque
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from s2c2a.spaces import AXIS, POSITION, States
+
+LEAST = 0.005
+"""Smallest jump, as a share of the arm's length."""
+UNEQUAL = 0.25
+"""Largest difference of an end's shift from the mean one, as a share of that.
+In 7200 steps of fast simulated motion of three arms, none is below it that is larger than
+`LEAST`; at 0.35, up to 2 of 1200 are."""
+UNUSUAL = 3.0
+"""Ratio of a jump to the largest common shift before: the base body's noise is one."""
+
+_USUAL = 30  # steps before
+_FEWEST = 8
+_SHORTEST = 1e-6  # s
+_AROUND = 3  # rows on either side of a jump
+
+
+def find_frame_jumps(
+    states: Float[np.ndarray, "rows modules 6"],
+    times: Float[np.ndarray, " rows"],
+    length: float,
+) -> dict[int, Float[np.ndarray, "3"]]:
+    """Find jumps of all ends at once: the shift [m] by the first row after it.
+
+    Two tracked ends are needed, and three rows on either side.
+
+    Args:
+        states: end position [m] and end axis, base frame; NaN where not measured.
+        times: of the rows [s].
+        length: of the arm [m].
+    """
+    if len(states) < 2 * _AROUND:
+        return {}
+    shifts = _sudden(states[..., POSITION], times)
+    turns = _sudden(states[..., AXIS], times)
+    known = np.isfinite(shifts).all(axis=-1) & np.isfinite(turns).all(axis=-1)
+    shifts = np.where(known[..., None], shifts, 0.0)
+    common = shifts.sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
+    size = np.linalg.norm(common, axis=-1)
+    durations = _durations(times)
+    unequal = np.linalg.norm(shifts - common[:, None], axis=-1)
+    turn = np.linalg.norm(np.where(known[..., None], turns, 0.0), axis=-1)
+    # a bend of one module turns the end by twice its shift over the module's length
+    most = size * states.shape[1] / length
+    is_common = (known.sum(axis=1) >= 2) & (turn.max(axis=1) < most)
+    is_common &= np.where(known, unequal, 0.0).max(axis=1) < UNEQUAL * size
+    noise = np.where(is_common, size, 0.0)
+    is_jump = is_common & (size > LEAST * length)
+    return {
+        int(step) + 2: common[step]
+        for step in np.flatnonzero(is_jump & _are_peaks(size / durations[1:-1]))
+        if _is_unusual(noise, int(step))
+    }
+
+
+def _durations(times: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " steps"]:
+    return np.maximum(np.diff(times), _SHORTEST)
+
+
+def _sudden(
+    values: Float[np.ndarray, "rows modules 3"], times: Float[np.ndarray, " rows"]
+) -> Float[np.ndarray, "steps modules 3"]:
+    """Steps between rows, without the mean velocity before and after."""
+    durations = _durations(times)[:, None, None]
+    steps = np.diff(values, axis=0)
+    velocities = steps / durations
+    return steps[1:-1] - durations[1:-1] * (velocities[:-2] + velocities[2:]) / 2
+
+
+def _are_peaks(rate: Float[np.ndarray, " steps"]) -> Bool[np.ndarray, " steps"]:
+    """Steps that are faster than those before and after: next to a jump is half of it."""
+    bounded = np.pad(rate, 1, constant_values=np.inf)
+    return np.asarray((rate > bounded[:-2]) & (rate > bounded[2:]))
+
+
+def _is_unusual(noise: Float[np.ndarray, " steps"], step: int) -> bool:
+    earlier = noise[max(step - 1 - _USUAL, 0) : max(step - 1, 0)]
+    return len(earlier) >= _FEWEST and bool(noise[step] > UNUSUAL * earlier.max())
+
+
+def describe_frame_jump(shift: Float[np.ndarray, "3"]) -> str:
+    """Describe a jump, and what to do."""
+    values = ", ".join(f"{1e3 * value:.1f}" for value in shift)
+    return (
+        f"all tracked ends jump by {1e3 * np.linalg.norm(shift):.1f} mm at once, "
+        f"({values}) mm in the base frame: a camera or the base was moved, and states "
+        "before and after it do not fit each other; calibrate the tracking again, and "
+        "record anew (docs/guides/tracking.md)"
+    )
+
+
+class FrameJumps:
+    """Finds jumps of the frame in frames as they arrive, two frames after the first."""
+
+    def __init__(self, length: float):
+        """A detector without a history.
+
+        Args:
+            length: of the arm [m].
+        """
+        self._length = length
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all frames."""
+        self._rows: deque[tuple[States, float]] = deque(maxlen=_USUAL + 2 * _AROUND)
+
+    def find(self, states: States, time: float) -> Float[np.ndarray, "3"] | None:
+        """Add a frame; return the jump two frames before [m], None if there is none.
+
+        Args:
+            states: end position [m] and end axis, base frame; NaN where missing.
+            time: of the measurement, on any steady clock [s].
+        """
+        self._rows.append((states, time))
+        history = np.stack([row for row, _ in self._rows])
+        times = np.array([time for _, time in self._rows])
+        jumps = find_frame_jumps(history, times, self._length)
+        return jumps.get(len(history) - _AROUND)
