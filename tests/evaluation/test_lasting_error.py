@@ -71,8 +71,26 @@ def test_a_payload_that_lifts_a_goal_out_of_reach_is_named():
 @pytest.mark.parametrize("outcome", [Outcome.STALLED, Outcome.STUCK, Outcome.KEPT])
 def test_a_planner_that_stands_still_is_named_and_a_slower_pace_is_no_advice(outcome):
     text = describe_lasting_error(make_run(outcome, plan=0.02))
-    assert f"outcome {outcome.name}" in text
+    assert f"outcome {outcome.name}: the " in text
     assert "a slower pace does not help" in text
+
+
+def test_steps_whose_plan_reaches_its_goal_do_not_explain_an_error():
+    """Half of the last plans reach their goal; the others miss it by two causes."""
+    run = make_run(plan=0.02)
+    outcomes = np.full(STEPS, int(Outcome.OUT_OF_REACH))
+    outcomes[1::2] = Outcome.STALLED
+    outcomes[::3] = Outcome.SOLVED
+    errors = np.where(outcomes == Outcome.SOLVED, 0.001, 0.02)
+    columns = {"outcome": outcomes, "plan_error": errors}
+    text = describe_lasting_error(Episode(TWIN, {**run.columns, **columns}))
+    assert "SOLVED" not in text
+    assert "2.0 cm" in text
+
+
+def test_an_error_to_which_plan_tracking_and_model_add_a_little_is_named():
+    text = describe_lasting_error(make_run(plan=0.0055, model=0.005))
+    assert "plan, tracking and forward model each err a little" in text
 
 
 def test_a_plan_beside_obstacles_is_named():

@@ -14,10 +14,9 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
-from s2c2a.planning import Outcome, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
 from s2c2a.spaces import POSITION
 
-SIGNIFICANT = 0.01  # of the arm's length
 LAST_PART = 0.25  # of a run, in which an error lasts
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
 CHAIN = {"predicted", "planned", "sensed", "outcome", "plan_error", "desired_positions"}
@@ -116,6 +115,10 @@ def _median_distance(first: np.ndarray, second: np.ndarray, goals: np.ndarray) -
 
 def _plan_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> str:
     """Reach, payload, obstacles, a stalled planner, or a goal that moves too fast."""
+    missed = episode["plan_error"][steps] > SIGNIFICANT * episode.arm.length
+    if not missed.any():
+        return "plan, tracking and forward model each err a little"
+    steps = steps[missed]
     outcomes, counts = np.unique(episode["outcome"][steps], return_counts=True)
     outcome = Outcome(int(outcomes[np.argmax(counts)]))  # type: ignore[call-arg]
     distance = f"{100 * distances.plan:.1f} cm"
@@ -129,9 +132,10 @@ def _plan_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> s
         return _reach_cause(episode, steps, distance)
     if outcome is Outcome.MOVING:
         return f"the plan is {distance} behind its goal; try a slower --pace"
+    sentence = outcome.sentence.removesuffix(".")
     return (
-        f"the planner stays {distance} from its goal (outcome {outcome.name}), "
-        "although its model gets nearer; a slower pace does not help"
+        f"the plan is {distance} from its goal, and a slower pace does not help; "
+        f"outcome {outcome.name}: {sentence[0].lower()}{sentence[1:]}"
     )
 
 

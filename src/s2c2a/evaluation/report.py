@@ -17,7 +17,7 @@ from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
-from s2c2a.planning import Outcome, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.tracking.frame_jumps import describe_frame_jump, find_frame_jumps
 
@@ -31,7 +31,6 @@ PLAN_OUTCOMES = {
     Outcome.OUT_OF_REACH: "found its goal out of reach",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
-SIGNIFICANT = 0.01  # of the arm's length
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm

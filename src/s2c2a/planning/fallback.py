@@ -24,7 +24,7 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
 from s2c2a.planning.outcomes import STILL, Outcome
 from s2c2a.planning.solvers import Problem, solve_least_squares
-from s2c2a.planning.terms import Bends, largest_bend
+from s2c2a.planning.terms import Bends, Candidate, largest_bend
 
 SAMPLES = 64  # random shapes, taken in turn
 AT_STEP_LIMIT = 0.999  # of the step limit: the step limit is active
@@ -129,7 +129,7 @@ class FallbackSearch(Component):
         self,
         guided: Problem,
         goal: Goal,
-        planned: Bends,
+        candidate: Candidate,
         search: Search,
         is_disturbed: Flag,
     ) -> tuple[Bends, Search]:
@@ -138,7 +138,7 @@ class FallbackSearch(Component):
         Args:
             guided: the problem of this step, with true slopes.
             goal: the goal before the guides changed it.
-            planned: the solver's plan within its limits, as bends [rad].
+            candidate: the solver's plan within its limits, with its prediction.
             search: memory of the last step.
             is_disturbed: whether a payload or bend biases act on the arm. What they do
                 to another shape is uncertain, and a plan that changes between two
@@ -150,7 +150,7 @@ class FallbackSearch(Component):
         approaching = state.approaching > 0
         unguided = guided.with_goal(goal)
         before = _Costs(unguided.cost_of(last), guided.cost_of(last))
-        after = _costs(guided, unguided, planned)
+        after = _Costs(unguided.cost_of(candidate), guided.cost_of(candidate))
         # near obstacles a guide may first move away from the goal
         unobstructed = ~(guided.situation.goal.thresholds > 0.0).any()
         # otherwise a misleading guide would make the plan oscillate
@@ -159,7 +159,7 @@ class FallbackSearch(Component):
             & (after.unguided > before.unguided)
             & (after.guided < before.guided)
         )
-        planned = jnp.where(keep, last.bends, planned)
+        planned = jnp.where(keep, last.bends, candidate.bends)
         after = jax.tree.map(partial(jnp.where, keep), before, after)
         progress = self._progress(guided, planned, before, after, state)
 
@@ -317,11 +317,6 @@ class _Result(NamedTuple):
     def at(self, number: Count) -> "_Result":
         """One of several results."""
         return _Result(self.bends[number], self.cost[number])
-
-
-def _costs(guided: Problem, unguided: Problem, bends: Bends) -> _Costs:
-    candidate = guided.candidate_at(bends)
-    return _Costs(unguided.cost_of(candidate), guided.cost_of(candidate))
 
 
 def _without_cost(bends: Bends) -> _Result:

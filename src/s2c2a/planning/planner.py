@@ -156,15 +156,12 @@ class Plan(NamedTuple):
         memory: hysteresis of the forward model.
         search: memory of the fallback search.
         disturbances: that the plan counts on, with payload moments; None for none.
-        error: largest distance of the planned module ends from their goal, by the
-            plan's own model [m]; NaN without a desired position.
     """
 
     configurations: Configurations
     memory: Memory
     search: Search
     disturbances: Disturbances | None = None
-    error: Float[Numbers, ""] = np.array(np.nan)
 
     @property
     def outcome(self) -> Outcome:
@@ -236,7 +233,7 @@ class Step(NamedTuple):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
             disturbances = settled
         search = Search.none(bends_from_configurations(sensed))
-        return Plan(sensed, memory, search, disturbances, jnp.asarray(jnp.nan))
+        return Plan(sensed, memory, search, disturbances)
 
     def expectation(self, plan: Plan) -> Expectation:
         """What the forward model predicts for a plan."""
@@ -266,26 +263,23 @@ class Step(NamedTuple):
         last = Plan(plan.configurations, memory, plan.search, disturbances)
         problem = self.problem(last, goal)
         planned = problem.within_limits(self.solver.solve(problem))
-        search = plan.search
+        problem = problem._replace(predict=self._predictor(last, engaged=False))
+        candidate = problem.candidate_at(bends_from_configurations(planned))
+        search = plan.search.with_outcome(jnp.asarray(Outcome.SOLVED))
         if self.fallback.starts:
             bends, search = self.fallback.improve(
-                problem._replace(predict=self._predictor(last, engaged=False)),
-                goal,
-                bends_from_configurations(planned),
-                search,
-                _is_disturbed(disturbances),
+                problem, goal, candidate, plan.search, _is_disturbed(disturbances)
             )
             improved = problem.within_limits(configurations_from_bends(bends))
             planned = jnp.where(search.state.is_replaced, improved, planned)
+        situation = problem.situation._replace(goal=goal)
+        lengths = ArmGeometry.of(self.arm).lengths
+        outcome = judge(search.state.outcome, candidate, situation, lengths)
         unchanged = plan.configurations, Search.none(problem.situation.last.bends)
-        planned, search = select_if_finite((planned, search), unchanged)
-        outcome, error = judge(
-            search.state.outcome,
-            problem.with_goal(goal),
-            bends_from_configurations(planned),
+        planned, search = select_if_finite(
+            (planned, search.with_outcome(outcome)), unchanged
         )
-        search = search.with_outcome(outcome)
-        return last._replace(configurations=planned, search=search, error=error)
+        return last._replace(configurations=planned, search=search)
 
     def _with_moments(
         self,

@@ -284,7 +284,7 @@ def reach_gaps(
     The arm is modeled as constant-curvature arcs within its bend limits, without
     gravity, hysteresis or payload, and no trained model is used. Near the edge of its
     workspace, a real arm can miss positions by centimeters that arcs reach;
-    `Plan.error` is the distance by the planner's own model.
+    `plan_error` is the distance by the planner's own model.
 
     Args:
         arm: the arm.

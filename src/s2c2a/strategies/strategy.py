@@ -11,7 +11,7 @@ from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.planning import Goal, Plan, Planner
+from s2c2a.planning import Goal, Plan, Planner, plan_error
 from s2c2a.spaces import Actions, Reading
 
 SLOW_TIME = 10.0  # s; by which disturbances follow their estimates without feedback
@@ -61,6 +61,7 @@ class Strategy:
         self._act = compiled(type(controller).act, controller)
         self._sent = compiled(type(controller).sent, controller)
         self._plan: Plan | None = None
+        self._goal = Goal.of(arm.module_count)
         self._estimate: Estimate
         self._slow_disturbances: Disturbances | None = None
         self._controller_memory: Any
@@ -100,6 +101,7 @@ class Strategy:
             goal: for the state after the next command.
         """
         self._plan = self._planner.plan(self._check_started(), estimate, goal)
+        self._goal = goal
         return self._plan
 
     def act(self, plan: Plan, estimate: Estimate) -> Actions:
@@ -157,7 +159,7 @@ class Strategy:
             "predictive_std": np.asarray(expectation.predictive_std),
             "extrapolation": np.asarray(expectation.extrapolation),
             "outcome": np.asarray(plan.outcome),
-            "plan_error": np.asarray(plan.error, dtype=float),
+            "plan_error": np.asarray(plan_error(expectation.states, self._goal)),
         }
 
     def _with_feedback(self, estimate: Estimate) -> Estimate:
@@ -184,6 +186,7 @@ class Strategy:
         self._estimate = estimate
         self._slow_disturbances = estimate.disturbances
         self._plan = self._planner.start(estimate)
+        self._goal = Goal.of(self.arm.module_count)
         self._controller_memory = self._start_controller(estimate.configuration)
         self._command = ArmGeometry.of(self.arm).action_neutral
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
+from s2c2a.evaluation import describe_step_plan
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import Goals, Points, Series, Spheres
 
@@ -134,6 +135,15 @@ class Trace:
     def has_band(self) -> bool:
         """Whether the model predicts an uncertainty."""
         return bool(np.nanmax(self.band, initial=0.0) > 0.0)
+
+    @cached_property
+    def plan_texts(self) -> tuple[str, ...]:
+        """That the plan of a step does not get nearer to its goal; mostly empty."""
+        columns = {name: self._column(name) for name in ("outcome", "plan_error")}
+        return tuple(
+            describe_step_plan({name: column[step] for name, column in columns.items()})
+            for step in range(len(self.times))
+        )
 
     def drawn_obstacles(self) -> list[tuple[Spheres, str]]:
         """Obstacles of the whole run for a still drawing, each with a note of its time.
