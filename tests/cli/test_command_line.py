@@ -94,7 +94,7 @@ def test_a_misspelled_option_is_answered_with_the_likely_one_of_the_command(
         ("live --host 127.0.0.2", "127.0.0.1"),
         ("emulate mocap --protocol natnt", "natnet"),
         ("reproduce circle --fidelity fats", "fast"),
-        ("tracking print-tags --paper a5", "a4"),
+        ("tracking print-tags --paper leter", "letter"),
     ],
 )
 def test_a_misspelled_choice_is_answered_with_the_likely_one(capsys, arguments, likely):
