@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import s2c2a
-from s2c2a.cli.main import main
+from s2c2a.cli.main import _check_options, main
 from s2c2a.data import load_recording
 from s2c2a.studies.tables import TABLES
 
@@ -83,6 +83,30 @@ def test_a_misspelled_option_is_answered_with_the_likely_one_of_the_command(
     message = failing(capsys, *command.split(), option, "1")
     assert f"(did you mean {likely}?)" in message
     assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "likely"),
+    [
+        ("run circle --fidelity acurate", "accurate"),
+        ("run circle --guard=am", "arm"),
+        ("collect --out x --babbling stagd", "staged"),
+        ("live --host 127.0.0.2", "127.0.0.1"),
+        ("emulate mocap --protocol natnt", "natnet"),
+        ("reproduce circle --fidelity fats", "fast"),
+        ("tracking print-tags --paper leter", "letter"),
+    ],
+)
+def test_a_misspelled_choice_is_answered_with_the_likely_one(capsys, arguments, likely):
+    message = failing(capsys, *arguments.split())
+    assert f"(did you mean {likely}?)" in message
+    assert message.count("\n") == 1
+
+
+def test_every_value_of_a_closed_list_is_accepted():
+    for value in ("staged", "None"):
+        _check_options(["collect", "--babbling", value])
+    _check_options(["emulate", "mocap", "--up="])
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed
 from s2c2a.live.request import (
     SPEED_SLIDER,
     WEIGHT_SLIDERS,
+    Obstacle,
     Request,
     RequestLimits,
     fault_sliders,
@@ -115,16 +116,49 @@ def test_a_slider_stays_within_its_ends_for_any_request(twin, number):
         assert slider.low <= slider.value(request) <= slider.high
 
 
-def test_a_typed_coordinate_moves_the_target_and_fields_follow_it(control, page):
+def update(uuid, value) -> bytes:
+    """The message of an element that a user changes or presses."""
+    updates = {"value": value}
+    typed = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates}
+    return msgspec.msgpack.encode(typed)
+
+
+def test_a_typed_target_is_set_by_its_button_and_its_field_follows(control, page):
     with browser(page) as tab:
         tab.send(msgspec.msgpack.encode(CAMERA))
         elements = elements_of(page)
         uuids = {element.label: uuid for uuid, element in elements.items()}
         control.ask(task=None, target=(0.1, 0.0, 0.5))
-        uuid = uuids["Target y [cm]"]
-        updates = {"value": -12.5}
-        typed = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates}
-        until(lambda: elements[uuids["Target z [cm]"]].value == 50.0, what="fields")
-        tab.send(msgspec.msgpack.encode(typed))
+        field = elements[uuids["Target [cm]"]]
+        until(lambda: field.value == (10.0, 0.0, 50.0), what="the field")
+        tab.send(update(uuids["Target [cm]"], [10.0, -1.0, 50.0]))
+        tab.send(update(uuids["Target [cm]"], [10.0, -12.5, 50.0]))
+        until(lambda: field.value == (10.0, -12.5, 50.0), what="typing")
+        frames = page.frames
+        until(lambda: page.frames > frames + 20, what="drawing")
+        assert field.value == (10.0, -12.5, 50.0)
+        assert control.request.target == (0.1, 0.0, 0.5)
+        tab.send(update(uuids["Set target"], True))
         until(lambda: control.request.target == (0.1, -0.125, 0.5), what="the target")
+    until(lambda: page.session.driver is None, what="disconnecting")
+
+
+def test_every_obstacle_is_typed_and_the_others_stay_exactly(control, page):
+    with browser(page) as tab:
+        tab.send(msgspec.msgpack.encode(CAMERA))
+        elements = elements_of(page)
+        uuids = {element.label: uuid for uuid, element in elements.items()}
+        first = Obstacle((0.30001, 0.0, 0.2), 0.05)
+        second = Obstacle((0.0, 0.30001, 0.2), 0.06)
+        control.ask(obstacles=(first, second))
+        field = elements[uuids["Obstacle 1 [cm]"]]
+        until(lambda: field.value == (30.0, 0.0, 20.0), what="the field")
+        tab.send(update(uuids["Obstacle 1 [cm]"], [35.5, 0.0, 20.0]))
+        tab.send(update(uuids["Set obstacles"], True))
+        moved = Obstacle((0.355, 0.0, 0.2), 0.05)
+        until(lambda: control.request.obstacles == (moved, second), what="the obstacle")
+        assert elements[uuids["Obstacle 2 [cm]"]].visible
+        assert not elements[uuids["Obstacle 3 [cm]"]].visible
+        control.ask(obstacles=())
+        until(lambda: not field.visible, what="hiding")
     until(lambda: page.session.driver is None, what="disconnecting")

@@ -6,7 +6,6 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
-from inspect import signature
 from typing import Literal
 
 from tyro.conf import Positional
@@ -187,37 +186,55 @@ def _check_command(given: Sequence[str]) -> None:
 
 
 def _check_options(given: Sequence[str]) -> None:
-    """Suggest the option of this command that a misspelled one may mean.
+    """Suggest what a misspelled option or choice of this command may mean.
 
     Raises:
-        S2C2AError: the command has no such option.
+        S2C2AError: the command has no such option, or the option no such choice.
     """
-    options = [word.partition("=")[0] for word in given if word.startswith("--")]
-    unknown = [name for name in options if not _is_parameter(name, given[0])]
-    if not unknown or "--help" in options:
+    command = given[: 2 if given and given[0] in GROUPS else 1]
+    words = given[len(command) :]
+    if not words or "--help" in words or "-h" in words:
         return
-    command = given[: 2 if given[0] in GROUPS else 1]
-    known = _options_of(command)
-    for name in unknown:
+    help_text = _help_of(command)
+    known = set(re.findall(r"--[a-z][a-z0-9.-]*", help_text))
+    advice = f"see s2c2a {' '.join(command)} --help"
+    for name in (word.partition("=")[0] for word in words if word.startswith("--")):
         if known and name.replace("_", "-") not in known:
+            likely = did_you_mean(name, known)
             raise S2C2AError(
-                f"{' '.join(command)} has no option {name}{did_you_mean(name, known)}; "
-                f"see s2c2a {' '.join(command)} --help"
+                f"{' '.join(command)} has no option {name}{likely}; {advice}"
+            )
+    for name, choices in _choices(help_text).items():
+        value = _value_of(name, words)
+        if value is not None and value not in choices:
+            raise S2C2AError(
+                f"{name} '{value}' is none of {', '.join(filter(None, choices))}"
+                f"{did_you_mean(value, choices)}; {advice}"
             )
 
 
-def _is_parameter(option: str, verb: str) -> bool:
-    """Whether an option is a parameter of a verb's function, which is quick to see."""
-    name = option.removeprefix("--").replace("-", "_")
-    return verb in VERBS and name in signature(VERBS[verb]).parameters
+def _choices(help_text: str) -> dict[str, list[str]]:
+    """Options of a help text that have a closed list of values, and these."""
+    found = re.findall(r"(--[a-z][a-z0-9.-]*) \{([^}\n]*)\}\s", help_text)
+    return {name: values.split(",") for name, values in found}
 
 
-def _options_of(command: Sequence[str]) -> set[str]:
-    """Options that the help of a command shows; empty for no such command."""
+def _value_of(option: str, words: Sequence[str]) -> str | None:
+    """The value of an option; None if it is not given, or has no value."""
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        name, equals, value = word.partition("=")
+        if name.replace("_", "-") == option:
+            value = value if equals else following
+            return None if value.startswith("-") else value
+    return None
+
+
+def _help_of(command: Sequence[str]) -> str:
+    """The help of a command; empty for no such command."""
     help_text = io.StringIO()
     with redirect_stdout(help_text), suppress(SystemExit):
         _run_command([*command, "--help"])
-    return set(re.findall(r"--[a-z][a-z0-9.-]*", help_text.getvalue()))
+    return help_text.getvalue()
 
 
 def _exit_with(message: str) -> None:

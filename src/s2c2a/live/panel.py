@@ -10,11 +10,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
+import numpy as np
 from viser import (
     ClientHandle,
     GuiButtonHandle,
     GuiEvent,
     GuiSliderHandle,
+    GuiVector3Handle,
     Icon,
 )
 
@@ -179,13 +181,23 @@ class Panel:
             control.ask(axis=axis)
 
         self._followers.append(follow)
-        self._point_fields(
-            "Target",
-            lambda request: request.target if request.task is None else None,
-            lambda place: control.ask(target=place),
-        )
+        drag_elements.append(self._build_target_field())
         self._on_change(task, self._choose_task)
         self._on_change(direction, set_direction)
+
+    def _build_target_field(self) -> GuiButtonHandle:
+        """Coordinates of the target, and the button that sets them, returned."""
+        control = self._control
+        field = self._point_field(
+            "Target [cm]",
+            lambda request: request.target if request.task is None else None,
+        )
+
+        def set_target() -> None:
+            if target := control.request.target:
+                control.ask(target=_edited(field, target))
+
+        return self._button("Set target", set_target)
 
     def _choose_task(self, name: str) -> None:
         self._control.ask(task=None if name == DRAG else name, playing=False)
@@ -233,47 +245,57 @@ class Panel:
         )
         self._on_change(threshold, resize)
 
-        def move(center: Point) -> None:
-            *others, last = control.request.obstacles
-            control.ask(obstacles=(*others, replace(last, center=center)))
+        self._build_obstacle_fields()
 
-        self._point_fields(
-            "Last obstacle",
-            lambda request: request.obstacles[-1].center if request.obstacles else None,
-            move,
-        )
+    def _build_obstacle_fields(self) -> None:
+        """Coordinates of every obstacle, and one button that sets them."""
+        control = self._control
 
-    def _point_fields(
-        self,
-        name: str,
-        read: Callable[[Request], Point | None],
-        write: Callable[[Point], Any],
-    ) -> None:
-        """Number fields of a point of the request [cm]; hidden without a point."""
+        def center(number: int, request: Request) -> Point | None:
+            obstacles = request.obstacles
+            return obstacles[number].center if number < len(obstacles) else None
+
         fields = [
-            self._gui.add_number(f"{name} {axis} [cm]", 0.0, step=0.1) for axis in "xyz"
+            self._point_field(f"Obstacle {number + 1} [cm]", partial(center, number))
+            for number in range(MAX_OBSTACLES)
         ]
 
-        def change(axis: int, event: GuiEvent) -> None:
-            place = read(self._control.request)
-            # no browser has typed what `follow` sets
-            if place is None or event.client_id is None:
-                return
-            changed = list(place)
-            changed[axis] = checked_value(event.target) / 100
-            write(point(changed))
+        def set_obstacles() -> None:
+            obstacles = control.request.obstacles
+            moved = [
+                replace(obstacle, center=_edited(field, obstacle.center))
+                for field, obstacle in zip(fields, obstacles, strict=False)
+            ]
+            control.ask(obstacles=tuple(moved))
+
+        button = self._button("Set obstacles", set_obstacles)
 
         def follow(request: Request) -> None:
-            place = read(request)
-            for axis, field in enumerate(fields):
-                field.visible = place is not None
-                if place is not None:
-                    shown = round(100 * place[axis], 1)
-                    field.value = shown  # type: ignore[misc] # viser hides the setter
+            button.visible = bool(request.obstacles)
 
         self._followers.append(follow)
-        for axis, field in enumerate(fields):
-            self._react(field.on_update, partial(change, axis))
+
+    def _point_field(
+        self, label: str, read: Callable[[Request], Point | None]
+    ) -> GuiVector3Handle:
+        """Coordinates of a point of the request [cm] to edit; hidden without a point.
+
+        A button sets them, since the arm would move for every digit that is typed.
+        """
+        field = self._gui.add_vector3(label, (0.0, 0.0, 0.0), step=0.1)
+        shown: Point | None = None
+
+        def follow(request: Request) -> None:
+            nonlocal shown
+            place = read(request)
+            field.visible = place is not None
+            # what was typed stays until the point moves
+            if place is not None and place != shown:
+                field.value = _centimeters(place)  # type: ignore[misc] # viser hides it
+            shown = place
+
+        self._followers.append(follow)
+        return field
 
     def _build_planner(self) -> None:
         names = self._control.strategies
@@ -390,6 +412,17 @@ class Panel:
             act(event)
 
         register(act if slow else act_in_order)
+
+
+def _centimeters(place: Point) -> Point:
+    """A point [m] as it is shown [cm]."""
+    return point(round(100 * coordinate, 1) for coordinate in place)
+
+
+def _edited(field: GuiVector3Handle, place: Point) -> Point:
+    """The point of a field [m]; the present one, which is not rounded, if unedited."""
+    typed = checked_value(field)
+    return place if typed == _centimeters(place) else point(np.divide(typed, 100))
 
 
 def _task_hint(task: str) -> str:

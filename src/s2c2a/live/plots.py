@@ -57,7 +57,8 @@ class Plots:
         self._charts[2].visible = bool(np.isfinite(snapshot.clearance))
         values = [
             snapshot.step.moment,
-            100 * snapshot.error,
+            # an axis of less than 10 µm would repeat one number
+            np.round(100 * snapshot.error, 3),
             100 * snapshot.predictive_std,
             100 * snapshot.clearance,
             bends,

@@ -140,12 +140,14 @@ def across_the_screen(arm: ArmSpec) -> Float[np.ndarray, "3"]:
 
 
 def checked_value(element: Any) -> Any:
-    """Value of a slider or dropdown, corrected if a browser sent an invalid one."""
+    """Value of an element of a panel, corrected if a browser sent an invalid one."""
     value = element.value
     if isinstance(element, viser.GuiSliderHandle):
         value = min(max(value, element.min), element.max)
     elif isinstance(element, viser.GuiDropdownHandle) and value not in element.options:
         value = element.options[0]
+    elif isinstance(element, viser.GuiVector3Handle) and len(value) != 3:
+        value = (0.0, 0.0, 0.0)
     if value != element.value:
         element.value = value
     return value
