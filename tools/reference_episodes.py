@@ -237,6 +237,11 @@ RUN_OPTIONS = (
         "recording of a real arm",
         "number of measured states that cannot be true, which are NaN",
     ),
+    (
+        "`frozen_poses`",
+        "recording of a real arm",
+        "number of those that repeat the last pose of a lost body",
+    ),
 )
 GROUPS = {"Control loop": LOOP, "Sensors": SENSORS}
 RUN_GROUPS = {"Goals": GOALS, "State estimates": ESTIMATES, "Plans": PLANS}

@@ -13,8 +13,15 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, Tracking, load_arm
 from s2c2a.arm.sensors import Camera, Sensors
-from s2c2a.data import CollectOptions, collect, episode_actions, load_recording
-from s2c2a.episodes import EpisodeWriter
+from s2c2a.data import (
+    CollectOptions,
+    Recording,
+    collect,
+    describe_excluded,
+    episode_actions,
+    load_recording,
+)
+from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes import file as episode_file
 from s2c2a.errors import RecordingError, RobotError
 from s2c2a.robots.simulation import SimulatedRobot
@@ -492,3 +499,25 @@ def test_no_empty_recording_stays_when_the_robot_never_opened(twin, tmp_path):
     with pytest.raises(RobotError, match="no pose arrived"):
         collect(path, twin, lambda seed: _NeverTracked(twin), SMALL, threads=1)
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("counts", "text"),
+    [
+        ((0, 0), ""),
+        ((3, 3), "excluded 3 of 12 poses: 3 frozen"),
+        ((4, 1), "1 frozen (the last pose of a lost body again), 3 that the cables"),
+        ((2, 0), "excluded 2 of 12 poses: 2 that the cables do not explain"),
+    ],
+)
+def test_frozen_poses_are_counted_apart_from_marker_jumps(counts, text):
+    columns = {
+        "time": np.arange(4.0),
+        "actions": np.zeros((4, 3, 3)),
+        "sensor.states": np.zeros((4, 3, 6)),
+    }
+    options = dict(zip(("excluded_poses", "frozen_poses"), counts, strict=True))
+    episode = Episode(TWIN, columns, options)
+    described = describe_excluded(Recording(TWIN, {}, (episode,)))
+    assert text in described
+    assert bool(described) == bool(counts[0])

@@ -35,6 +35,7 @@ MAX_SAMPLES = 100_000
 MAX_SEED = 2**63
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
+FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
 MAX_DIFFERENCES = 8  # shown in a message
 MIN_ACTIVE = 2  # episodes
@@ -351,19 +352,19 @@ def _run_episode(
     columns.pop("tick_time", None)
     metadata = dict(episode.options)
     if not robot.own_time:
-        metadata[EXCLUDED] = _exclude_outliers(columns)
+        metadata |= _exclude_outliers(columns)
     return replace(episode, columns=columns, options=metadata)
 
 
-def _exclude_outliers(columns: dict[str, np.ndarray]) -> int:
-    """Replace measured states that cannot be true by NaN, and count them.
+def _exclude_outliers(columns: dict[str, np.ndarray]) -> dict[str, int]:
+    """Replace measured states that cannot be true by NaN, and count them by kind.
 
     A tracker's check of single frames (`tracking.plausibility`) allows any shape that
     the arm can have; here the states of an episode must also fit its cables.
     """
     states = columns.get(SENSOR + "states")
     if states is None:
-        return 0
+        return {EXCLUDED: 0, FROZEN: 0}
     cables = columns.get(SENSOR + "cables", columns["actions"])
     rows = len(states)
     ends = MeasuredEnds(
@@ -375,9 +376,9 @@ def _exclude_outliers(columns: dict[str, np.ndarray]) -> int:
     outliers = find_outliers(ends)
     # so many are no marker jumps: motors or cables are at fault, and `train` shows it
     if outliers.is_excessive:
-        return 0
+        return {EXCLUDED: 0, FROZEN: 0}
     columns[SENSOR + "states"] = np.where(outliers.all[..., None], np.nan, states)
-    return outliers.count
+    return {EXCLUDED: outliers.count, FROZEN: int(outliers.frozen.sum())}
 
 
 def describe_excluded(recording: Recording) -> str:
@@ -386,11 +387,18 @@ def describe_excluded(recording: Recording) -> str:
     total = sum(counts)
     if not total:
         return ""
+    frozen = sum(episode.options.get(FROZEN, 0) for episode in recording.episodes)
+    others = total - frozen
+    kinds = []
+    if frozen:
+        kinds.append(f"{frozen} frozen (the last pose of a lost body again)")
+    if others:
+        kinds.append(f"{others} that the cables do not explain, such as marker jumps")
     first = next(number for number, count in enumerate(counts, 1) if count)
     poses = recording.sensor("states")[..., 0].size
     return (
-        f"excluded {total} of {poses} poses that the cables do not explain, such as "
-        f"marker jumps, the first in episode {first} (docs/guides/import.md)"
+        f"excluded {total} of {poses} poses: {', '.join(kinds)}; the "
+        f"first in episode {first} (docs/guides/import.md)"
     )
 
 
