@@ -223,7 +223,10 @@ def test_a_task_that_ends_at_rest_has_a_reading_after_its_last_action(
     robot, script, twin
 ):
     script.step = lambda reading, goal: script.geometry.action_neutral
-    run = rollout(robot, script, Task("rest", (Goal.of(3),) * 3))
+    steps = []
+    task = Task("rest", (Goal.of(3),) * 3)
+    run = rollout(robot, script, task, on_step=steps.append)
+    assert len(steps) == len(run)
     assert len(run.after("states")) == 3
 
 

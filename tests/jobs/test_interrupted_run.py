@@ -1,11 +1,19 @@
 """An error names the steps of an interrupted run only if this run saved them."""
 
+import time
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from s2c2a import evaluation
 from s2c2a.arm import load_arm
+from s2c2a.cli import view
+from s2c2a.episodes import load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs import Cache, Job
+from s2c2a.runtime import StepRecord, step_writer
+from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import recipe_named
 from s2c2a.tasks import load_task
 
@@ -30,3 +38,46 @@ def test_an_earlier_interrupted_run_is_not_taken_for_this_one(
     with pytest.raises(S2C2AError) as caught:
         job._episodes(None, lambda done, total: None, Cache(tmp_path))
     assert str(caught.value) == "the port is in use"
+
+
+def step(number: int) -> StepRecord:
+    states = np.tile([0.0, 0.0, 0.2, 0.0, 0.0, 1.0], (3, 1))
+    reading = Reading(0.1 * number, {"cables": np.zeros((3, 3)), "states": states})
+    return StepRecord(number, 0.1 * number, Stage.RUN, reading, None, np.zeros((3, 3)))
+
+
+def steps_in(path) -> int:
+    try:
+        return sum(map(len, load_episodes(path)[0]))
+    except S2C2AError:  # no whole piece yet
+        return 0
+
+
+def test_steps_of_a_real_arm_are_on_disk_while_it_runs(job, tmp_path, monkeypatch):
+    """A killed process leaves them so; it reads as one episode."""
+    monkeypatch.setattr(step_writer, "PIECE", 0.02)
+    shown = []
+    monkeypatch.setattr(
+        "s2c2a.live.viewing.view_runs", lambda traces, arm, port: shown.extend(traces)
+    )
+    path = job.path(Cache(tmp_path)).with_name(f"running-{job.file}")
+    with job._steps_on_disk(SimpleNamespace(own_time=False), Cache(tmp_path)) as add:
+        for number in range(30):
+            add(step(number))
+            if number == 15:
+                time.sleep(0.05)
+        end = time.monotonic() + 10
+        while steps_in(path) < 30 and time.monotonic() < end:
+            time.sleep(0.01)
+        assert steps_in(path) == 30
+        assert len(load_episodes(path)[0]) > 1
+        view.open_window((str(path),), 0)
+    assert [len(trace.episode) for trace in shown] == [30]
+    assert shown[0].episode.options["task"] == "circle"
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_simulated_run_writes_no_steps(job, tmp_path):
+    with job._steps_on_disk(SimpleNamespace(own_time=True), Cache(tmp_path)) as add:
+        add(step(0))
+    assert list(tmp_path.rglob("*")) == []

@@ -12,7 +12,7 @@ from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.live import recorder
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.snapshot import Control, Snapshot
-from s2c2a.runtime import StepRecord
+from s2c2a.runtime import StepRecord, step_writer
 from s2c2a.spaces import Reading, Stage
 
 ARM = load_arm("twin_arm")
@@ -63,7 +63,7 @@ Watched.__abstractmethods__ = frozenset()  # a test needs only what is watched
 
 @pytest.fixture
 def control(monkeypatch):
-    monkeypatch.setattr(recorder, "PIECE", 0.02)
+    monkeypatch.setattr(step_writer, "PIECE", 0.02)
     monkeypatch.setattr(recorder, "replay_page", lambda *_: None)
     return Watched()
 
@@ -101,7 +101,7 @@ def test_a_recording_is_on_disk_before_it_ends(control, tmp_path):
 def test_a_recording_has_no_end_and_goes_on_in_further_files(
     control, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(recorder, "MAX_PIECES", 2)
+    monkeypatch.setattr(step_writer, "MAX_PIECES", 2)
     running = Recorder(control, tmp_path)
     running.start()
     for part in range(1, 8):

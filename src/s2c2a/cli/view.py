@@ -85,6 +85,7 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     """Window that compares runs, or shows one recording."""
     from s2c2a import data, episodes, viz
     from s2c2a.live import viewing
+    from s2c2a.runtime.step_writer import PIECES, joined
 
     files = _episode_files(what)
     loaded = [episodes.load_episodes(file) for file in files]
@@ -92,7 +93,9 @@ def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
     if len(files) == 1 and "babbling" in loaded[0][1]:
         return viewing.view_recording(data.load_recording(files[0]).episodes, port)
     traces = []
-    for file, (runs, _) in zip(files, loaded, strict=True):
+    for file, (runs, options) in zip(files, loaded, strict=True):
+        if options.get(PIECES):  # of a killed process
+            runs = [joined(runs)]
         for run in runs:
             label = f"{_run_label(run.options)} · {file.parent.name}"
             traces.append(viz.Trace(run, label))

@@ -23,10 +23,15 @@ PAUSE = 2.0  # s; at rest between repetitions, so that the vibration decays
 
 StepProgress = Callable[[int, int], None]
 Keep = Callable[[Episode], None]
+OnStep = Callable[[StepRecord], None]
 
 
 def forget(episode: Episode) -> None:
     """Discard the steps of an interrupted run."""
+
+
+def ignore_step(step: StepRecord) -> None:
+    """Leave a step to the episode at the end."""
 
 
 def rollout(
@@ -36,6 +41,7 @@ def rollout(
     progress: StepProgress = lambda done, total: None,
     clock: Clock | None = None,
     keep: Keep = forget,
+    on_step: OnStep = ignore_step,
 ) -> Episode:
     """Run a strategy on a task, from rest and back to rest.
 
@@ -47,6 +53,7 @@ def rollout(
         clock: source of time; see `Loop`.
         keep: called with the episode so far if an error ends the run; its option
             `interrupted` is the message of the error.
+        on_step: called with the record of every step; it must be quick.
 
     Returns:
         The episode, with the steps back to rest.
@@ -55,7 +62,7 @@ def rollout(
         S2C2AError: readings failed the check for so long that the arm was moved to
             rest; or robot, strategy, or goals failed.
     """
-    with Loop(robot, strategy, clock) as loop:
+    with Loop(robot, strategy, clock, on_step=on_step) as loop:
         return _run_task(loop, task, progress, keep)
 
 
@@ -67,6 +74,7 @@ def repeated_rollout(
     progress: StepProgress = lambda done, total: None,
     clock: Clock | None = None,
     keep: Keep = forget,
+    on_step: OnStep = ignore_step,
 ) -> list[Episode]:
     """Repeat a task; measured errors of each repetition move the targets of the next.
 
@@ -80,6 +88,7 @@ def repeated_rollout(
         progress: called with the number of steps done and of all steps.
         clock: source of time; see `Loop`.
         keep: see `rollout`.
+        on_step: see `rollout`.
 
     Returns:
         An episode for each repetition, with the targets of the task and the column
@@ -92,7 +101,7 @@ def repeated_rollout(
     steps = len(task.goals)
     offsets = np.zeros((steps, robot.arm.module_count, 3))
     episodes: list[Episode] = []
-    with Loop(robot, strategy, clock) as loop:
+    with Loop(robot, strategy, clock, on_step=on_step) as loop:
         for number in range(repetitions):
 
             def report(done: int, _: int, before: int = number * steps) -> None:

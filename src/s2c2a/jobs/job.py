@@ -1,7 +1,8 @@
 """A job: one strategy on one task with one seed, and the run that results."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
@@ -13,6 +14,7 @@ from s2c2a import episodes, evaluation, versions
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.rollout import OnStep, ignore_step
 from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
@@ -24,6 +26,7 @@ from s2c2a.jobs.transfer import TransferredNetworks
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver
+from s2c2a.runtime.step_writer import StepWriter
 from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
 from s2c2a.tasks import Task, load_task
 
@@ -187,7 +190,9 @@ class Job(Artifact[Run]):
     ) -> list[episodes.Episode]:
         """Run the task and its repetitions.
 
-        If an error interrupts a real arm, the steps until then are saved in a file.
+        The steps of a real arm are on disk a second later, in a file beside the result
+        that is deleted at the end; a killed process leaves it. If an error interrupts a
+        real arm, the steps until then are saved in a file.
         They are the result if the run may end early.
         """
         robot = self.robot()
@@ -202,11 +207,21 @@ class Job(Artifact[Run]):
                 kept.append(episode)
 
         try:
-            if self.repetitions == 1:
-                return [evaluation.rollout(robot, strategy, task, progress, keep=keep)]
-            return evaluation.repeated_rollout(
-                robot, strategy, task, self.repetitions, progress, keep=keep
-            )
+            with self._steps_on_disk(robot, cache) as on_step:
+                if self.repetitions == 1:
+                    episode = evaluation.rollout(
+                        robot, strategy, task, progress, keep=keep, on_step=on_step
+                    )
+                    return [episode]
+                return evaluation.repeated_rollout(
+                    robot,
+                    strategy,
+                    task,
+                    self.repetitions,
+                    progress,
+                    keep=keep,
+                    on_step=on_step,
+                )
         except S2C2AError as error:
             if not kept:  # the file may be that of an earlier run
                 raise
@@ -214,6 +229,21 @@ class Job(Artifact[Run]):
                 return kept
             text = f"{error}; the steps until then are kept: {interrupted}"
             raise S2C2AError(text) from error
+
+    @contextmanager
+    def _steps_on_disk(self, robot: Robot, cache: Cache) -> Iterator[OnStep]:
+        """Write the steps of a real arm to files that are deleted at the end."""
+        if robot.own_time:
+            yield ignore_step
+            return
+        path = self.path(cache).with_name(f"running-{self.file}")
+        writer = StepWriter(path, self.arm, "run")
+        try:
+            yield partial(writer.add, strategy=self.strategy, task=self.task.name)
+        finally:
+            writer.close()
+            for file in writer.files:
+                file.unlink(missing_ok=True)
 
     def robot(self) -> Robot:
         """The robot, not open yet.
