@@ -46,10 +46,8 @@ class Counter(Robot):
         number = len(self.sent)
         states = np.zeros((self.arm.module_count, 6))
         states[-1, 2] = number
-        cables = np.full(
-            self.geometry.action_neutral.shape,
-            np.nan if number in self.invalid else 1e-5 * number,
-        )
+        away = np.nan if number in self.invalid else 1e-5 * number
+        cables = self.geometry.action_neutral + away
         return Reading(0.1 * number, {"cables": cables, "states": states})
 
     def send(self, action):
