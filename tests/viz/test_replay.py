@@ -8,6 +8,7 @@ import pytest
 
 from s2c2a import viz
 from s2c2a.errors import S2C2AError
+from s2c2a.planning import Outcome
 from s2c2a.viz import replay_page
 from s2c2a.viz.mesh import ArmMesh, frames_of
 
@@ -208,3 +209,23 @@ def test_every_public_name_of_viz_can_be_imported():
     assert all(callable(getattr(viz, name)) for name in names)
     with pytest.raises(AttributeError, match="nothing_like_it"):
         _ = viz.nothing_like_it
+
+
+def test_the_page_states_at_which_steps_a_plan_does_not_get_nearer(
+    write_page, make_trace
+):
+    outcome = np.zeros(200)
+    outcome[50:] = Outcome.OUT_OF_REACH
+    plan_error = np.full(200, 0.026)
+    plan_error[100:] = 0.031
+    trace = make_trace(outcome=outcome, plan_error=plan_error)
+    plans = [
+        one["plans"] for one in data_of(write_page([trace, make_trace()]))["traces"]
+    ]
+    assert plans == [
+        [
+            [50, "plan out of reach, 2.6 cm from its goal"],
+            [100, "plan out of reach, 3.1 cm from its goal"],
+        ],
+        [],
+    ]

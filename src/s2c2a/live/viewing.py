@@ -11,11 +11,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import ReadingError
 from s2c2a.estimation import MODAL_MODEL
-from s2c2a.evaluation import (
-    describe_modal_model,
-    describe_step_plan,
-    describe_unseen_errors,
-)
+from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
 from s2c2a.live.snapshot import straight
@@ -207,14 +203,8 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, time: float)
     if not np.isfinite(error):
         return f"**{trace.label}**"
     text = f"**{trace.label}** · {100 * error:.2f} cm from the target"
-    plan = describe_step_plan(_planning(trace, step))
+    plan = trace.plan_texts[step]
     return f"{text} · {plan}" if plan else text
-
-
-def _planning(trace: Trace, step: int) -> dict[str, np.ndarray]:
-    """How a step was planned, by column of the episode."""
-    names = {"outcome", "plan_error"} & trace.episode.columns.keys()
-    return {name: trace.episode.ran(name)[step] for name in names}
 
 
 def drawable(states: Float[np.ndarray, "steps modules 6"], arm: ArmSpec) -> States:

@@ -146,7 +146,14 @@ def _trace_data(trace: Trace, color: str) -> dict:
         "meanError": float(errors.mean()) if errors.size else None,
         "uncounted": np.round(trace.uncounted_spans, 4),
         "axisErrors": _integers(trace.axis_errors, PER_ERROR),
+        "plans": _changes(trace.plan_texts),
     }
+
+
+def _changes(texts: Sequence[str]) -> list[tuple[int, str]]:
+    """Each step whose text differs from that of the step before, and the text."""
+    before = ("", *texts)
+    return [(step, text) for step, text in enumerate(texts) if text != before[step]]
 
 
 def _tube_data(trace: Trace) -> list:

@@ -135,6 +135,17 @@ class Trace:
         """Whether the model predicts an uncertainty."""
         return bool(np.nanmax(self.band, initial=0.0) > 0.0)
 
+    @cached_property
+    def plan_texts(self) -> tuple[str, ...]:
+        """That the plan of a step does not get nearer to its goal; mostly empty."""
+        from s2c2a.evaluation import describe_step_plan  # noqa: PLC0415  # heavy
+
+        columns = {name: self._column(name) for name in ("outcome", "plan_error")}
+        return tuple(
+            describe_step_plan({name: column[step] for name, column in columns.items()})
+            for step in range(len(self.times))
+        )
+
     def drawn_obstacles(self) -> list[tuple[Spheres, str]]:
         """Obstacles of the whole run for a still drawing, each with a note of its time.
 

@@ -25,6 +25,7 @@ class TraceList {
           textContent: trace.meanError === null ? none : `mean ${inCentimeters(trace.meanError)}${where}`,
         }),
         angle: element("span", { className: "angle" }),
+        plan: element("span", { className: "plan" }),
       };
       parts.mark.style.background = trace.color;
       const button = element(
@@ -46,6 +47,7 @@ class TraceList {
     this.rows.forEach((row, k) => {
       row.now.textContent = inCentimeters(moments[k].error);
       row.angle.textContent = inDegrees(moments[k].axisError);
+      row.plan.textContent = moments[k].plan;
       row.button.setAttribute("aria-checked", String(k === chosen));
     });
   }

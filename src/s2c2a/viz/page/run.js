@@ -92,5 +92,6 @@ function momentOf(trace, time) {
     obstacles: trace.obstacles.length > 1 ? valueAt(trace.obstacles, place, mixObstacles) : trace.obstacles[0],
     error: valueAt(trace.errors, place, mixNumbers),
     axisError: valueAt(trace.axisErrors, place, mixNumbers),
+    plan: trace.plans.filter(([step]) => step <= place.step).pop()?.[1] ?? "",
   };
 }
