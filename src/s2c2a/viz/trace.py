@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.evaluation import describe_step_plan
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import Goals, Points, Series, Spheres
 
@@ -139,6 +138,8 @@ class Trace:
     @cached_property
     def plan_texts(self) -> tuple[str, ...]:
         """That the plan of a step does not get nearer to its goal; mostly empty."""
+        from s2c2a.evaluation import describe_step_plan  # noqa: PLC0415  # heavy
+
         columns = {name: self._column(name) for name in ("outcome", "plan_error")}
         return tuple(
             describe_step_plan({name: column[step] for name, column in columns.items()})
