@@ -22,6 +22,7 @@ from s2c2a.live.scene import REACH_TOLERANCE
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
+from s2c2a.runtime import StepRecord
 from s2c2a.spaces import POSITION, Stage
 
 TRAIL = 15.0  # s
@@ -80,6 +81,7 @@ class LivePage(Window):
             maxlen=round(TRAIL * self.arm.control_rate)
         )
         self._snapshots: deque[Snapshot] = deque(maxlen=2)
+        self._drawn: StepRecord | None = None
         # zero until the survey
         self._gap = 0.0
         self._gap_at = lambda position: 0.0
@@ -195,11 +197,10 @@ class LivePage(Window):
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Interpolate between the last two snapshots; stand still without new ones."""
-        age = time.perf_counter() - latest.step.moment
-        share = age / self.arm.control_period
-        if share > 1.5:
+        if latest.step is self._drawn:
             return
-        share = min(max(share, 0.0), 1.0)
+        age = time.perf_counter() - latest.step.moment
+        share = min(max(age / self.arm.control_period, 0.0), 1.0)
         last = self._snapshots[0]
         self.scene.draw_arm((1 - share) * last.states + share * latest.states)
         ghost = None
@@ -210,6 +211,8 @@ class LivePage(Window):
         known = latest.predictive_std if ghost is not None else 0.0
         tip = latest.predicted if ghost is None else ghost
         self.scene.draw_uncertainty(tip[-1, POSITION], known)
+        # a late snapshot, too, is drawn once to its end
+        self._drawn = latest.step if share == 1.0 else None
 
     def _draw_goal(self, latest: Snapshot) -> None:
         """Draw the target and the obstacles of the request and of the task."""
