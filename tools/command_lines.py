@@ -1,6 +1,7 @@
 """Check of the documented command lines: options exist, values parse.
 
-Nothing is executed: tyro parses the arguments for functions that do nothing.
+Nothing is executed: tyro parses the arguments for functions that do nothing but refuse
+options without effect.
 """
 
 import functools
@@ -15,7 +16,9 @@ from pathlib import Path
 import tyro
 from tyro.extras import SubcommandApp
 
+from s2c2a.cli.dependent_options import check_conditions
 from s2c2a.cli.main import app
+from s2c2a.errors import S2C2AError
 
 from tools.pages import ROOT, SHELLS, Block, blocks_of, text_outside_blocks
 
@@ -154,6 +157,8 @@ def _parse(function: Callable, words: list[str]) -> str:
             tyro.cli(_without_body(function), args=words, prog=COMMAND)
     except SystemExit as refused:
         return output.getvalue() if refused.code else ""
+    except S2C2AError as refused:
+        return str(refused)
     return ""
 
 
@@ -173,10 +178,10 @@ def _unknown_option(function: Callable, words: list[str]) -> str:
 
 
 def _without_body(function: Callable) -> Callable:
-    """A function of the same arguments that does nothing."""
+    """A function of the same arguments that checks their conditions and does nothing."""
 
     @functools.wraps(function)
-    def nothing(*_: object, **__: object) -> None:
-        return None
+    def nothing(*values: object, **named: object) -> None:
+        check_conditions(function, *values, **named)
 
     return nothing

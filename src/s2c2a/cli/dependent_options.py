@@ -5,9 +5,9 @@ option always has an effect.
 """
 
 import functools
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any
 
 from s2c2a.errors import S2C2AError
@@ -62,20 +62,29 @@ def effective(
     condition = Condition(options, where, holds)
 
     def decorate(command: Command) -> Command:
-        parameters = signature(command).parameters
-        defaults = {name: parameters[name].default for name in options}
-
         @functools.wraps(command)
         def checked(*values: Any, **named: Any) -> None:
-            bound = signature(command).bind(*values, **named)
-            bound.apply_defaults()
-            condition.check(bound.arguments, defaults)
-            command(*values, **named)
+            check_conditions(checked, *values, **named)
+            inspect.unwrap(command)(*values, **named)
 
         setattr(checked, CONDITIONS, (*conditions_of(command), condition))
         return checked
 
     return decorate
+
+
+def check_conditions(command: Command, *values: Any, **named: Any) -> None:
+    """Check the values of a command's parameters by all of its conditions.
+
+    Raises:
+        S2C2AError: an option would have no effect.
+    """
+    bound = inspect.signature(command).bind(*values, **named)
+    bound.apply_defaults()
+    parameters = inspect.signature(command).parameters
+    defaults = {name: parameters[name].default for name in parameters}
+    for condition in conditions_of(command):
+        condition.check(bound.arguments, defaults)
 
 
 def beside(option: str, *options: str) -> Callable[[Command], Command]:
