@@ -36,6 +36,7 @@ class _Control:
     """A control of no arm, during one call of which the signal comes."""
 
     strategies = ()
+    standstill = ""
 
     def __init__(self, arm, moment):
         self.limits = RequestLimits.of(arm, ())

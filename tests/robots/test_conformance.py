@@ -461,17 +461,17 @@ class _FailsOnItsWay(_CountingRobot):
             return super().send(action)
         self.sent.append(np.array(action, dtype=float))
         if len(self.sent) in self.failures:
-            raise self.error
+            error, self.error = self.error, RuntimeError("and again")
+            raise error
         return super().send(action)
 
 
-def _has_returned_within_limits(robot):
-    """Whether the commands end at rest, without a jump or a sudden reversal."""
+def _has_returned_within_limits(robot, number):
+    """Whether commands from one on end at rest, without a jump or a sudden reversal."""
     geometry = ArmGeometry.of(robot.arm)
     scale = np.abs(geometry.action_scale)[:, None] / geometry.action_bends[:, None]
-    path = np.array([one for one in robot.sent if np.shape(one) == (3, 3)])
-    path = path[np.isfinite(path).all(axis=(1, 2))] / scale  # of valid commands [rad]
-    changes = np.diff(path[6:], axis=0, prepend=path[5:6])
+    path = np.array(robot.sent[number - 2 :]) / scale  # [rad]
+    changes = np.diff(path, axis=0)
     accelerations = np.diff(changes, axis=0)
     return (
         np.allclose(robot.sent[-1], geometry.action_neutral)
@@ -486,7 +486,7 @@ def slow(twin):
     return twin.model_copy(update={"step_limit_deg": 0.5})
 
 
-@pytest.mark.parametrize("number", range(8, 18))
+@pytest.mark.parametrize("number", range(8, 17))
 @pytest.mark.parametrize(
     "error", [RuntimeError("a plug came off"), KeyboardInterrupt()]
 )
@@ -497,7 +497,7 @@ def test_a_check_that_fails_halfway_out_returns_to_rest(slow, number, error):
     expected = S2C2AError if isinstance(error, Exception) else KeyboardInterrupt
     with pytest.raises(expected):
         check_robot(robot)
-    assert _has_returned_within_limits(robot)
+    assert _has_returned_within_limits(robot, number)
     assert robot.closed == 2
 
 
