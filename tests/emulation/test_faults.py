@@ -135,3 +135,28 @@ def test_a_servo_without_stuffing_cannot_have_its_fault(tmp_path):
     options = EmulatorOptions(faults=("1 stuffed 1",), link=tmp_path / "port")
     with pytest.raises(S2C2AError, match="stuffed"):
         Emulator(arm, options)
+
+
+def test_a_servo_states_another_model(emulator):
+    (fault,) = parse_faults(["0 model 3 1020"], IDS)
+    apply_fault(fault, emulator)
+    numbers = [servo["model_number"] for servo in emulator.servos]
+    assert numbers[2] == 1020
+    assert set(numbers[:2] + numbers[3:]) == {1200}
+
+
+@pytest.mark.parametrize(("text", "doubled"), [("twin 4", False), ("twin 4 1", True)])
+def test_a_twin_answers_too(emulator, text, doubled):
+    (fault,) = parse_faults([f"0 {text}"], IDS)
+    apply_fault(fault, emulator)
+    measured, identity = bytes(range(100, 130)), bytes(range(12))
+    answers = [Answer(4, measured, 0.0), Answer(4, identity, 0.0)]
+    other = Answer(5, measured, 0.0)
+    heard = emulator.disturbances.disturb([*answers, other])
+    emulator.disturbances.twins.clear()
+    repeats = 1 + doubled
+    assert heard[1].data == repeats * identity
+    assert heard[0].data.startswith(measured[:9])
+    # two servos measure different values, which damage each other
+    assert (heard[0].data == repeats * measured) == doubled
+    assert heard[2] == other

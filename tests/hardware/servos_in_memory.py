@@ -43,6 +43,7 @@ class ServosInMemory:
             otherwise they follow each other.
         taut: position beyond which no motor can wind in [ticks].
         watch: called after every packet.
+        lags: whether every other answer arrives only after the next request.
     """
 
     is_open = True
@@ -55,6 +56,8 @@ class ServosInMemory:
             self.protocol.make_servo(id, MotorState(ticks=START), 52) for id in ids
         ]
         self.overlaps = False
+        self.lags = False
+        self._late = None
         self.taut = -1e9
         self.watch = lambda: None
         self.disturbances = Disturbances(np.random.default_rng(0))
@@ -84,9 +87,15 @@ class ServosInMemory:
         for packet in self._decoder.feed(data, self.clock.now):
             answers = self.protocol.answer(packet, self.servos, self.clock.now)
             answers = self.disturbances.disturb(answers)
-            for answer in self._on_the_wire(answers):
-                self._received += answer
+            self._receive(b"".join(self._on_the_wire(answers)))
             self.watch()
+
+    def _receive(self, data):
+        if self.lags and self._late is None:
+            self._late = data
+            return
+        self._received += (self._late or b"") + data
+        self._late = None
 
     def _on_the_wire(self, answers):
         if not self.overlaps:

@@ -16,6 +16,7 @@ from s2c2a.hardware.bring_up import MAX_LEAD
 from s2c2a.hardware.bus import BusError, Mode, StoredSettingsError, WrongModelError
 from s2c2a.hardware.buses import open_bus
 from s2c2a.hardware.calibration import CalibratedServo, Calibration, save_calibration
+from s2c2a.hardware.presence import check_presence
 from s2c2a.hardware.servo_robot import DynamixelRobot
 from s2c2a.hardware.timing import measure_timing
 
@@ -81,6 +82,21 @@ class Bench:
     def stored(self):
         names = STATED[self.protocol]
         return [[servo[name] for name in names] for servo in self.port.servos]
+
+    def stand_still_while_moving(self, monkeypatch):
+        """Let the program stand still for 30 s once some servo has moved by 1 mm."""
+        slept = []
+
+        def sleep(_):
+            moved = [abs(servo.state.ticks - START) for servo in self.port.servos]
+            if not slept and max(moved) > 0.001 / TICK:
+                slept.append(30.0)
+
+        self.clock.sleepers.append(sleep)
+        monkeypatch.setattr(
+            "s2c2a.standstill.time_with_sleep", lambda: self.clock.now + sum(slept)
+        )
+        return slept
 
     def signal_while_moving(self, number):
         """Send a signal once some servo has moved by 1 mm."""
@@ -354,6 +370,53 @@ def test_noise_that_spoils_single_answers_is_no_collision(make_bench):
     bench.port.disturbances.set("corrupted", (0.05,))
     bench.run("jog")
     assert bench.port[2].state.ticks - START == pytest.approx(0.020 / TICK, abs=9)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_answers_that_are_late_are_no_second_servo(make_bench, protocol):
+    bench = make_bench(protocol)
+    bench.port.lags = True
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        check_presence(bus, IDS, str)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_a_motion_ends_where_the_program_stood_still(
+    make_bench, monkeypatch, verb, protocol
+):
+    bench = make_bench(protocol)
+    slept = bench.stand_still_while_moving(monkeypatch)
+    with pytest.raises(S2C2AError, match=r"stood still for 30\.\d s"):
+        bench.run(verb)
+    assert slept
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+def test_a_failed_check_names_the_age_of_the_calibration(make_bench):
+    with pytest.raises(S2C2AError, match=r"since 2026-01-01 .*motors home --overwrite"):
+        make_bench().run("check")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_scan_lists_servos_and_tells_silent_and_doubled_ones_apart(
+    make_bench, capsys, protocol
+):
+    bench = make_bench(protocol)
+    bench.port.servos.remove(bench.port[2])
+    bench.port[9]["id"] = 8
+    motors.scan(bench.arm, "fake")
+    text = capsys.readouterr().out
+    assert "module 1, cable 1" in text
+    assert "no answer from servo 2 (module 1, cable 2), 9 (module 3, cable 3)" in text
+    assert "more than one answer from servo 8" in text
+
+
+def test_a_scan_of_a_silent_bus_fails(make_bench):
+    bench = make_bench()
+    bench.port.servos.clear()
+    with pytest.raises(S2C2AError, match=r"none of the 9 servos answers.*--all-rates"):
+        motors.scan(bench.arm, "fake")
 
 
 def test_timing_ends_with_a_verdict(make_bench, capsys, monkeypatch):

@@ -266,6 +266,56 @@ def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
     assert bench.bus.torques == dict.fromkeys(IDS, True)
 
 
+def test_the_way_to_rest_is_within_rate_and_acceleration(tmp_path, monkeypatch):
+    bench = Bench(tmp_path, arm_with({"speed": 5.0}), monkeypatch)
+    bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 1500)
+    bench.robot.open()
+    times, commands = bench.commands
+    times, commands = times[1:], commands[1:]  # the first one holds the arm
+    arm, geometry = bench.arm, ArmGeometry.of(bench.arm)
+    radius, period = geometry.cable_radii.min(), arm.control_period
+    tick = 2 * np.pi * arm.motor.pulley_radius / 4096
+    # over a control period, where rounding to ticks hardly counts
+    changes = commands[5:] - commands[:-5]
+    assert np.allclose(times[5:] - times[:-5], period)
+    assert np.abs(changes).max() <= radius * geometry.step_limit + tick
+    accelerations = changes[5:] - changes[:-5]
+    assert (
+        np.abs(accelerations).max() <= radius * geometry.acceleration_limit + 2 * tick
+    )
+    assert np.abs(commands[0] - commands[1]).max() <= 2 * tick
+
+
+def open_bent(tmp_path, monkeypatch):
+    """A robot whose arm is bent, before it opens."""
+    bench = Bench(tmp_path, arm_with(), monkeypatch)
+    bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 1000)
+    return bench
+
+
+def test_a_way_to_rest_that_takes_too_long_ends_with_an_error(tmp_path, monkeypatch):
+    bench = open_bent(tmp_path, monkeypatch)
+    read = bench.bus.read_states
+    monkeypatch.setattr(
+        bench.bus, "read_states", lambda ids: bench.clock.sleep(0.9) or read(ids)
+    )
+    with pytest.raises(RobotError, match="answer too slowly"):
+        bench.robot.open()
+    assert bench.clock.now < 130.0
+    assert HOME < bench.bus.states[5].position < HOME + 1000
+
+
+def test_a_way_to_rest_ends_where_the_program_stood_still(tmp_path, monkeypatch):
+    bench = open_bent(tmp_path, monkeypatch)
+    monkeypatch.setattr(
+        "s2c2a.standstill.time_with_sleep",
+        lambda: bench.clock.now + (30.0 if bench.clock.now > 100.5 else 0.0),
+    )
+    with pytest.raises(RobotError, match=r"stood still for 30\.\d s"):
+        bench.robot.open()
+    assert HOME < bench.bus.states[5].position < HOME + 1000
+
+
 def test_a_halted_robot_is_prepared_when_it_opens_again(bench):
     bench.robot.halt()
     bench.robot.open()

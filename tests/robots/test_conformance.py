@@ -442,3 +442,83 @@ def test_an_emergency_stop_ends_the_check_at_once(twin, emergency_stop, after):
         check_robot(robot)
     assert robot.sent == after
     assert (robot.halted, robot.closed) == (1, 2)
+
+
+class _FailsOnItsWay(_CountingRobot):
+    """Its `send` fails in some calls, counted from the opening."""
+
+    failures = (8,)
+    error = RuntimeError("a plug came off")
+
+    def open(self):
+        self.sent = None  # it sends while it settles
+        reading = super().open()
+        self.sent = []
+        return reading
+
+    def send(self, action):
+        if self.sent is None:
+            return super().send(action)
+        self.sent.append(np.array(action, dtype=float))
+        if len(self.sent) in self.failures:
+            error, self.error = self.error, RuntimeError("and again")
+            raise error
+        return super().send(action)
+
+
+def _has_returned_within_limits(robot, number):
+    """Whether commands from one on end at rest, without a jump or a sudden reversal."""
+    geometry = ArmGeometry.of(robot.arm)
+    scale = np.abs(geometry.action_scale)[:, None] / geometry.action_bends[:, None]
+    path = np.array(robot.sent[number - 2 :]) / scale  # [rad]
+    changes = np.diff(path, axis=0)
+    accelerations = np.diff(changes, axis=0)
+    return (
+        np.allclose(robot.sent[-1], geometry.action_neutral)
+        and np.abs(changes).max() <= geometry.step_limit + 1e-9
+        and np.abs(accelerations).max() <= geometry.acceleration_limit + 1e-9
+    )
+
+
+@pytest.fixture
+def slow(twin):
+    """An arm that takes several steps out and back."""
+    return twin.model_copy(update={"step_limit_deg": 0.5})
+
+
+@pytest.mark.parametrize("number", range(8, 17))
+@pytest.mark.parametrize(
+    "error", [RuntimeError("a plug came off"), KeyboardInterrupt()]
+)
+def test_a_check_that_fails_halfway_out_returns_to_rest(slow, number, error):
+    robot = _FailsOnItsWay(slow)
+    robot.failures = (number, number + 1, number + 3)
+    robot.error = error
+    expected = S2C2AError if isinstance(error, Exception) else KeyboardInterrupt
+    with pytest.raises(expected):
+        check_robot(robot)
+    assert _has_returned_within_limits(robot, number)
+    assert robot.closed == 2
+
+
+def test_the_return_of_a_failed_check_ends_where_the_robot_fails_for_a_second(slow):
+    robot = _FailsOnItsWay(slow)
+    robot.failures = range(8, 1000)
+    with pytest.raises(S2C2AError, match="a plug came off"):
+        check_robot(robot)
+    assert len(robot.sent) == 8 + slow.control_rate
+    assert robot.closed == 2
+
+
+def test_an_emergency_stop_after_a_failure_ends_the_return(slow, emergency_stop):
+    robot = _FailsOnItsWay(slow)
+    halted = []
+    robot.halt = lambda: halted.append(len(robot.sent))
+    send = robot.send
+    robot.send = lambda action: (
+        len(robot.sent or ()) == 8 and emergency_stop.trigger("a test"),
+        send(action),
+    )[1]
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert halted == [9]

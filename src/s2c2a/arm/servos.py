@@ -1,6 +1,6 @@
 """Servos that wind the cables of a real arm, and the limits that they obey."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -14,7 +14,8 @@ MODEL_NUMBERS = {
     "dynamixel": {"xl330-m288": 1200, "xl330-m077": 1190, "xm430-w350": 1020},
     "feetech": {"sts3215": 777, "sts3215-12v": 777},
 }
-"""Known models by protocol, with the number that they state on the bus."""
+"""Known models by protocol, with the number that they state on the bus; the first one
+is the default. The packages of the protocols hold their other data."""
 Direction = Literal[-1, 1]
 ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
 
@@ -63,7 +64,7 @@ class Servos(Frozen):
         pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
         description=(
             "model of the servos; dynamixel: xl330-m288, xl330-m077, xm430-w350; "
-            "feetech: sts3215, sts3215-12v"
+            "feetech: sts3215 (default), sts3215-12v"
         ),
     )
     port: str = Field(
@@ -107,6 +108,15 @@ class Servos(Frozen):
         default="release", description="torque after an emergency stop"
     )
     limits: ServoLimits = ServoLimits()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_model(cls, values: Any) -> Any:
+        """Without a model, the first of the protocol."""
+        if not isinstance(values, dict) or "model" in values:
+            return values
+        known = MODEL_NUMBERS.get(str(values.get("protocol")))
+        return values if known is None else {**values, "model": next(iter(known))}
 
     @model_validator(mode="after")
     def _validate(self):

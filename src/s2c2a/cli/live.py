@@ -107,8 +107,6 @@ def live(
         "host": host,
     }
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
-        if hasattr(signal, "SIGUSR1"):  # not on Windows
-            signal.signal(signal.SIGUSR1, lambda *_: control.stop_at_once())
         wait_for_interrupt()
     latest = control.latest
     at_rest = latest and latest.stage is Stage.IDLE
@@ -165,6 +163,8 @@ def running_page(
             _import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options
         )
         control = ControlProcess(spec, build)
+        # before the arm opens, and until it is at rest again
+        stack.enter_context(_signal_stops(control))
         stack.callback(control.stop)
         # this import runs while the control process does its own
         from s2c2a.live.page import LivePage
@@ -176,6 +176,21 @@ def running_page(
         control.wait_until_ready()
         on_message(f"{arm} is running; Ctrl-C stops it.")
         yield control, page
+
+
+@contextmanager
+def _signal_stops(control: "ControlProcess") -> "Iterator[None]":
+    """Let SIGUSR1 to this process stop the arm at once."""
+    # not on Windows; only the main thread receives signals
+    is_main = threading.current_thread() is threading.main_thread()
+    if not (hasattr(signal, "SIGUSR1") and is_main):
+        yield
+        return
+    before = signal.signal(signal.SIGUSR1, lambda *_: control.stop_at_once())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGUSR1, before)
 
 
 def _import_and_call(name: str, *arguments: Any, **options: Any) -> Any:

@@ -48,13 +48,26 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
         for rate in rates:
             bus.set_baud_rate(rate)
             rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
-    if not rows:
-        raise S2C2AError(
-            "no servo answers; check the power supply and the cables, and search at "
-            "every baud rate (--all-rates)"
-        )
+        bus.set_baud_rate(servos_of(spec).baud_rate)
+        fault = _presence_fault(bus, spec)
+    if fault and not rows:
+        raise S2C2AError(fault)
     print_table("Servos", ("id", "model", "firmware", "bit/s", "cable"), rows)
     _print_slow_adapter(port or servos_of(spec).port)
+    if fault:
+        print(f"at {servos_of(spec).baud_rate} bit/s, {fault}")
+
+
+def _presence_fault(bus: "ServoBus", spec: ArmSpec) -> str:
+    """Describe servos of the arm that are silent, damaged or doubled, if any."""
+    from s2c2a.hardware.bus import BusError
+    from s2c2a.hardware.presence import check_presence
+
+    try:
+        check_presence(bus, _ids_of(spec), servos_of(spec).number_of)
+    except BusError as error:
+        return str(error)
+    return ""
 
 
 def _print_slow_adapter(port: str) -> None:
@@ -236,7 +249,12 @@ def check(
     faults = [result for result in results if result.fault]
     if faults:
         ids = [result.id for result in faults]
-        raise S2C2AError(f"check the cables of servos {ids}, then repeat the command")
+        raise S2C2AError(
+            f"check the cables of servos {ids}, then repeat the command. If cables or "
+            f"servos were moved without power or changed since {homes.date:%Y-%m-%d %H:%M} "
+            "(UTC), their homes no longer fit: home again "
+            "(`s2c2a motors home --overwrite`)"
+        )
     print(f"all {len(results)} cables move as they should")
 
 

@@ -1,6 +1,7 @@
 """Rollout: runs of a strategy on a task."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -163,9 +164,12 @@ def _await_resume(loop: Loop, goal: Goal, steps: list[StepRecord]) -> None:
     """Hold the arm until the operator resumes.
 
     Without an answer for as long as an absent operator may take (10 s, see `Patience`),
-    or without an operator, the arm goes to rest.
+    or without an operator, the arm goes to rest. Otherwise the task goes on with the
+    same goal, and the wait is no part of its run.
     """
     OPERATOR.ask(loop.standstill)
+    fault = loop.standstill
+    first = len(steps) - 1
     while loop.standstill and OPERATOR.attends and steps[-1].stage is Stage.HOLD:
         steps.append(loop.tick(StepRequest(goal, operator_present=False)))
         if OPERATOR.agrees:
@@ -173,7 +177,8 @@ def _await_resume(loop: Loop, goal: Goal, steps: list[StepRecord]) -> None:
     if loop.standstill:
         steps.extend(loop.to_rest())
     else:
-        steps.append(loop.tick(StepRequest(goal)))
+        del steps[first:]
+        steps.append(replace(loop.tick(StepRequest(goal)), fault=fault))
 
 
 def _rest(loop: Loop) -> None:

@@ -20,6 +20,7 @@ from s2c2a.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.hardware.monitor import describe_faults
 from s2c2a.hardware.presence import check_presence
 from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.standstill import StandstillCheck
 
 HOME_SPEED = 0.02  # m/s
 MAX_LEAD = 0.005
@@ -357,9 +358,11 @@ class BringUp:
 
         Raises:
             BusError: the cables do not come to rest, or a servo is at fault.
+            RobotError: the program stood still.
             EmergencyStopError: nothing must move.
         """
         ids = list(displacements)
+        gap = StandstillCheck()
         end = time.monotonic() + TIMEOUT
         still_since = time.monotonic()
         last = self._positions(ids)
@@ -369,6 +372,7 @@ class BringUp:
                 raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
             time.sleep(self._poll_period)
             positions = self._positions(ids)
+            gap.check()  # not every servo has a watchdog that stops it
             self._lead(displacements, positions, winches)
             if (np.abs(positions - last) > STILL_TICKS).any():
                 still_since = time.monotonic()

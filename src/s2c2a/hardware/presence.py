@@ -1,6 +1,6 @@
 """Which servos of a bus answer, and what the silence of others means."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from s2c2a.hardware.bus import BusError, Hearing, ServoBus
 
@@ -69,24 +69,36 @@ def describe_hearings(hearings: Mapping[int, Hearing], place: Place) -> str:
     return ". ".join(texts)
 
 
-def hearing_of(heard: bytes, answers: int) -> Hearing:
-    """Return what was heard, from the bytes and the number of valid answers in them."""
-    if answers > 1:
-        return Hearing.DOUBLED
-    if answers == 1:
-        return Hearing.CLEAR
-    return Hearing.DAMAGED if heard else Hearing.SILENT
+def hear(
+    exchanges: Callable[[], Iterator[tuple[bytes, int]]], attempts: int
+) -> Hearing:
+    """Ask a servo until all its answers are clear; otherwise describe all of them.
 
+    Noise spoils single answers, and two servos with one id all of them. An answer may
+    be late and follow the next request, but only two servos answer more often than
+    they are asked.
 
-def clearest(attempts: Callable[[], Hearing], count: int) -> Hearing:
-    """Ask until an answer is clear; otherwise return the worst of all attempts.
-
-    Noise spoils single answers; two servos with one id spoil all of them.
+    Args:
+        exchanges: sends requests one after the other, and yields for each the bytes
+            that came back and the number of valid answers in them.
+        attempts: how often it is called at most.
     """
-    order = [Hearing.DOUBLED, Hearing.DAMAGED, Hearing.SILENT]
-    heard = []
-    for _ in range(count):
-        heard.append(attempts())
-        if heard[-1] is Hearing.CLEAR:
+    requests = 0
+    answers = 0
+    is_damaged = False
+    for _ in range(attempts):
+        is_clear = True
+        for heard, count in exchanges():
+            requests += 1
+            answers += count
+            is_damaged |= bool(heard) and not count
+            is_clear = count == 1
+            if not is_clear:
+                break
+        if is_clear:
             return Hearing.CLEAR
-    return min(heard, key=order.index)
+    if answers > requests:
+        return Hearing.DOUBLED
+    if is_damaged:
+        return Hearing.DAMAGED
+    return Hearing.CLEAR if answers else Hearing.SILENT

@@ -1,5 +1,6 @@
 """A real arm whose cables are wound by bus servos."""
 
+import math
 import time
 import warnings
 from collections.abc import Mapping
@@ -27,11 +28,13 @@ from s2c2a.hardware.presence import check_presence
 from s2c2a.hardware.winch import Winches, check_ticks, taut_windings
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
+from s2c2a.standstill import StandstillCheck
 
 READ_SHARE = 0.25  # of a control period, in which servos are asked again
 PATIENCE = 1.0  # s for an answer while the arm is at rest
 REST_SPEED = 0.25  # of the largest speed, on the way to rest at the start
 REST_PERIOD = 0.02  # s between goals on that way
+APPROACH_MARGIN = 15.0  # s beyond its duration, for servos that must be asked again
 SETTLING_TIME = 1.0  # s
 MANY_TURNS = (
     "the cables wind more than a turn of their pulleys, and servos forget whole turns "
@@ -293,12 +296,39 @@ class ServoRobot(Robot):
             self._wind_to(rest)
 
     def _approach(self, start: Actions, target: Actions) -> None:
-        """Wind all cables together and slowly."""
-        distance = float(np.abs(start - target).max())
-        duration = distance / (REST_SPEED * self._servos.limits.speed)
+        """Wind all cables together, slowly and smoothly.
+
+        Raises:
+            RobotError: it takes longer by `APPROACH_MARGIN` than planned; see also
+                `_wind_to`.
+        """
+        gap = StandstillCheck()
+        duration = self._approach_duration(float(np.abs(start - target).max()))
+        end = time.perf_counter() + duration + APPROACH_MARGIN
         steps = int(np.ceil(duration / REST_PERIOD))
-        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+        for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            share = part**2 * (3.0 - 2.0 * part)  # starts and ends at rest
+            gap.check()
             self._wind_to(start + share * (target - start))
+            if time.perf_counter() > end:
+                raise RobotError(
+                    "the arm stopped on its way to rest: the servos answer too slowly; "
+                    "check the bus (`s2c2a motors timing`)"
+                )
+
+    def _approach_duration(self, distance: float) -> float:
+        """Time [s] for a distance [m], within the limits of rate and acceleration.
+
+        The way is d (3 s^2 - 2 s^3) with s = t / T, so that its largest speed is
+        1.5 d / T and its largest acceleration 6 d / T^2.
+        """
+        geometry = self._geometry
+        period = self.arm.control_period
+        radius = float(geometry.cable_radii.min())
+        bending_speed = radius * geometry.step_limit / period
+        speed = min(REST_SPEED * self._servos.limits.speed, bending_speed)
+        acceleration = radius * geometry.acceleration_limit / period**2
+        return max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
 
     def _wind_to(self, displacements: Actions) -> None:
         """One slow step toward rest.

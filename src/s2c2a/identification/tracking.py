@@ -19,7 +19,7 @@ from s2c2a.errors import RobotError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimiter
-from s2c2a.runtime.stages import STANDSTILL
+from s2c2a.standstill import STANDSTILL
 from s2c2a.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.tracking.calibration import (
     FrameResidual,

@@ -254,14 +254,14 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         control.watch(partial(_queue_snapshot, messages))
         # from here on, an exit returns the arm to rest
         signal.signal(signal.SIGTERM, lambda *_: sys.exit())
-        try:
-            control.start()
-            _raise_priority()
-            threading.Thread(target=control.prepare, daemon=True).start()
-            with _stopped_by_signal():
+        with _stopped_by_signal():  # also while the arm opens and returns to rest
+            try:
+                control.start()
+                _raise_priority()
+                threading.Thread(target=control.prepare, daemon=True).start()
                 _obey(control, pipe, messages)
-        finally:
-            control.stop()
+            finally:
+                control.stop()
     except S2C2AError as error:
         messages.put(error)
     messages.put(None)

@@ -3,6 +3,8 @@
 import time
 from abc import ABC, abstractmethod
 
+from s2c2a.standstill import time_with_sleep
+
 
 class Clock(ABC):
     """A source of time that can wait."""
@@ -28,10 +30,8 @@ class WallClock(Clock):
         return time.perf_counter()
 
     def with_sleep(self) -> float:
-        """See `Clock`; without such a clock, a suspended computer shows no gap."""
-        # `perf_counter` stands still while Linux and macOS are suspended
-        number = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
-        return self.now() if number is None else time.clock_gettime(number)
+        """See `Clock` and `s2c2a.standstill`."""
+        return time_with_sleep()
 
     def wait_until(self, moment: float) -> None:
         """See `Clock`."""

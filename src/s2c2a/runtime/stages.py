@@ -18,15 +18,11 @@ from dataclasses import dataclass, replace
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
+from s2c2a.standstill import STANDSTILL
 
 RECOVERY_PER_SOUND_STEP = 0.5
 """Unsound steps that one sound step offsets: a sensor that fails every other step
 still uses up the patience."""
-
-
-STANDSTILL = 2.0
-"""Time beyond a control period [s] without a command, after which a real arm is held
-until somebody asks it to resume: whoever is near it takes it for switched off."""
 
 
 @dataclass(frozen=True)

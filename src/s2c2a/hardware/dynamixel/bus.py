@@ -39,7 +39,7 @@ from s2c2a.hardware.dynamixel.tables import (
     WATCHDOG_UNIT,
     Register,
 )
-from s2c2a.hardware.presence import DAMAGED, clearest, hearing_of
+from s2c2a.hardware.presence import DAMAGED, hear
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
@@ -248,7 +248,7 @@ class DynamixelBus(ServoBus):
 
     def listen(self, id: int) -> Hearing:
         """Ask one servo for its identity and its measurements; see `ServoBus`."""
-        return clearest(lambda: self._listen_once(id), ATTEMPTS)
+        return hear(lambda: self._listen_once(id), ATTEMPTS)
 
     def reboot(self, id: int) -> None:
         """Restart a servo; see `ServoBus`."""
@@ -305,7 +305,8 @@ class DynamixelBus(ServoBus):
         for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
-    def _listen_once(self, id: int) -> Hearing:
+    def _listen_once(self, id: int) -> Iterator[tuple[bytes, int]]:
+        """Yield what comes back and its valid answers, for each request."""
         margin = self._line.latency + LISTEN_MARGIN
         quiet_time = self._line.latency + QUIET_TIME
         parameters = _span(MEASURED_ADDRESS, MEASURED_SIZE)
@@ -313,15 +314,11 @@ class DynamixelBus(ServoBus):
             (encode(id, Instruction.PING), PING_SIZE),
             (encode(id, Instruction.READ, parameters), MEASURED_SIZE),
         )
-        hearing = Hearing.SILENT
         for packet, size in requests:
             wire_time = self._line.wire_time(len(packet) + STATUS_OVERHEAD + size)
             heard = self._line.ask(packet, wire_time + margin, quiet_time)
             answers = [one for one in _packets_in(heard) if one.id == id]
-            hearing = hearing_of(heard, len(answers))
-            if hearing is not Hearing.CLEAR:
-                break
-        return hearing
+            yield heard, len(answers)
 
     def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
         """Changes of registers that keep their value without power.

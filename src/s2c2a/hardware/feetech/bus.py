@@ -1,7 +1,7 @@
 """Servo bus of Feetech STS servos."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 
 from s2c2a.hardware.bus import (
@@ -23,7 +23,7 @@ from s2c2a.hardware.feetech.packets import (
 )
 from s2c2a.hardware.feetech.tables import Register
 from s2c2a.hardware.feetech.turns import TurnCounter
-from s2c2a.hardware.presence import DAMAGED, clearest, hearing_of
+from s2c2a.hardware.presence import DAMAGED, hear
 from s2c2a.hardware.serial_line import SerialLine
 
 ATTEMPTS = 3
@@ -263,7 +263,7 @@ class FeetechBus(ServoBus):
 
     def listen(self, id: int) -> Hearing:
         """Ask one servo for its identity and its measurements; see `ServoBus`."""
-        return clearest(lambda: self._listen_once(id), ATTEMPTS)
+        return hear(lambda: self._listen_once(id), ATTEMPTS)
 
     def reboot(self, id: int) -> None:
         """Switch the torque off, which clears an overload.
@@ -351,8 +351,8 @@ class FeetechBus(ServoBus):
         finally:
             self._line.baud_rate = old_rate
 
-    def _listen_once(self, id: int) -> Hearing:
-        hearing = Hearing.SILENT
+    def _listen_once(self, id: int) -> Iterator[tuple[bytes, int]]:
+        """Yield what comes back and its valid answers, for each request."""
         # the identity, and measurements that no two servos share
         for block in (tables.IDENTITY_BLOCK, tables.STATE_BLOCK):
             packet = packets.read_packet(id, block)
@@ -361,10 +361,7 @@ class FeetechBus(ServoBus):
             quiet_time = self._line.latency + LISTEN_TIMEOUT
             heard = self._line.ask(packet, patience, quiet_time)
             answers = take_answers(bytearray(heard), {id}, block.size)
-            hearing = hearing_of(heard, len(answers))
-            if hearing is not Hearing.CLEAR:
-                break
-        return hearing
+            yield heard, len(answers)
 
     def _check_identity(self, id: int) -> None:
         """Check the model of a servo.
