@@ -23,23 +23,26 @@ def log():
 
 
 def test_a_steady_frame_is_not_reported(log):
-    assert find_frame_motion(*log) == ""
+    assert find_frame_motion(*log) is None
 
 
 def test_a_jump_is_reported_with_time_and_size(log):
     drives, positions, time = log
     positions[ROWS // 2 :] += SHIFT
-    text = find_frame_motion(drives, positions, time)
-    assert text.startswith("all ends jump by 5.")
-    assert "about row 750 (375.0 s)" in text
+    motion = find_frame_motion(drives, positions, time)
+    assert motion.text.startswith("all ends jump by 5.")
+    assert "about row 750 (375.0 s)" in motion.text
+    assert motion.row == 750
 
 
 def test_a_drift_is_reported_with_its_size(log):
     drives, positions, time = log
     positions += np.linspace(0, 2, ROWS)[:, None, None] * SHIFT
-    assert "all ends drift by about 1" in find_frame_motion(drives, positions, time)
+    assert (
+        "all ends drift by about 1" in find_frame_motion(drives, positions, time).text
+    )
 
 
 def test_a_short_log_is_not_judged(log):
     drives, positions, time = log
-    assert find_frame_motion(drives[:30], positions[:30], time[:30]) == ""
+    assert find_frame_motion(drives[:30], positions[:30], time[:30]) is None

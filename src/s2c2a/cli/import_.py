@@ -10,7 +10,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a.logs import Imported
+    from s2c2a.logs import Imported, ImportedSession
 
 ArmFile = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 
@@ -59,13 +59,39 @@ def import_(
         repeated = import_session(logs, log_map, load_recording(like))
         save_imported(repeated, out, options)
         print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
+        _draw_ends(repeated, out)
         _draw_coverage(out)
         return
     imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
     arm_file = save_imported(imported, out, options)
     _print_summary(imported)
     print(f"recording: {out}\narm: {arm_file}")
+    _draw_ends(imported, out)
     _draw_coverage(out)
+
+
+def _draw_ends(imported: "Imported | ImportedSession", out: Path) -> None:
+    """Draw the measured ends, what is excluded, and motions of the frame."""
+    from s2c2a import viz
+    from s2c2a.viz.measured_ends import RowMark
+
+    excluded = imported.excluded
+    marks = []
+    notes = []
+    for motion in imported.frame_motions:
+        notes.append(motion.text)
+        if motion.row >= 0:
+            first = int((excluded.ends.stretches < motion.log).sum())
+            marks.append(RowMark(first + motion.row, "jump of the frame"))
+    figure = viz.measured_ends_figure(
+        excluded.ends,
+        excluded.modules,
+        excluded.outliers,
+        marks,
+        notes,
+        Path(f"{out}.ends.png"),
+    )
+    print(f"measured ends: {figure}")
 
 
 def _draw_coverage(out: Path) -> None:

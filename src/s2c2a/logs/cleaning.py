@@ -1,7 +1,7 @@
 """Exclusion of poses that cannot be true, before anything is identified from a log."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,9 @@ class Excluded:
     """Poses that are excluded from logs.
 
     Attributes:
+        ends: all poses as they were measured, of all logs in a row.
+        modules: module of each end, from the base outward.
+        outliers: which of the poses are excluded; None if all are kept.
         count: number of excluded poses; a pose is one end in one row.
         measured: number of measured poses.
         kinds: number of poses of each kind, in words.
@@ -25,6 +28,9 @@ class Excluded:
             the header.
     """
 
+    ends: MeasuredEnds = field(compare=False)
+    modules: tuple[int, ...]
+    outliers: Outliers | None = field(default=None, compare=False)
     count: int = 0
     measured: int = 0
     kinds: str = ""
@@ -52,13 +58,16 @@ def exclude_outliers(
     Raises:
         LogError: more than `MAX_SHARE` of the poses of an end cannot be true.
     """
-    if log_map.rows.outliers == "keep":
-        return list(sessions), Excluded()
     order = np.argsort(log_map.end_modules)
-    found = find_outliers(
-        _measured_ends(sessions, log_map, order), _reaches(log_map, order)
-    )
+    modules = tuple(np.array(log_map.end_modules)[order].tolist())
+    ends = _measured_ends(sessions, log_map, order)
+    if log_map.rows.outliers == "keep":
+        return list(sessions), Excluded(ends, modules)
+    found = find_outliers(ends, _reaches(log_map, order))
     excluded = Excluded(
+        ends,
+        modules,
+        found,
         found.count,
         int(found.measured.sum()),
         found.kinds,

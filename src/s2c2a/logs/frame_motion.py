@@ -40,29 +40,43 @@ class _Pairs(NamedTuple):
     shifts: Float[np.ndarray, "pairs 3"]
 
 
-class _Motion(NamedTuple):
+class FrameMotion(NamedTuple):
+    """A jump or drift of the frame within one log.
+
+    Attributes:
+        explained: share of the differences of similar rows that it explains.
+        text: size, time, and what to do.
+        row: of the jump, from 0; -1 for a drift.
+        log: number of the log, from 0.
+    """
+
     explained: float
     text: str
+    row: int = -1
+    log: int = 0
 
 
-def describe_frame_motion(sessions: Sequence[Session], log_map: LogMap) -> str:
-    """Describe jumps and drifts of the frame within logs; empty if there are none."""
-    texts = []
-    for number, session in enumerate(sessions, 1):
-        text = find_frame_motion(
+def find_frame_motions(
+    sessions: Sequence[Session], log_map: LogMap
+) -> tuple[FrameMotion, ...]:
+    """Find jumps and drifts of the frame within logs; the largest of each log."""
+    motions = []
+    for number, session in enumerate(sessions):
+        motion = find_frame_motion(
             effective_drives(session, log_map), session.positions, session.time
         )
-        if text:
-            texts.append(f"log {number}: {text}" if len(sessions) > 1 else text)
-    return "; ".join(texts)
+        if motion is not None:
+            log = f"log {number + 1}: " if len(sessions) > 1 else ""
+            motions.append(motion._replace(text=log + motion.text, log=number))
+    return tuple(motions)
 
 
 def find_frame_motion(
     drives: Float[np.ndarray, "rows drives"],
     positions: Float[np.ndarray, "rows ends 3"],
     time: Float[np.ndarray, " rows"],
-) -> str:
-    """Describe a jump or drift of the frame in one log; empty if there is none.
+) -> FrameMotion | None:
+    """Find a jump or drift of the frame in one log, if there is one.
 
     Args:
         drives: values of the drives while each row was measured, in any units.
@@ -73,14 +87,14 @@ def find_frame_motion(
     known &= np.isfinite(positions).all(axis=(1, 2))
     rows = np.flatnonzero(known)
     if len(rows) < _MIN_ROWS:
-        return ""
+        return None
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), _REFERENCES)).astype(int)
     rows = rows[chosen]
     pairs = _similar_pairs(drives[rows], positions[rows].mean(axis=1))
     if len(pairs.later) < _MIN_PAIRS:
-        return ""
+        return None
     motion = max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
-    return motion.text if motion.explained > EXPLAINED else ""
+    return motion if motion.explained > EXPLAINED else None
 
 
 def _similar_pairs(
@@ -114,10 +128,10 @@ def _smooth_map(
 
 def _jump(
     pairs: _Pairs, rows: Int[np.ndarray, " rows"], time: Float[np.ndarray, " rows"]
-) -> _Motion:
+) -> FrameMotion:
     """The time at which one shift explains most."""
     lengths = np.linalg.norm(pairs.shifts, axis=1)
-    best = _Motion(0.0, "")
+    best = FrameMotion(0.0, "")
     for split in np.linspace(0.05, 0.95, _TIMES) * len(rows):
         begin = round(split)
         across = (pairs.later >= begin) & (pairs.earlier < begin)
@@ -132,11 +146,11 @@ def _jump(
             f"({time[row] - time[0]:.1f} s): a camera or the base was moved, or motors "
             "were homed anew; import the rows before and after it as two logs"
         )
-        best = max(best, _Motion(float(explained), text))
+        best = max(best, FrameMotion(float(explained), text, row))
     return best
 
 
-def _drift(pairs: _Pairs, count: int) -> _Motion:
+def _drift(pairs: _Pairs, count: int) -> FrameMotion:
     """A shift that grows with the time between rows."""
     ages = ((pairs.later - pairs.earlier) / count)[:, None]
     drift = np.median(pairs.shifts / ages, axis=0)
@@ -146,7 +160,7 @@ def _drift(pairs: _Pairs, count: int) -> _Motion:
         f"all ends drift by about {_size(drift)} over the log: a camera, the base, or "
         "the motors' zeros drift; the model takes the mean"
     )
-    return _Motion(float(1 - left / (total + _LEAST)), text)
+    return FrameMotion(float(1 - left / (total + _LEAST)), text)
 
 
 def _size(shift: Float[np.ndarray, "3"]) -> str:

@@ -18,7 +18,7 @@ from s2c2a.logs.cable_model import Parameters, tilt_rotation
 from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.frame_motion import describe_frame_motion
+from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.registration import Registration, estimate_registration
@@ -50,14 +50,14 @@ class Segments:
         rows: number of rows that were read.
         broken_rows: number of unreadable rows among them.
         excluded: poses that are excluded.
-        frame_motion: jumps and drifts of the frame, in words; empty if there are none.
+        frame_motions: jumps and drifts of the frame.
     """
 
     sessions: list[Session]
     rows: int
     broken_rows: int
     excluded: Excluded
-    frame_motion: str
+    frame_motions: tuple[FrameMotion, ...]
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Imported:
         broken_rows: number of unreadable rows.
         rows: number of rows that were read.
         excluded: poses that are excluded.
-        frame_motion: jumps and drifts of the frame, in words; empty if there are none.
+        frame_motions: jumps and drifts of the frame.
     """
 
     arm: ArmSpec
@@ -94,7 +94,7 @@ class Imported:
     broken_rows: int
     rows: int
     excluded: Excluded
-    frame_motion: str
+    frame_motions: tuple[FrameMotion, ...]
 
 
 def import_logs(
@@ -152,7 +152,7 @@ def import_logs(
         segments.broken_rows,
         segments.rows,
         segments.excluded,
-        segments.frame_motion,
+        segments.frame_motions,
     )
 
 
@@ -169,7 +169,7 @@ class ImportedSession:
         broken_rows: number of unreadable rows.
         rows: number of rows that were read.
         excluded: poses that are excluded.
-        frame_motion: jumps and drifts of the frame, in words; empty if there are none.
+        frame_motions: jumps and drifts of the frame.
     """
 
     episodes: tuple[Episode, ...]
@@ -180,7 +180,7 @@ class ImportedSession:
     broken_rows: int
     rows: int
     excluded: Excluded
-    frame_motion: str
+    frame_motions: tuple[FrameMotion, ...]
 
 
 def import_session(
@@ -217,7 +217,7 @@ def import_session(
         segments.broken_rows,
         segments.rows,
         segments.excluded,
-        segments.frame_motion,
+        segments.frame_motions,
     )
 
 
@@ -287,8 +287,8 @@ def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segme
         )
     rows = sum(len(session) for session in sessions)
     broken_rows = sum(session.broken_rows for session in sessions)
-    motion = describe_frame_motion(sessions, log_map)
-    return Segments(segments, rows, broken_rows, excluded, motion)
+    motions = find_frame_motions(sessions, log_map)
+    return Segments(segments, rows, broken_rows, excluded, motions)
 
 
 def _read_sessions(

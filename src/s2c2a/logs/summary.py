@@ -91,9 +91,7 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
     ]
     if imported.excluded.count:
         lines.append(str(imported.excluded))
-    if imported.frame_motion:
-        lines.append(f"warning: {imported.frame_motion}")
-    return lines
+    return lines + [f"warning: {motion.text}" for motion in imported.frame_motions]
 
 
 def _describe_ends(episodes: Iterable[Episode]) -> str:

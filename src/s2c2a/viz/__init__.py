@@ -16,6 +16,7 @@ _MATPLOTLIB_MODULES = {
     "coverage_figure": "coverage",
     "coverage_image": "coverage",
     "learning_curves": "figures",
+    "measured_ends_figure": "measured_ends",
     "recording_figure": "figures",
     "run_figure": "figures",
     "trials_figure": "figures",

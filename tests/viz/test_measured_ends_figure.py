@@ -1,0 +1,75 @@
+"""Figure of the measured ends of a log."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from s2c2a.data.outliers import MeasuredEnds, Outliers
+from s2c2a.viz import measured_ends, measured_ends_figure
+from s2c2a.viz.measured_ends import RowMark
+
+ROWS = 60
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """Draw two ends in two logs; returns the figure."""
+    kept: list[Figure] = []
+
+    def keep(figure, path):
+        kept.append(figure)
+        return path
+
+    monkeypatch.setattr(measured_ends, "save_figure", keep)
+    positions = np.sin(0.1 * np.arange(ROWS))[:, None, None] * np.ones((1, 2, 3))
+    ends = MeasuredEnds(
+        np.zeros((ROWS, 3)), positions, positions, np.repeat([0, 1], ROWS // 2)
+    )
+    none = np.zeros((ROWS, 2), bool)
+    frozen = none.copy()
+    frozen[10:15, 1] = True
+    jumps = none.copy()
+    jumps[40, 0] = True
+    outliers = Outliers(frozen, jumps, none, none, ~none)
+    mark = RowMark(50, "jump of the frame")
+    measured_ends_figure(ends, (0, 1), outliers, [mark], ["a note"], tmp_path / "a.png")
+    return kept[0]
+
+
+def test_every_end_has_a_panel_with_its_coordinates(drawn):
+    titles = [axes.get_title(loc="left") for axes in drawn.axes]
+    assert titles == ["end of module 0", "end of module 1"]
+    for axes in drawn.axes:
+        lines = [line for line in axes.get_lines() if line.get_label() in "xyz"]
+        assert len(lines) == 3
+
+
+def test_frozen_rows_are_a_band_over_the_rows_of_their_end_alone(drawn):
+    first, second = drawn.axes
+    assert not first.patches
+    (band,) = second.patches
+    assert band.get_x() == 9.5
+    assert band.get_x() + band.get_width() == 14.5
+
+
+def test_other_excluded_poses_are_crosses(drawn):
+    crosses = [line for line in drawn.axes[0].get_lines() if line.get_marker() == "x"]
+    assert {tuple(line.get_xdata()) for line in crosses} == {(40,)}
+
+
+def test_marks_and_borders_of_logs_are_vertical_lines(drawn):
+    for axes in drawn.axes:
+        places = {line.get_xdata()[0] for line in axes.get_lines()}
+        assert {29.5, 50} <= places
+
+
+def test_notes_stand_below(drawn):
+    assert drawn.axes[-1].get_xlabel() == "row\na note"
+
+
+def test_a_figure_of_a_log_without_exclusions_is_written(tmp_path):
+    ends = MeasuredEnds(
+        np.zeros((5, 3)), np.zeros((5, 1, 3)), np.zeros((5, 1, 3)), np.zeros(5, int)
+    )
+    path = measured_ends_figure(ends, (2,), None, [], [], tmp_path / "b.png")
+    assert path.stat().st_size > 1000
