@@ -17,6 +17,7 @@ from s2c2a.estimation.sensor_models import (
 from s2c2a.estimation.sensor_models.camera import MAX_AGE
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.plugins import trust_code
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 
@@ -141,7 +142,9 @@ def test_missing_and_malformed_values_become_nan(arm, values):
 
 
 def test_a_formula_that_is_no_sensor_model_is_refused(arm):
-    raw = Raw(name="strings", shape=(3, 2), model="collections:OrderedDict")
+    model = "collections:OrderedDict"
+    trust_code(model)
+    raw = Raw(name="strings", shape=(3, 2), model=model)
     changed = arm.model_copy(update={"sensors": Sensors(raw=(raw,))})
     with pytest.raises(
         S2C2AError, match=r"subclass of s2c2a\.estimation\.FormulaSensor"

@@ -10,6 +10,7 @@ import tomli_w
 
 from s2c2a.cli.main import main
 from s2c2a.errors import StrategyError
+from s2c2a.jobs.artifacts import digest_of
 from s2c2a.models.registry import MODELS
 from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_recipe
 
@@ -127,17 +128,12 @@ def test_invalid_options_are_rejected(recipe, tmp_path, change, message):
         load_recipe(tmp_path / "wrong.toml")
 
 
-def test_networks_of_other_code_have_another_cache_key(tmp_path, monkeypatch):
+def test_networks_of_edited_code_have_another_cache_key(tmp_path):
     """The cache key includes the code, which a user changes more often than numbers."""
-    monkeypatch.syspath_prepend(tmp_path)
-    recipes = []
-    for name in ("first_model", "second_model"):
-        file = tmp_path / f"{name}.py"
-        file.write_text(EXAMPLE.read_text() + f"# {name}\n")
-        recipes.append(
-            replace(
-                recipe_named("paper"),
-                c2s=MODELS.named(f"{file}:ArcsOptions")(model="mine"),
-            )
-        )
-    assert recipes[0].training != recipes[1].training
+    file = tmp_path / "edited_model.py"
+    file.write_text(EXAMPLE.read_text())
+    model = f"{file}:ArcsOptions"
+    recipe = replace(recipe_named("paper"), c2s=MODELS.named(model)(model=model))
+    before = digest_of(recipe.training)
+    file.write_text(EXAMPLE.read_text() + "# edited\n")
+    assert digest_of(recipe.training) != before

@@ -124,7 +124,11 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
     ("name", "parameters", "message"),
     [
         ("nowhere.py:Thing", "", "no file"),
-        ("Evennes", "", "no term 'Evennes'; choose one of Positions, Axes"),
+        (
+            "Evennes",
+            "",
+            r"no term 'Evennes' \(did you mean Evenness\?\); choose one of",
+        ),
         (
             "own_term.py:ElbowHigh",
             "parameters = { hight = 0.3 }",

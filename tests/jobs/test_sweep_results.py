@@ -15,7 +15,11 @@ VARIED = varied_from(["planner.solver.iterations=5,10"], BEST)
 TRIALS = [sweep.Trial(0, {"planner.solver.iterations": 5}, 1.0)]
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES.known)
+# the others use no key of a recipe, so nothing can vary
+PLANNING = [name for name in STRATEGIES.known if name != "lstm"]
+
+
+@pytest.mark.parametrize("strategy", PLANNING)
 def test_the_networks_of_the_best_trial_are_those_of_its_runs(
     strategy, tmp_path, monkeypatch
 ):

@@ -62,11 +62,6 @@ def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
             f"a pace of {pace:g} was given; give {MIN_PACE:g} to {MAX_PACE:g}, such as "
             "0.5 for half as fast"
         )
-    if not isinstance(name, str):
-        raise TargetError(
-            f"the task {name!r:.60} was given; give its name or file, such as 'circle', "
-            "since a task is made anew at another pace"
-        )
     slower = arm.model_copy(update={"control_rate": arm.control_rate / pace})
     return load_task(name, slower)
 
