@@ -15,7 +15,8 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode, EpisodeWriter
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import RecordingError, S2C2AError
+from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.record import StepRecord, build_piece, with_aligned_states
 from s2c2a.versions import versions
 
@@ -99,8 +100,9 @@ class StepWriter:
 
     def _write_all(self) -> None:
         try:
-            self._write_pieces()
-            self._close_file()
+            with named_errors(RecordingError, f"{self._path} is not continued"):
+                self._write_pieces()
+                self._close_file()
         except S2C2AError as error:
             self._writer.close()
             self.error = error
