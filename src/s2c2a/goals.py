@@ -134,7 +134,8 @@ class Goal(NamedTuple):
             immutable(value) if isinstance(value, np.ndarray) else value
             for value in self
         ]
-        return Goal(*values)
+        is_frozen = all(new is old for new, old in zip(values, self, strict=True))
+        return self if is_frozen else Goal(*values)
 
     def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles.
