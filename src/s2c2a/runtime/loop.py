@@ -385,7 +385,8 @@ class Loop:
             try:
                 self._step_to_rest()
                 failures = 0
-            except Exception:  # of the robot; the next step may succeed
+            # of the robot, which may also call `exit`; the next step may succeed
+            except (Exception, SystemExit):
                 failures += 1
             if failures >= self._patience.unsound:
                 return
