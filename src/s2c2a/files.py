@@ -88,8 +88,13 @@ def keep_manifest(folder: str | os.PathLike) -> None:
 
     A name is listed before its file is written, so that a killed process leaves no file
     without its name. `manifests_of_one_command` ends it.
+
+    Raises:
+        OSError: the manifest is a link: a stranger's folder must not lead elsewhere.
     """
     root = Path(os.path.abspath(folder))
+    if (root / MANIFEST).is_symlink():
+        raise OSError(f"{MANIFEST} is a link, and nothing is written through links")
     _listed[root] = set(listed_files(root))
     list_in_manifest(root / MANIFEST)
 
@@ -128,7 +133,8 @@ def listed_files(folder: Path) -> frozenset[str]:
     names = set()
     with suppress(OSError, UnicodeDecodeError):
         for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
-            with suppress(ValueError):  # the last line of a killed process
+            # the last line of a killed process, or a line of a stranger
+            with suppress(ValueError, RecursionError):
                 names.add(str(json.loads(line)))
     return frozenset(names)
 

@@ -57,7 +57,7 @@ class Goal(NamedTuple):
             thresholds=np.zeros(MAX_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=_weight(change_weight),
-        )._unchangeable()
+        ).frozen()
 
     def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
         """Add a desired end position of a module [m], base frame.
@@ -126,15 +126,16 @@ class Goal(NamedTuple):
         for name, value in values.items():
             fields[name] = np.array(getattr(self, name))
             fields[name][module] = value
-        return self._replace(**fields)._unchangeable()
+        return self._replace(**fields).frozen()
 
-    def _unchangeable(self) -> "Goal":
-        """The goal with arrays that a controller cannot change."""
+    def frozen(self) -> "Goal":
+        """Return the goal with arrays that nobody can change."""
         values = [
             immutable(value) if isinstance(value, np.ndarray) else value
             for value in self
         ]
-        return Goal(*values)
+        is_frozen = all(new is old for new, old in zip(values, self, strict=True))
+        return self if is_frozen else Goal(*values)
 
     def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
         """Replace the obstacles.
@@ -172,7 +173,7 @@ class Goal(NamedTuple):
             ),
             thresholds=np.concatenate([thresholds, unused.thresholds[count:]]),
             obstacle_weight=_weight(weight),
-        )._unchangeable()
+        ).frozen()
 
 
 def _numbers(

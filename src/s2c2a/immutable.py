@@ -27,15 +27,16 @@ def immutable(values: np.ndarray) -> np.ndarray:
 def immutable_table(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a copy of named values that nothing can change; see `immutable`."""
     return MappingProxyType(
-        {name: _immutable_value(value) for name, value in table.items()}
+        {name: immutable_value(value) for name, value in table.items()}
     )
 
 
-def _immutable_value(value: Any) -> Any:
-    """A copy of a value; a robot may return anything where an array is due."""
-    if isinstance(value, np.ndarray):
-        return immutable(value)
-    return deepcopy(value) if isinstance(value, list | dict | bytearray) else value
+def immutable_value(value: Any) -> Any:
+    """Return a copy of a value; what is no array or number is copied only.
+
+    A robot may return anything where an array or a number is due.
+    """
+    return immutable(value) if isinstance(value, np.ndarray) else deepcopy(value)
 
 
 def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:

@@ -51,17 +51,19 @@ def trust_code(*names: str, folder: Path | None = None) -> None:
 
     Args:
         names: `module:Name` or `file.py:Name`, exactly as the recording or the weight
-            file has it. Options of a tracker behind a comma are ignored.
+            file has it. The options of a tracker may follow behind a comma.
         folder: of the arm file that the names stand in: where their files are
             (`located`). Without it, a folder that is known already stays.
     """
-    for name in map(_without_options, names):
-        _trusted[name] = folder or _trusted.get(name)
+    for name in names:
+        # a comma may begin options, or be part of a path
+        for each in (name, _without_options(name)):
+            _trusted[each] = folder or _trusted.get(each)
 
 
 def is_trusted(name: str) -> bool:
-    """Whether the user has named this code."""
-    return _without_options(name) in _trusted
+    """Whether the user has named just this code, without options."""
+    return name in _trusted
 
 
 def trust_code_in(table: Any, folder: Path | None = None) -> None:
@@ -83,7 +85,7 @@ def located(name: str, file: str) -> Path:
         name: the whole text, such as `my_sensor.py:MyMap`.
         file: within it, such as `my_sensor.py`.
     """
-    folder = _trusted.get(_without_options(name))
+    folder = _trusted.get(name) or _trusted.get(_without_options(name))
     if folder is not None and (folder / file).is_file():
         return folder / file
     return Path(file)

@@ -10,11 +10,7 @@ from jaxtyping import Bool, Float
 
 
 class RepeatDetector:
-    """Distinguishes new measurements of named sensors from repeated ones, bit by bit.
-
-    A sensor that runs has noise in its last bits, so an exact repetition means that
-    the robot handed out the same measurement again.
-    """
+    """Distinguishes new measurements of named sensors from repeated ones, bit by bit."""
 
     def __init__(self) -> None:
         """A detector without any measurement."""

@@ -18,12 +18,13 @@ tension is never negative.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import ReadingError, did_you_mean
-from s2c2a.immutable import immutable_table, rebuilt
+from s2c2a.immutable import immutable_table, immutable_value, rebuilt
 
 POSITION = slice(0, 3)
 AXIS = slice(3, 6)
@@ -86,6 +87,9 @@ class Sensor:
         fastest: largest plausible rate of change of a value [unit/s], or one per value.
         always: whether every reading contains the sensor, with finite values. A camera
             is in a reading only after a new image, with NaN for what it does not see.
+
+    Raises:
+        ReadingError: a limit is no number, or does not fit the shape.
     """
 
     shape: tuple[int, ...]
@@ -94,6 +98,29 @@ class Sensor:
     high: float | np.ndarray = np.inf
     fastest: float | np.ndarray = np.inf
     always: bool = True
+
+    def __post_init__(self):
+        """Check the limits and copy them, which a robot may change later."""
+        object.__setattr__(self, "shape", tuple(self.shape))
+        for name in ("low", "high", "fastest"):
+            limit = getattr(self, name)
+            if not _is_limit(limit, self.shape):
+                raise ReadingError(
+                    f"`{name}` of a sensor of shape {self.shape} is {limit!r}; give a "
+                    "number, or an array of numbers of that shape"
+                )
+            object.__setattr__(self, name, immutable_value(limit))
+
+
+def _is_limit(limit: Any, shape: tuple[int, ...]) -> bool:
+    """Whether a limit is a number, or one for each value of a sensor."""
+    numbers = np.asarray(limit)
+    if numbers.dtype.kind not in "fiu":
+        return False
+    try:
+        return np.broadcast_shapes(numbers.shape, shape) == shape
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True)
@@ -140,7 +167,8 @@ class Reading:
     fault: str = ""
 
     def __post_init__(self):
-        """Copy the values."""
+        """Copy the values, and the time, which may be an array of no axes."""
+        object.__setattr__(self, "time", immutable_value(self.time))
         object.__setattr__(self, "sensors", immutable_table(self.sensors))
 
     def __reduce__(self):

@@ -1,6 +1,7 @@
 """Gaps between the commands of a real arm: a stopped program, a suspended computer."""
 
 import time
+from collections.abc import Callable
 
 from s2c2a.errors import RobotError
 
@@ -22,9 +23,14 @@ def time_with_sleep() -> float:
 class StandstillCheck:
     """Ends a motion that stood still: whoever started it no longer expects it."""
 
-    def __init__(self) -> None:
-        """The motion begins now."""
-        self._last = time_with_sleep()
+    def __init__(self, clock: Callable[[], float] | None = None) -> None:
+        """The motion begins now.
+
+        Args:
+            clock: returns the time [s]; by default `time_with_sleep`.
+        """
+        self._now = clock or time_with_sleep
+        self._last = self._now()
 
     def check(self) -> None:
         """Check the time since the last call, before a command.
@@ -32,7 +38,7 @@ class StandstillCheck:
         Raises:
             RobotError: it is longer than `STANDSTILL`.
         """
-        now = time_with_sleep()
+        now = self._now()
         pause = now - self._last
         if pause > STANDSTILL:
             raise RobotError(

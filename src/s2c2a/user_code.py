@@ -73,7 +73,14 @@ def _parts(value: Any) -> list[Any]:
 
 def _files_in_text(text: str) -> Iterator[Path]:
     """Files of `file.py:Name`, `module:Name` (options may follow) or an entry point."""
-    name = text.partition(",")[0]
+    without_options = text.partition(",")[0]
+    # a comma may begin options, or be part of a path
+    for name in dict.fromkeys((text, without_options)):
+        yield from _files_of_name(name)
+
+
+def _files_of_name(name: str) -> Iterator[Path]:
+    """See `_files_in_text`, without options."""
     place, colon, attribute = name.rpartition(":")
     if name in _entry_point_modules():
         yield from _module_files(_entry_point_modules()[name])
@@ -165,7 +172,9 @@ def _imports(tree: ast.Module, file: Path) -> Iterator[tuple[Path, str]]:
             continue
         for name in names:
             if level:
-                yield file.parents[level - 1], name
+                # Python refuses more dots than folders
+                if level <= len(file.parents):
+                    yield file.parents[level - 1], name
             elif package is not None and name.partition(".")[0] == package.name:
                 yield package.parent, name
             elif file.parent.name not in INSTALLED:

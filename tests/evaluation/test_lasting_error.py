@@ -1,5 +1,7 @@
 """A lasting position error is reported with its cause."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -157,3 +159,21 @@ def test_the_plan_of_a_step_is_described_where_it_does_not_get_nearer():
     assert describe(Outcome.STALLED) == "plan stalled, 2.6 cm from its goal"
     assert describe(Outcome.SOLVED) == describe(Outcome.MOVING) == ""
     assert describe(np.nan) == describe_step_plan({}) == ""
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"outcome": np.full(STEPS, 99)},
+        {"outcome": np.full(STEPS, -1)},
+        {"outcome": np.full(STEPS, np.nan)},
+        {"predicted": np.full((STEPS, 3, 6), np.nan)},
+        {"desired_positions": np.full((STEPS, 3, 3), np.nan)},
+        {"plan_error": np.full(STEPS, np.inf)},
+    ],
+)
+def test_telemetry_of_a_controller_that_is_no_plan_ends_no_run(columns):
+    run = make_run(Outcome.OUT_OF_REACH, plan=0.05)
+    run = replace(run, columns=run.columns | columns)
+    assert describe_lasting_error(run) == ""
+    assert isinstance(describe_plans(run), str)

@@ -266,6 +266,37 @@ def test_train_refuses_an_arm_that_the_recording_is_not_of(recording, tmp_path, 
     assert "differs from simulated_arm in" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("good:X,evil.py", "good:X,evil.py:X"),
+        ("good:X,/folder/evil.py", "good:X,/folder/evil.py:X"),
+        ("good:X,evil.py", "good:X,evil:X"),
+    ],
+)
+def test_a_name_that_begins_as_a_trusted_one_is_not_trusted(tmp_path, file, name):
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / file).write_text(EVIL)
+    trust_code("good:X")
+    with pytest.raises(UntrustedCodeError):
+        resolve("sensor", name, {})
+    assert not list(tmp_path.rglob("ran"))
+
+
+def test_code_in_a_folder_with_a_comma_is_trusted_by_its_whole_name(tmp_path):
+    (tmp_path / "data,2").mkdir()
+    (tmp_path / "data,2" / "comma_code.py").write_text(EVIL)
+    trust_code("data,2/comma_code.py:X")
+    resolve("sensor", "data,2/comma_code.py:X", {})
+    assert (tmp_path / "data,2" / "ran").exists()
+
+
+def test_the_options_of_a_tracker_do_not_belong_to_its_trusted_name(ran):
+    trust_code("evil_code.py:X,port=1")
+    resolve("tracker", "evil_code.py:X", {})
+    assert ran.exists()
+
+
 @pytest.mark.parametrize("text", ["", "circle"])
 def test_a_trusted_name_that_is_no_code_is_refused(text, capsys):
     with pytest.raises(SystemExit):

@@ -204,3 +204,16 @@ def test_a_name_of_no_file_has_no_digest(name):
 def test_code_that_cannot_be_parsed_has_a_digest(text, tmp_path):
     (tmp_path / "strange.py").write_text(text)
     assert code_digest(f"{tmp_path}/strange.py:X")
+
+
+def test_an_import_from_above_all_folders_does_not_end_the_digest(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(f"from {'.' * 200}above import name\n")
+    assert code_digest(f"{file}:Mine")
+
+
+def test_code_in_a_folder_with_a_comma_has_a_digest(tmp_path):
+    file = tmp_path / "data,2" / "mine.py"
+    file.parent.mkdir()
+    file.write_text("class Mine: pass\n")
+    assert code_digest(f"{file}:Mine")

@@ -1,6 +1,8 @@
 """An error names the steps of an interrupted run only if this run saved them."""
 
 import time
+from contextlib import suppress
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +12,9 @@ from s2c2a import evaluation
 from s2c2a.arm import load_arm
 from s2c2a.cli import view
 from s2c2a.episodes import load_episodes
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.jobs import Cache, Job
-from s2c2a.runtime import StepRecord, step_writer
+from s2c2a.runtime import StepRecord, build_episode, step_writer
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import recipe_named
 from s2c2a.tasks import load_task
@@ -36,7 +38,7 @@ def test_an_earlier_interrupted_run_is_not_taken_for_this_one(
     earlier.parent.mkdir(parents=True, exist_ok=True)
     earlier.touch()
     with pytest.raises(S2C2AError) as caught:
-        job._episodes(None, lambda done, total: None, Cache(tmp_path))
+        job.make(Cache(tmp_path), lambda *_: None)
     assert str(caught.value) == "the port is in use"
 
 
@@ -81,3 +83,69 @@ def test_a_simulated_run_writes_no_steps(job, tmp_path):
     with job._steps_on_disk(SimpleNamespace(own_time=True), Cache(tmp_path)) as add:
         add(step(0))
     assert list(tmp_path.rglob("*")) == []
+
+
+@pytest.fixture
+def real(monkeypatch):
+    """Real arm of a job; strategies and robots are not made."""
+    robot = SimpleNamespace(own_time=False)
+    monkeypatch.setattr(Job, "robot", lambda self: robot)
+    return robot
+
+
+def run_of(*steps, error=None, kept=()):
+    """A rollout that does steps, and may fail."""
+
+    def rollout(*_, keep, on_step, **__):
+        for each in steps:
+            on_step(each)
+        for number in kept:
+            keep(build_episode([step(number)], ARM))
+        if error is not None:
+            raise error
+        return build_episode(steps, ARM)
+
+    return rollout
+
+
+def files_after(job, folder):
+    """Files beside the result, and the error, of a run."""
+    with suppress(S2C2AError, OSError, KeyboardInterrupt):
+        job.make(Cache(folder), lambda *_: None)
+    names = [path.name for path in job.path(Cache(folder)).parent.iterdir()]
+    return sorted(name.removesuffix(job.file) for name in names)
+
+
+def test_steps_stay_on_disk_until_the_result_is_saved(job, real, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluation, "rollout", run_of(step(0), step(1)))
+    assert files_after(job, tmp_path / "saved") == [""]
+
+    def full(*_):
+        raise RecordingError("no room")
+
+    monkeypatch.setattr("s2c2a.episodes.save_episodes", full)
+    assert files_after(job, tmp_path / "full") == ["running-"]
+    running = job.path(Cache(tmp_path / "full")).with_name(f"running-{job.file}")
+    assert steps_in(running) == 2
+
+
+@pytest.mark.parametrize("error", [S2C2AError("torn"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    ("kept", "files"), [([], ["running-"]), ([0, 1], ["interrupted-"])]
+)
+def test_steps_of_an_interrupted_run_are_in_one_file(
+    job, real, tmp_path, monkeypatch, error, kept, files
+):
+    run = run_of(step(0), step(1), error=error, kept=kept)
+    monkeypatch.setattr(evaluation, "rollout", run)
+    assert files_after(job, tmp_path) == files
+
+
+def test_earlier_repetitions_of_an_interrupted_run_are_kept_too(
+    job, real, tmp_path, monkeypatch
+):
+    run = run_of(step(0), step(1), error=S2C2AError("torn"), kept=[0, 1])
+    monkeypatch.setattr(evaluation, "repeated_rollout", run)
+    assert files_after(replace(job, repetitions=2), tmp_path) == ["interrupted-"]
+    [path] = tmp_path.rglob("interrupted-*")
+    assert len(load_episodes(path)[0]) == 2

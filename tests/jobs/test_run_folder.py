@@ -1,5 +1,6 @@
 """What is drawn of a run counts as its table does."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -189,3 +190,49 @@ def test_a_link_to_a_run_directory_is_not_replaced(tmp_path):
     (tmp_path / "link").symlink_to("run")
     with pytest.raises(S2C2AError, match="is a link"):
         open_run_directory(tmp_path / "link", "x", {}, overwrite=True)
+
+
+@pytest.mark.parametrize("line", ["[" * 100_000, "9" * 5000, "3", "null", '{"a": "b"}'])
+def test_a_line_of_a_manifest_without_a_name_lists_nothing(tmp_path, line):
+    folder = run_in(tmp_path / "run")
+    with open(folder / MANIFEST, "a") as manifest:
+        manifest.write(f"{line}\n")
+    open_run_directory(folder, "x", {}, overwrite=True)
+
+
+def list_by_hand(folder, *names):
+    with open(folder / MANIFEST, "a") as manifest:
+        manifest.writelines(f"{json.dumps(name)}\n" for name in names)
+
+
+def test_names_and_links_in_a_manifest_delete_nothing_outside(tmp_path):
+    outside = tmp_path / "dear" / "letter.tex"
+    outside.parent.mkdir()
+    outside.write_text("of value")
+    folder = run_in(tmp_path / "run")
+    list_by_hand(folder, "../dear/letter.tex", str(outside), "..", ".", "/", "", "a\0b")
+    list_by_hand(folder, "link", "link/letter.tex")
+    (folder / "link").symlink_to(outside.parent)
+    open_run_directory(folder, "x", {}, overwrite=True)
+    assert outside.read_text() == "of value"
+
+
+def test_a_link_in_place_of_a_listed_folder_is_not_followed(tmp_path):
+    outside = tmp_path / "dear"
+    outside.mkdir()
+    (outside / "letter.tex").write_text("of value")
+    folder = run_in(tmp_path / "run")
+    list_by_hand(folder, "link/letter.tex")
+    (folder / "link").symlink_to(outside)
+    with pytest.raises(S2C2AError, match="holds link"):
+        open_run_directory(folder, "x", {}, overwrite=True)
+
+
+def test_a_manifest_that_is_a_link_is_not_written_through(tmp_path):
+    folder = run_in(tmp_path / "run")
+    (folder / MANIFEST).unlink()
+    (tmp_path / "letter.tex").write_text("of value\n")
+    (folder / MANIFEST).symlink_to(tmp_path / "letter.tex")
+    with pytest.raises(S2C2AError, match="is a link"):
+        run_in(folder, resume=True)
+    assert (tmp_path / "letter.tex").read_text() == "of value\n"

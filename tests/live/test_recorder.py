@@ -149,6 +149,23 @@ def test_a_full_disk_is_reported_and_keeps_what_was_written(
     assert steps_in(tmp_path) == 10
 
 
+def test_any_failure_to_write_is_reported_and_ends_the_recording(
+    control, tmp_path, monkeypatch
+):
+    """A thread that ends silently would let the queue of steps grow for ever."""
+
+    def fail(*_):
+        raise TypeError("no JSON")
+
+    running = Recorder(control, tmp_path)
+    running.start()
+    monkeypatch.setattr(EpisodeWriter, "append", fail)
+    control.step(10)
+    until(lambda: running.error)
+    with pytest.raises(S2C2AError, match="no JSON"):
+        running.stop()
+
+
 def test_two_recordings_in_a_second_have_two_folders(control, tmp_path):
     running = Recorder(control, tmp_path)
     for _ in range(2):

@@ -139,6 +139,36 @@ def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat"])
+@pytest.mark.parametrize("shape", [(0,), (0, 0), (0, 3), (3, 0)])
+def test_an_array_without_values_beside_the_columns_is_left_out(
+    tmp_path, ending, shape
+):
+    values = {"a": np.arange(3.0), "notes": np.zeros(shape)}
+    path = tmp_path / f"log.{ending}"
+    if ending == "npz":
+        np.savez(path, **values)
+    else:
+        savemat(path, values)
+    table = read_table(path, AB)
+    assert list(table.numbers) == ["a"]
+    assert len(table) == 3
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz", "mat"])
+def test_infinite_values_are_missing_whatever_the_format(tmp_path, ending):
+    values = {"a": np.array([1.0, np.inf, -np.inf, np.nan])}
+    path = tmp_path / f"log.{ending}"
+    if ending == "csv":
+        path.write_text("a\n1\ninf\n-inf\nnan\n")
+    elif ending == "npz":
+        np.savez(path, **values)
+    else:
+        savemat(path, values)
+    numbers = read_table(path, AB).numbers["a"]
+    np.testing.assert_array_equal(numbers, [1.0, np.nan, np.nan, np.nan])
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
 def test_text_where_numbers_are_expected_is_an_error_with_its_column(tmp_path, ending):
     path = tmp_path / f"log.{ending}"
     values = {"a": np.array(["up", "down"]), "b": np.arange(2.0)}

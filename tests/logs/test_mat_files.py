@@ -2,6 +2,7 @@
 
 import io
 import struct
+import zlib
 from contextlib import suppress
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
+from s2c2a.logs import mat_files
 from s2c2a.logs.array_files import read_mat
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.mat_files import read_mat_arrays
@@ -102,3 +104,25 @@ def test_the_type_of_the_numbers_is_checked(tmp_path):
     (tmp_path / "log.mat").write_bytes(damaged)
     with pytest.raises(LogError, match=r"log\.mat.*the array 'a' holds no numbers"):
         read_mat(tmp_path / "log.mat")
+
+
+def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch):
+    monkeypatch.setattr(mat_files, "MAX_BYTES", 2000)
+    unknown = zlib.compress(struct.pack("<II", 99, 0) + bytes(900))
+    packed = struct.pack("<II", 15, len(unknown)) + unknown
+    path = tmp_path / "log.mat"
+    path.write_bytes(SMALL[:128] + 2 * packed)
+    assert read_mat(path) == {}
+    path.write_bytes(SMALL[:128] + 3 * packed)
+    with pytest.raises(LogError, match="unpacks to more than"):
+        read_mat(path)
+
+
+def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
+    tmp_path, monkeypatch
+):
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat({"t": np.array(["a", "b", "c"])}))
+    monkeypatch.setattr(mat_files, "MAX_ROWS", 2)
+    with pytest.raises(LogError, match="a text has 3 rows; at most 2"):
+        read_mat_arrays(path)

@@ -13,11 +13,12 @@ from puppets import (  # type: ignore[import-not-found]
     Puppet,
 )
 
-from s2c2a.errors import ControllerError, RobotError, S2C2AError
+from s2c2a.errors import ControllerError, ReadingError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.immutable import immutable
 from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
-from s2c2a.spaces import Reading, Stage
+from s2c2a.runtime.record import OWN_COLUMNS
+from s2c2a.spaces import Reading, Sensor, Stage
 
 STEPS = 12
 
@@ -254,3 +255,105 @@ def test_a_controller_whose_arm_has_no_modules_is_refused(puppet, actor, clock):
     actor.arm = None
     with pytest.raises(S2C2AError, match=r"Actor\.arm"):
         Loop(puppet, actor, clock)
+
+
+def test_a_time_that_the_robot_counts_in_place_does_not_change_readings(loop, puppet):
+    clock = np.zeros(())
+    read = puppet.read
+
+    def count():
+        clock[...] = read().time
+        return Reading(clock, {"cables": puppet.position + 1e-9 * puppet.reads})
+
+    puppet.read = count
+    steps = [loop.tick(StepRequest()) for _ in range(4)]
+    assert [step.fault for step in steps] == [""] * 4
+    np.testing.assert_allclose(
+        [step.reading.time for step in steps], 0.1 * np.arange(4)
+    )
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_goal_that_its_owner_or_the_controller_changes_stays_in_the_record(
+    loop, actor, change
+):
+    goal = Goal.of(3)._replace(
+        positions=np.full((3, 3), 0.2), position_weights=np.ones(3)
+    )
+    actor.plan = lambda estimate, given: [try_to(change, array) for array in given]
+    actor.act = lambda *_: actor.geometry.action_neutral
+    step = loop.tick(StepRequest(goal))
+    change(goal.positions)
+    np.testing.assert_array_equal(step.goal.positions, np.full((3, 3), 0.2))
+
+
+def test_nested_values_of_a_reading_are_no_longer_those_of_the_robot():
+    kept = [1.0]
+    reading = Reading(0.0, {"pair": (kept,), "list": [kept], "set": {1.0}})
+    kept[0] = 2.0
+    assert reading["pair"] == ([1.0],)
+    assert reading["list"] == [[1.0]]
+
+
+def test_a_robot_that_changes_its_declared_range_does_not_change_the_check(
+    puppet, actor, clock
+):
+    high = np.full((3, 3), 1.0)
+    declared = {"cables": Sensor((3, 3), "m", -1.0, high)}
+    puppet.__class__ = type("Declaring", (Puppet,), {"sensors": declared})
+    with Loop(puppet, actor, clock) as loop:
+        high[...] = -5.0
+        assert not loop.tick(StepRequest()).fault
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"low": np.zeros(5)},
+        {"high": None},
+        {"high": "1"},
+        {"fastest": np.ones((2, 3, 3))},
+    ],
+)
+def test_a_limit_of_a_sensor_that_fits_no_value_is_refused(limits):
+    with pytest.raises(ReadingError, match=r"of a sensor of shape \(3, 3\)"):
+        Sensor((3, 3), "m", **limits)
+
+
+def test_the_shape_of_a_sensor_may_be_a_list():
+    assert Sensor([3, 3], "m").shape == (3, 3)
+
+
+@pytest.mark.parametrize("declared", [None, 3, (3, 3), "cables"])
+def test_a_declared_sensor_that_is_none_is_an_error_of_the_robot(
+    puppet, actor, clock, declared
+):
+    kind = type("Declaring", (Puppet,), {"sensors": {"cables": declared}})
+    puppet.__class__ = kind
+    with pytest.raises(RobotError, match=r"Declaring\.sensors.*not a Sensor"):
+        Loop(puppet, actor, clock)
+
+
+@pytest.mark.parametrize("name", [*sorted(OWN_COLUMNS), "sensor.cables", 3, None])
+def test_telemetry_in_place_of_what_the_loop_records_is_refused(loop, actor, name):
+    actor.diagnostics = lambda: {name: np.array(7.0)}
+    with pytest.raises(ControllerError, match=r"Actor\.diagnostics .*is no name"):
+        loop.tick(StepRequest())
+
+
+def test_a_name_of_a_controller_that_fails_is_an_error_of_it(puppet, actor, clock):
+    kind = type("Nameless", (Actor,), {"name": property(lambda self: 1 / 0)})
+    actor.__class__ = kind
+    with pytest.raises(ControllerError, match=r"Nameless\.name failed"):
+        _ = Loop(puppet, actor, clock).driver_name
+
+
+@pytest.mark.parametrize("cables", [None, np.array(0.5), np.zeros(9), "none"])
+def test_cables_of_another_shape_in_every_step_are_recorded_as_missing(
+    loop, puppet, clock, cables
+):
+    puppet.read = lambda: Reading(clock.now(), {"cables": cables})
+    steps = [loop.tick(StepRequest()) for _ in range(3)]
+    recorded = build_episode(steps, puppet.arm).sensor("cables")
+    assert recorded.shape == (3, 3, 3)
+    assert np.isnan(recorded).all()

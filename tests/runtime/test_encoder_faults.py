@@ -97,3 +97,23 @@ def test_encoders_that_err_stay_refused_until_the_arm_is_at_rest(twin, driven, w
     stages = [step.stage for step in steps[BEGIN:]]
     assert Stage.RUN not in stages[1:]
     assert Stage.RELEASE in stages
+
+
+@pytest.mark.parametrize(
+    ("rise", "is_refused", "farthest"), [(0.005, False, 0.10), (0.02, True, np.inf)]
+)
+def test_an_offset_that_rises_gradually_is_refused_once_it_is_large(
+    twin, driven, rise, is_refused, farthest
+):
+    """What stays below `MARGIN` is taken for the arm's own (docs/concepts/safety.md)."""
+    strategy, goals, targets = driven
+    scale = np.abs(ArmGeometry.of(twin).action_scale)[:, None]
+    offsets = iter(rise * np.clip(np.arange(LAST + 1) - BEGIN // 2, 0, None))
+    robot = ErringRobot(twin)
+    robot.err(lambda cables: cables + next(offsets) * scale * LATERAL, 0, LAST + 1)
+    with Loop(robot, strategy) as loop:
+        steps = [loop.tick(StepRequest(goal)) for goal in goals]
+    assert any("do not follow" in step.fault for step in steps) == is_refused
+    tips = np.array([step.reading["states"][-1, POSITION] for step in steps])
+    errors = np.linalg.norm(tips[1:] - targets[:-1], axis=-1)
+    assert errors[BEGIN:].max() < farthest

@@ -567,7 +567,9 @@ def test_a_simulation_with_its_own_time_resumes_by_itself(puppet, actor, clock):
     assert leave_gap(loop, clock, 30.0).stage is RUN
 
 
-@pytest.mark.parametrize("error", [OSError("noise"), RobotError("noise")])
+@pytest.mark.parametrize(
+    "error", [OSError("noise"), RobotError("noise"), SystemExit(3)]
+)
 @pytest.mark.parametrize("every", [2, 5])
 def test_single_failures_do_not_end_the_way_to_rest(puppet, actor, clock, every, error):
     calls = iter(range(1, 1000))

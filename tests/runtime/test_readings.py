@@ -251,3 +251,18 @@ def test_a_faulty_reading_makes_no_jump_of_a_sensor_that_moves(fault):
         stale = fault(SOUND + 0.15 * step, now=fault.time + 9.0)
         assert "s old" in stale
     assert fault(SOUND + 0.15 * 6) == ""
+
+
+@pytest.mark.parametrize("kind", ["?", "u1", "u8", "i1", "f2"])
+def test_numbers_of_any_type_may_fall_as_they_rise(kind):
+    sensors = {"raw": Sensor((2,), "V", fastest=200.0)}
+    fault = PeriodicCheck(("raw",), sensors)
+    rising = np.array([0, 1]).astype(kind)
+    for raw in (rising, rising[::-1], rising):
+        assert fault(None, raw=raw) == ""
+
+
+def test_a_jump_of_small_integers_does_not_wrap_around():
+    fault = PeriodicCheck(("raw",), {"raw": Sensor((1,), "V", fastest=1000.0)})
+    assert fault(None, raw=np.array([-100], np.int8)) == ""
+    assert fault(None, raw=np.array([100], np.int8)) == "'raw' has jumped"

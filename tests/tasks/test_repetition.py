@@ -1,5 +1,7 @@
 """Iterative learning control: offsets of a repeated task, from what a camera saw."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,24 @@ def test_repetitions_lower_the_error_of_any_strategy(twin):
     assert errors[0] > 2.0
     assert errors[-1] < 0.5 * errors[0]
     assert all(episode["time"][0] == 0.0 for episode in episodes)
+
+
+def test_an_interrupted_repetition_hands_over_those_before_it(twin):
+    arm = twin.model_copy(update={"sensors": Sensors(camera=Camera())})
+    task = load_task("circle", arm)
+    task = replace(task, goals=task.goals[:6], scores=())
+    strategy = STRATEGIES.named("pcc")().build(
+        arm, recipe_named("best"), None, RunOptions()
+    )
+    kept = []
+
+    def fail(done, total):
+        if done == 6 + 3:
+            raise S2C2AError("no power")
+
+    with pytest.raises(S2C2AError, match="no power"):
+        repeated_rollout(SimulatedRobot(arm), strategy, task, 2, fail, keep=kept.append)
+    whole, part = kept
+    assert len(whole.running) == 6
+    assert len(part) == 3
+    assert "interrupted" not in whole.options

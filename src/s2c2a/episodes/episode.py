@@ -189,6 +189,16 @@ def stacked(episodes: Iterable[Episode], name: str) -> np.ndarray:
     return np.stack(padded)
 
 
+def sensor_shapes(arm: ArmSpec) -> dict[str, tuple[int, ...]]:
+    """Shapes of those sensors that have the same meaning in every episode, by name."""
+    modules = arm.module_count
+    return {
+        "cables": (modules, arm.cable_count),
+        "states": (modules, 6),
+        "configurations": (modules, 3),
+    }
+
+
 def _standard_row_shapes(
     arm: ArmSpec, columns: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[int, ...]]:
@@ -215,9 +225,7 @@ def _standard_row_shapes(
         "planned": vectors,
         "desired_positions": vectors,
         "desired_axes": vectors,
-        SENSOR + "cables": cables,
-        SENSOR + "states": states,
-        SENSOR + "configurations": vectors,
+        **{SENSOR + name: shape for name, shape in sensor_shapes(arm).items()},
     }
     if "obstacles" in columns:
         # any number of obstacles

@@ -79,7 +79,12 @@ def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
     running = episode.running
     last = running[int((1.0 - LAST_PART) * len(running)) :]
     last = last[last + 1 < len(episode)]
-    return last[np.isfinite(episode["plan_error"][last])]
+    gaps = episode["predicted"][..., POSITION] - episode["desired_positions"]
+    has_plan = np.isfinite(gaps).all(axis=-1).any(axis=-1)
+    has_plan &= np.isfinite(episode["plan_error"])
+    # a controller of the user's own may have other numbers
+    has_plan &= np.isin(episode["outcome"], list(Outcome))
+    return last[has_plan[last]]
 
 
 def _distances(episode: Episode, steps: np.ndarray) -> _Distances:

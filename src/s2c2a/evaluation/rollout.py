@@ -88,7 +88,8 @@ def repeated_rollout(
         repetitions: their number.
         progress: called with the number of steps done and of all steps.
         clock: source of time; see `Loop`.
-        keep: see `rollout`.
+        keep: called with the episodes of all repetitions until an error; see
+            `rollout`.
         on_step: see `rollout`.
 
     Returns:
@@ -102,13 +103,18 @@ def repeated_rollout(
     steps = len(task.goals)
     offsets = np.zeros((steps, robot.arm.module_count, 3))
     episodes: list[Episode] = []
+
+    def keep_all(interrupted: Episode) -> None:
+        for episode in (*episodes, interrupted):
+            keep(episode)
+
     with Loop(robot, strategy, clock, on_step=on_step) as loop:
         for number in range(repetitions):
 
             def report(done: int, _: int, before: int = number * steps) -> None:
                 progress(before + done, repetitions * steps)
 
-            episode = _run_task(loop, moved_task(task, offsets), report, keep)
+            episode = _run_task(loop, moved_task(task, offsets), report, keep_all)
             episodes.append(with_true_targets(episode, task, offsets))
             if number + 1 < repetitions:
                 offsets = learned_offsets(episodes[-1], offsets, sensor)

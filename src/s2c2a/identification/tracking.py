@@ -19,7 +19,7 @@ from s2c2a.errors import RobotError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimiter
-from s2c2a.standstill import STANDSTILL
+from s2c2a.standstill import StandstillCheck
 from s2c2a.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.tracking.calibration import (
     FrameResidual,
@@ -91,7 +91,7 @@ class TrackedMotion:
         self._geometry = ArmGeometry.of(robot.arm)
         self._due = self._clock.now()
         self._sound_time = self._due
-        self._stepped_at = self._clock.with_sleep()
+        self._gap = StandstillCheck(self._clock.with_sleep)
         self._last: PoseFrame | None = None
 
     def step(self, bends: Float[np.ndarray, "modules 2"]) -> None:
@@ -170,24 +170,14 @@ class TrackedMotion:
         except EmergencyStopError:
             self._robot.halt()
             raise
-        self._check_standstill()
+        if not self._robot.own_time:
+            self._gap.check()
         is_sound = self._read()
         limiter = self._limiter
         command = limiter.limit(desired if is_sound else limiter.hold())
         self._robot.send(command.copy())
         self._robot.advance(self._period)
         self._wait()
-
-    def _check_standstill(self) -> None:
-        """Raise an error if the program stood still: nobody expects the arm to move."""
-        now = self._clock.with_sleep()
-        pause = now - self._stepped_at
-        self._stepped_at = now
-        if not self._robot.own_time and pause > self._period + STANDSTILL:
-            raise RobotError(
-                f"the program stood still for {pause:.1f} s; the arm stays where it is: "
-                "start again"
-            )
 
     def _read(self) -> bool:
         """Log a reading; returns whether it is sound. A single one may be missed."""

@@ -173,55 +173,61 @@ class Job(Artifact[Run]):
         trained = networks[0] if networks else None
         recipe = self.options.recipe(self.recipe)
         strategy = self.options.build(self.arm, recipe, trained, self.conditions.run)
-        described = [
-            episode.with_options(
-                strategy=self.strategy,
-                seed=self.seed,
-                recipe=self.recipe.name,
-                robot=str(self.conditions.robot),
-                versions=versions.versions(),
-            )
-            for episode in self._episodes(strategy, partial(progress, str(self)), cache)
-        ]
-        episodes.save_episodes(described, self.path(cache))
+        report = partial(progress, str(self))
+        robot = self.robot()
+        kept: list[episodes.Episode] = []
+        with self._steps_on_disk(robot, cache, kept) as on_step:
+            runs = self._episodes(robot, strategy, report, cache, on_step, kept)
+            described = [
+                episode.with_options(
+                    strategy=self.strategy,
+                    seed=self.seed,
+                    recipe=self.recipe.name,
+                    robot=str(self.conditions.robot),
+                    versions=versions.versions(),
+                )
+                for episode in runs
+            ]
+            episodes.save_episodes(described, self.path(cache))
 
     def _episodes(
-        self, strategy: Driver, progress: Callable[[int, int], None], cache: Cache
+        self,
+        robot: Robot,
+        strategy: Driver,
+        progress: Callable[[int, int], None],
+        cache: Cache,
+        on_step: OnStep,
+        kept: list[episodes.Episode],
     ) -> list[episodes.Episode]:
         """Run the task and its repetitions.
 
-        The steps of a real arm are on disk a second later, in a file beside the result
-        that is deleted at the end; a killed process leaves it. If an error interrupts a
-        real arm, the steps until then are saved in a file.
-        They are the result if the run may end early.
+        If an error interrupts a real arm, its repetitions until then are added to
+        `kept` and saved in a file. They are the result if the run may end early.
         """
-        robot = self.robot()
         task = self.weighted_task
         interrupted = self.path(cache).with_name(f"interrupted-{self.file}")
-        kept: list[episodes.Episode] = []
 
         def keep(episode: episodes.Episode) -> None:
             if not robot.own_time:
-                episodes.save_episodes([episode], interrupted)
+                episodes.save_episodes([*kept, episode], interrupted)
             if not robot.own_time or self.conditions.may_end_early:
                 kept.append(episode)
 
         try:
-            with self._steps_on_disk(robot, cache) as on_step:
-                if self.repetitions == 1:
-                    episode = evaluation.rollout(
-                        robot, strategy, task, progress, keep=keep, on_step=on_step
-                    )
-                    return [episode]
-                return evaluation.repeated_rollout(
-                    robot,
-                    strategy,
-                    task,
-                    self.repetitions,
-                    progress,
-                    keep=keep,
-                    on_step=on_step,
+            if self.repetitions == 1:
+                episode = evaluation.rollout(
+                    robot, strategy, task, progress, keep=keep, on_step=on_step
                 )
+                return [episode]
+            return evaluation.repeated_rollout(
+                robot,
+                strategy,
+                task,
+                self.repetitions,
+                progress,
+                keep=keep,
+                on_step=on_step,
+            )
         except S2C2AError as error:
             if not kept:  # the file may be that of an earlier run
                 raise
@@ -231,19 +237,28 @@ class Job(Artifact[Run]):
             raise S2C2AError(text) from error
 
     @contextmanager
-    def _steps_on_disk(self, robot: Robot, cache: Cache) -> Iterator[OnStep]:
-        """Write the steps of a real arm to files that are deleted at the end."""
+    def _steps_on_disk(
+        self, robot: Robot, cache: Cache, kept: Sequence[episodes.Episode] = ()
+    ) -> Iterator[OnStep]:
+        """Write the steps of a real arm to files, a second after they were done.
+
+        They are deleted at the end, where the result is saved, or what is `kept`. An
+        error before that, or a killed process, leaves them.
+        """
         if robot.own_time:
             yield ignore_step
             return
         path = self.path(cache).with_name(f"running-{self.file}")
         writer = StepWriter(path, self.arm, "run")
+        is_saved = False
         try:
             yield partial(writer.add, strategy=self.strategy, task=self.task.name)
+            is_saved = True
         finally:
             writer.close()
-            for file in writer.files:
-                file.unlink(missing_ok=True)
+            if is_saved or kept or not writer.count:
+                for file in writer.files:
+                    file.unlink(missing_ok=True)
 
     def robot(self) -> Robot:
         """The robot, not open yet.

@@ -60,8 +60,8 @@ def _split_columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     for name, array in arrays.items():
         array = np.asarray(array)
-        # structures, cells, and objects are skipped
-        if array.dtype.kind not in "fiubU":
+        # structures, cells, objects, and arrays without any value are skipped
+        if array.dtype.kind not in "fiubU" or not array.size:
             continue
         if array.ndim == 2 and 1 in array.shape:
             array = array.reshape(-1)

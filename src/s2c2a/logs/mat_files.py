@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 HEADER = 128  # bytes
@@ -75,8 +75,8 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
     for element in _elements(memoryview(content)[HEADER:], order):
         if element.kind == COMPRESSED:
             unpacked = _unpacked(element.content, remaining, path)
+            remaining -= len(unpacked)
             element = next(_elements(unpacked, order), element)
-        remaining -= len(element.content)
         if element.kind != MATRIX:
             continue
         array = _array_of(element.content, order)
@@ -211,6 +211,10 @@ def _text(element: _Element | None, shape: tuple[int, ...], order: str) -> np.nd
     if len(shape) != 2 or not letters:
         return np.array([letters])
     rows = shape[0]
+    if rows > MAX_ROWS:
+        raise LogError(
+            f"a text has {rows} rows; at most {MAX_ROWS} are read. Split the file"
+        )
     return np.array([letters[row::rows] for row in range(rows)])
 
 

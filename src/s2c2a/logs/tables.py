@@ -32,7 +32,7 @@ class Table:
 
     Attributes:
         path: path of the file, for error messages.
-        numbers: numeric columns by name; blank cells are NaN.
+        numbers: numeric columns by name; blank cells and infinite values are NaN.
         labels: text columns by name.
         broken_rows: number of unreadable rows, which are NaN.
     """
@@ -135,12 +135,13 @@ def _read_arrays(path: str | os.PathLike, request: ColumnRequest) -> Table:
 
 def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.ndarray:
     try:
-        return column.astype(float)
+        values = column.astype(float)
     except ValueError as error:
         raise LogError(
             f"{path}: column '{name}' holds text where numbers are expected: {error}; "
             "correct the column"
         ) from error
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _check_any_found(

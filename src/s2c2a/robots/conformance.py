@@ -251,7 +251,8 @@ def _check_displacement(
     robot: Robot, before: Reading, after: Reading, towards_x: Actions
 ) -> None:
     if "cables" in robot.sensors:
-        moved = (after["cables"] - before["cables"]) * towards_x
+        change = np.subtract(after["cables"], before["cables"], dtype=float)
+        moved = change * towards_x
         shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
         wrong = [
             f"those of module {number} moved {share:.0f} %"

@@ -21,6 +21,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
+from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
@@ -31,7 +32,7 @@ from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
-from s2c2a.runtime.record import StepRecord
+from s2c2a.runtime.record import OWN_COLUMNS, StepRecord
 from s2c2a.runtime.stages import (
     Patience,
     Phase,
@@ -217,7 +218,8 @@ class Loop:
     @property
     def driver_name(self) -> str:
         """Name of the controller in records; that of its class if it has none."""
-        return str(getattr(self.driver, "name", type(self.driver).__name__))
+        with self._controller_errors("name"):
+            return str(getattr(self.driver, "name", type(self.driver).__name__))
 
     def required_sensors(self, driver: Driver) -> list[str]:
         """Return the names of the robot's sensors that a controller requires.
@@ -383,7 +385,8 @@ class Loop:
             try:
                 self._step_to_rest()
                 failures = 0
-            except Exception:  # of the robot; the next step may succeed
+            # of the robot, which may also call `exit`; the next step may succeed
+            except (Exception, SystemExit):
                 failures += 1
             if failures >= self._patience.unsound:
                 return
@@ -510,8 +513,20 @@ class Loop:
         with self._controller_errors("diagnostics"):
             telemetry = dict(self.driver.diagnostics())
             columns = {name: np.array(value) for name, value in telemetry.items()}
+        self._check_columns(columns)
         columns["feedback"] = np.asarray(self.feedback.share)
         return columns
+
+    def _check_columns(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Refuse telemetry that would replace what the loop records."""
+        for name in columns:
+            is_text = isinstance(name, str)
+            if not is_text or name in OWN_COLUMNS or name.startswith(SENSOR):
+                raise ControllerError(
+                    f"{self._failure(self.driver, 'diagnostics')}: {name!r} is no name "
+                    "for a controller's own telemetry; choose a text other than "
+                    f"{', '.join(sorted(OWN_COLUMNS))}, without '{SENSOR}' before it"
+                )
 
     def _monitor_vibration(
         self, desired: Actions, reading: Reading, goal: Goal
@@ -619,7 +634,12 @@ class Loop:
 
     def _declared_sensors(self) -> dict[str, Sensor]:
         with self._robot_errors("sensors"):
-            return dict(self._robot.sensors)
+            declared = dict(self._robot.sensors)
+        for name, sensor in declared.items():
+            if not isinstance(sensor, Sensor):
+                text = f"'{name}' is {sensor!r}, not a Sensor"
+                raise self._robot_error("sensors", text)
+        return declared
 
     def _robot_error(self, method: str, text: str) -> RobotError:
         return RobotError(f"{self._failure(self._robot, method)}: {text}")

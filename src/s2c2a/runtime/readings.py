@@ -139,7 +139,9 @@ class ReadingCheck:
         time, values = earlier
         elapsed = max(reading.time - time, self._period)
         largest = np.asarray(self._sensors[name].fastest * elapsed)
-        return np.abs(reading[name] - values), largest
+        # differences of unsigned integers would wrap around
+        change = np.subtract(reading[name], values, dtype=float)
+        return np.abs(change), largest
 
     def _frozen_fault(self, reading: Reading, last_change: float) -> str:
         """Detect sensors whose values repeat for some steps while commands change."""

@@ -9,12 +9,23 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.episodes.episode import SENSOR
+from s2c2a.episodes.episode import SENSOR, sensor_shapes
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
 from s2c2a.immutable import immutable, immutable_table, rebuilt
 from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
+
+OWN_COLUMNS = {
+    "time",
+    "stage",
+    "actions",
+    "tick_time",
+    "desired_positions",
+    "desired_axes",
+    "obstacles",
+}
+"""Columns that the loop fills, beside those of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +86,8 @@ def with_aligned_states(episode: Episode) -> Episode:
 def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Episode:
     """Build a piece of an episode, with the states of a tracker as they arrived.
 
-    Every sensor and every diagnostic that occurs in any step becomes a column.
+    Every sensor and every diagnostic that occurs in any step becomes a column. What a
+    sensor returned in another shape than that of `Reading` is NaN.
 
     Args:
         steps: records of at least one step.
@@ -93,8 +105,9 @@ def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Ep
         "actions": np.array([step.action for step in steps]),
         "tick_time": np.array([step.tick_time for step in steps]),
     }
-    columns |= _table([step.reading.sensors for step in steps], SENSOR)
-    columns |= _table([step.diagnostics for step in steps])
+    sensors = _table([step.reading.sensors for step in steps], sensor_shapes(arm))
+    columns |= {f"{SENSOR}{name}": column for name, column in sensors.items()}
+    columns |= _table([step.diagnostics for step in steps], {})
     columns |= _goal_columns([_active_goal(step, arm) for step in steps])
     faults = sorted({step.fault for step in steps if step.fault})
     if faults:
@@ -146,19 +159,28 @@ def _times(steps: Sequence[StepRecord]) -> np.ndarray:
 
 
 def _table(
-    rows: Sequence[Mapping[str, np.ndarray]], prefix: str = ""
+    rows: Sequence[Mapping[str, np.ndarray]], shapes: Mapping[str, tuple[int, ...]]
 ) -> dict[str, np.ndarray]:
-    """Columns of all names that occur in any row."""
+    """Columns of all names that occur in any row; some have a known shape of a row."""
     names = dict.fromkeys(name for row in rows for name in row)
-    return {prefix + name: _column([row.get(name) for row in rows]) for name in names}
+    return {
+        name: _column([row.get(name) for row in rows], shapes.get(name))
+        for name in names
+    }
 
 
-def _column(values: Sequence[np.ndarray | None]) -> np.ndarray:
-    """One row a step; NaN where a step has no numbers of the most common shape."""
+def _column(
+    values: Sequence[np.ndarray | None], shape: tuple[int, ...] | None
+) -> np.ndarray:
+    """One row a step; NaN where a step has no numbers of the shape.
+
+    Without a known shape, it is the most common one.
+    """
     arrays = [_array(value) for value in values]
-    numeric = [array for array in arrays if _is_numeric(array)]
-    shapes = Counter(array.shape for array in numeric or arrays)
-    shape = shapes.most_common(1)[0][0]
+    if shape is None:
+        numeric = [array for array in arrays if _is_numeric(array)]
+        shapes = Counter(array.shape for array in numeric or arrays)
+        shape = shapes.most_common(1)[0][0]
     rows = [np.full(shape, np.nan)] * len(arrays)
     for number, array in enumerate(arrays):
         if _is_numeric(array) and array.shape == shape:

@@ -78,6 +78,11 @@ class StepRequest:
     enabled: bool = True
     operator_present: bool = True
 
+    def __post_init__(self):
+        """Copy the goal, whose arrays the caller may use again."""
+        if self.goal is not None:
+            object.__setattr__(self, "goal", self.goal.frozen())
+
 
 @dataclass(frozen=True)
 class Phase:

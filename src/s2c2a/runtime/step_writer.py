@@ -3,6 +3,7 @@
 One mechanism serves recordings of the live page and runs of real arms.
 """
 
+import math
 import queue
 import threading
 import time
@@ -15,12 +16,15 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode, EpisodeWriter
-from s2c2a.errors import S2C2AError
+from s2c2a.episodes.blocks import MAX_BYTES
+from s2c2a.errors import RecordingError, S2C2AError
+from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.record import StepRecord, build_piece, with_aligned_states
 from s2c2a.versions import versions
 
 PIECE = 1.0  # s; what a power failure loses at most
 MAX_PIECES = 600  # a file, which may then become one episode: it is read as a whole
+BYTES = 8  # of a number
 PIECES = "pieces"
 """Option of a file whose episodes are pieces of one."""
 
@@ -99,8 +103,9 @@ class StepWriter:
 
     def _write_all(self) -> None:
         try:
-            self._write_pieces()
-            self._close_file()
+            with named_errors(RecordingError, f"{self._path} is not continued"):
+                self._write_pieces()
+                self._close_file()
         except S2C2AError as error:
             self._writer.close()
             self.error = error
@@ -151,6 +156,9 @@ def joined(pieces: Sequence[Episode]) -> Episode:
     """One episode of pieces that follow each other.
 
     A quantity that a piece lacks is NaN there; obstacles that it lacks are unused.
+
+    Raises:
+        RecordingError: a column would be larger than a file of episodes.
     """
     names = dict.fromkeys(name for piece in pieces for name in piece.columns)
     columns = {name: _joined_column(pieces, name) for name in names}
@@ -168,6 +176,12 @@ def _joined_column(pieces: Sequence[Episode], name: str) -> np.ndarray:
     axes = Counter(map(len, shapes)).most_common(1)[0][0]
     usual = [shape for shape in shapes if len(shape) == axes]
     shape = tuple(int(size) for size in np.max(usual, axis=0))
+    values_in_all = math.prod((sum(map(len, pieces)), *shape))
+    if values_in_all * BYTES > MAX_BYTES:
+        raise RecordingError(
+            f"the pieces of '{name}' make more than {MAX_BYTES} bytes when they are "
+            "joined; the file is damaged, or its pieces do not belong together"
+        )
     blank = 0.0 if name == "obstacles" else np.nan
     parts = []
     for piece in pieces:

@@ -66,6 +66,7 @@ class FrozenBodies:
             command: displacements or tensions [m or N], shape (modules, cables).
             time: on the clock of the frames' arrival [s].
         """
+        self._settle(time - RESPONSE)  # also while no frames come
         self._last = command.copy()
         self._recent.append((time, self._last))
 
