@@ -83,12 +83,13 @@ def describe_fault(fault: Any, known: Iterable[str] = ()) -> str:
     """Say what is wrong with a value and what is allowed."""
     kind = fault["type"]
     if kind in UNKNOWN_KEY:
-        return _describe_unknown_key(fault["loc"][-1], known)
+        return unknown_key(fault["loc"][-1], known)
     message = MESSAGES.get(kind, "").format(**fault.get("ctx", {}))
     return message or fault["msg"].removeprefix("Value error, ")
 
 
-def _describe_unknown_key(key: Any, known: Iterable[str]) -> str:
+def unknown_key(key: Any, known: Iterable[str]) -> str:
+    """Say that a key is unknown, and what a misspelled one may mean."""
     # a key of a nested table is known with its path, such as planner.solver.iterations
     paths = {path.rpartition(".")[2]: path for path in sorted(known, reverse=True)}
     nearest = nearest_name(str(key), paths)

@@ -88,6 +88,14 @@ def test_names_and_files_are_told_apart(tmp_path):
             r"names no forward model.*such as model = 'chain'",
         ),
         (
+            lambda _: "iteration = 5",
+            r"iteration: no such key; did you mean planner.solver.iterations\?; \[c2s\]",
+        ),
+        (
+            lambda text: text.replace("[c2s]", "[c2s]\nneighbour = 3"),
+            r"  c2s\.neighbour: no such key",
+        ),
+        (
             lambda text: text.replace('model = "local"', 'model = "soup"'),
             "no model 'soup'; choose one of bilstm, chain, local",
         ),

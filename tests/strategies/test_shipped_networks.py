@@ -14,8 +14,8 @@ from s2c2a.strategies import (
     s2c2a_strategy,
     shipped_networks,
 )
+from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.s2c2a import WEIGHTS
-from s2c2a.strategies.shipped import SHIPPED
 from s2c2a.tasks import circle
 
 # cm; README says 0.28 and 0.05 over five seeds

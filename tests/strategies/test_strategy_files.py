@@ -13,6 +13,7 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from s2c2a.arm import Cable
+from s2c2a.episodes.blocks import WORD
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import History
 from s2c2a.strategies import load_strategy, save_strategy
@@ -190,6 +191,15 @@ def test_every_difference_is_named(strategy_file, simulated):
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(StrategyError, match="no strategy at"):
         load_strategy(tmp_path / "nothing.safetensors")
+    with pytest.raises(StrategyError, match=r"shiped \(did you mean shipped\?\)"):
+        load_strategy("shiped")
+
+
+def test_a_recording_in_place_of_networks_is_named(tmp_path):
+    recording = tmp_path / "mine.episodes"
+    recording.write_bytes(WORD + bytes(100))
+    with pytest.raises(StrategyError, match="is a recording or a run, not networks"):
+        load_strategy(recording)
 
 
 @pytest.mark.parametrize("part", [0.0, 1e-5, 0.002, 0.1, 0.5, 0.999])

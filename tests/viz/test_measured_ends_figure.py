@@ -38,7 +38,7 @@ def drawn(monkeypatch, tmp_path):
 
 def test_every_end_has_a_panel_with_its_coordinates(drawn):
     titles = [axes.get_title(loc="left") for axes in drawn.axes]
-    assert titles == ["end of module 0", "end of module 1"]
+    assert titles == ["end of module 1", "end of module 2"]
     for axes in drawn.axes:
         lines = [line for line in axes.get_lines() if line.get_label() in "xyz"]
         assert len(lines) == 3

@@ -174,7 +174,8 @@ def _given_networks(
 ) -> "jobs.GivenNetworks":
     """The networks of a file, or those of the package."""
     from s2c2a import jobs
-    from s2c2a.strategies.shipped import SHIPPED, shipped_file
+    from s2c2a.strategies.checkpoint import SHIPPED
+    from s2c2a.strategies.shipped import shipped_file
 
     if str(weights) == SHIPPED:
         with shipped_file(spec) as path:

@@ -43,8 +43,8 @@ from s2c2a.strategies import (
     recipe_named,
     shipped_networks,
 )
+from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.pcc import PlainPCC
-from s2c2a.strategies.shipped import SHIPPED
 from s2c2a.tasks import TASKS, Task, load_task
 
 Strategies = Mapping[str, Callable[[], Driver]]

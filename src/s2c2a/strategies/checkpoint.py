@@ -23,10 +23,18 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.episodes.blocks import WORD
+from s2c2a.errors import (
+    S2C2AError,
+    StrategyError,
+    UntrustedCodeError,
+    did_you_mean,
+)
 from s2c2a.files import write_atomically
 from s2c2a.training import FromArm
 
+SHIPPED = "shipped"
+"""Name of the networks of the package in place of a file."""
 SCHEMA = 4
 METADATA = "s2c2a"
 DIGEST = "digest"
@@ -136,7 +144,10 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
 def _content(path: str | os.PathLike) -> bytes:
     """All of a file, unless it is too large."""
     if not Path(path).is_file():
-        raise StrategyError(f"no strategy at {path}; train one with `s2c2a train`")
+        likely = did_you_mean(str(path), [SHIPPED])
+        raise StrategyError(
+            f"no strategy at {path}{likely}; train one with `s2c2a train`"
+        )
     try:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
@@ -145,6 +156,11 @@ def _content(path: str | os.PathLike) -> bytes:
     if len(content) > MAX_BYTES:
         raise StrategyError(
             f"{path} is larger than {MAX_BYTES / 1e6:.0f} MB and no strategy file; choose another"
+        )
+    if content.startswith(WORD):
+        raise StrategyError(
+            f"{path} is a recording or a run, not networks; train networks on a "
+            "recording with `s2c2a train`"
         )
     return content
 

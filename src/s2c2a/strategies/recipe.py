@@ -45,7 +45,7 @@ from s2c2a.planning.solvers import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.plugins import trust_code_in
 from s2c2a.training.fit import FitOptions, check_limits
-from s2c2a.validation import explained
+from s2c2a.validation import MAX_KEY_LENGTH, explained, unknown_key
 
 ENDING = ".toml"
 HEADING = "{count} fault(s) in the recipe"
@@ -376,18 +376,27 @@ def recipe_in(
     """
     c2s = table.get("c2s")
     if not isinstance(c2s, dict) or not isinstance(c2s.get("model"), str):
+        known = {key.name for key in fields(Recipe)} | {"based_on"}
+        unknown = [str(key)[:MAX_KEY_LENGTH] for key in table if key not in known][:1]
+        misspelled = "".join(f"{key}: {unknown_key(key, _keys())}; " for key in unknown)
         raise StrategyError(
-            "[c2s] names no forward model; write based_on = 'best' and what differs, or "
-            f"a line such as model = 'chain': one of {', '.join(MODELS.known)}, or your "
-            "own as module:Name or file.py:Name"
+            f"{misspelled}[c2s] names no forward model; write based_on = 'best' and "
+            "what differs, or a line such as model = 'chain': one of "
+            f"{', '.join(MODELS.known)}, or your own as module:Name or file.py:Name"
         )
-    model = TypeAdapter(find_model(c2s["model"])).validate_python(c2s)
+    model = _validated("c2s", find_model(c2s["model"]), c2s)
     c2a = table.get("c2a")
     controller_name = c2a.get("model", "bilstm") if isinstance(c2a, dict) else "bilstm"
     controller_type = find_controller(str(controller_name))
-    controller = TypeAdapter(controller_type).validate_python(c2a or {})
+    controller = _validated("c2a", controller_type, c2a or {})
     validated = table | {"c2s": model, "c2a": controller}
     return TypeAdapter(Recipe).validate_python(validated)
+
+
+def _validated(name: str, kind: type, table: Any) -> Any:
+    """The options in a table of a recipe; errors name the keys with the table."""
+    adapter = TypeAdapter(dict[str, kind])  # type: ignore[valid-type]
+    return adapter.validate_python({name: table})[name]
 
 
 def _complete(written: dict[str, Any], folder: Path) -> dict[str, Any]:

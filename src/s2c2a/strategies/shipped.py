@@ -13,9 +13,6 @@ from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.strategies.trained import TrainedNetworks
 
-SHIPPED = "shipped"
-"""Name of these networks in place of a file."""
-
 
 @contextmanager
 def shipped_file(arm: ArmSpec) -> Iterator[Path]:

@@ -77,7 +77,8 @@ def measured_ends_figure(
             axes.axvline(border + 0.5, color=MUTED, linewidth=0.7, linestyle=":")
         for mark in marks:
             axes.axvline(mark.row, color=INK, linewidth=1.2, label=mark.text)
-        headline(axes, f"end of module {module}")
+        # modules count from one in figures
+        headline(axes, f"end of module {module + 1}")
     if notes:
         axes.set_xlabel(
             "\n".join(["row", *(fill(note, LETTERS) for note in notes)]),
