@@ -170,3 +170,52 @@ def test_a_reset_forgets_the_commands(twin):
     monitor.reset()
     rest = Reading(0.0, {"cables": ArmGeometry.of(twin).action_neutral})
     assert not any(monitor.find_fault(rest) for _ in range(STEPS))
+
+
+ALTERED = {
+    "enlarged": lambda away: 1.6 * away,
+    "a thousand times": lambda away: 1000.0 * away,
+    "turned around": lambda away: -away,
+}
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+@pytest.mark.parametrize("name", ALTERED)
+def test_a_robot_that_says_it_alters_commands_is_found(arm, name, rate):
+    arm = arm.model_copy(update={"control_rate": rate})
+    rest = ArmGeometry.of(arm).action_neutral
+    monitor = FollowingMonitor(arm)
+    found = ""
+    for command in commands_of(arm):
+        sent = rest + ALTERED[name](command - rest)
+        found = found or monitor.find_excess(sent, command)
+        monitor.sent(sent)
+    assert "may limit a command" in found
+
+
+HONEST = {
+    "limited in value": lambda last, command, reach: np.clip(
+        command, -0.5 * reach, 0.5 * reach
+    ),
+    "limited in rate": lambda last, command, reach: (
+        last + np.clip(command - last, -0.02 * reach, 0.02 * reach)
+    ),
+    "smoothed": lambda last, command, reach: last + 0.3 * (command - last),
+    "rounded": lambda last, command, reach: (
+        np.round(command / (0.004 * reach)) * 0.004 * reach
+    ),
+    "with compensated backlash": lambda last, command, reach: (
+        command + 0.05 * reach * np.sign(command - last)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HONEST)
+def test_a_robot_may_limit_round_and_compensate_commands(twin, name):
+    reach = np.abs(ArmGeometry.of(twin).action_scale)[:, None]
+    monitor = FollowingMonitor(twin)
+    last = ArmGeometry.of(twin).action_neutral
+    for command in commands_of(twin):
+        last = HONEST[name](last, command, reach)
+        assert not monitor.find_excess(last, command)
+        monitor.sent(last)

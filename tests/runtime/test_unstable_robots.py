@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.errors import RobotError
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Loop, StepRequest
@@ -87,3 +88,33 @@ def test_a_learned_strategy_is_stopped_on_a_robot_that_moves_four_times_as_far(t
     ran = [step for step in steps if step.stage is Stage.RUN]
     assert len(ran) < NOTICED * twin.control_rate
     assert steps[-1].stage is Stage.FAULT
+
+
+class AlteringRobot(SimulatedRobot):
+    """Sends other actions than it is given, and says so."""
+
+    gain = 1.0
+
+    def send(self, action):
+        rest = ArmGeometry.of(self.arm).action_neutral
+        return super().send(rest + self.gain * (action - rest))
+
+
+def run_to_the_end(loop, goals):
+    """Follow the goals, and close."""
+    with loop:
+        for goal in goals:
+            loop.tick(StepRequest(goal))
+
+
+@pytest.mark.parametrize("gain", [1000.0, 1.6, -1.0])
+def test_a_robot_that_alters_commands_is_stopped_and_goes_to_rest(twin, gain):
+    robot = AlteringRobot(twin)
+    robot.gain = gain
+    goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
+    loop = Loop(robot, pcc_strategy(twin, PAPER))
+    with pytest.raises(RobotError, match="a robot may limit a command, not enlarge"):
+        run_to_the_end(loop, goals)
+    np.testing.assert_allclose(
+        robot.read()["cables"], ArmGeometry.of(twin).action_neutral, atol=1e-3
+    )

@@ -19,6 +19,8 @@ MARGIN = 0.25  # part of a module's action range, of an error that lasts
 # arm file by 0.3 s stay within half of it. An encoder that errs by just so much moves
 # the tip of `twin_arm` by 5 cm (tests/runtime/test_encoder_faults.py).
 SUDDEN = 0.08
+# The same for what a robot rounds, of the 8 bits of a small servo.
+ROUNDING = 0.002
 NOISE_LIMIT = 6.0  # standard deviations of the measurement
 
 
@@ -57,6 +59,31 @@ class FollowingMonitor:
         self._low = rest
         self._high = rest
         self._last_deviation: Actions | None = None
+
+    def find_excess(self, sent: Actions, command: Actions) -> str:
+        """Describe an action that a robot sent in place of a command; empty if it may.
+
+        A robot may limit a command. It then sends something between its last action and
+        the command. It may pass the command by `SUDDEN`, to compensate backlash.
+
+        Args:
+            sent: by the robot [m or N], shape (modules, cables).
+            command: that it was given, likewise.
+        """
+        last = self._commands[-1]
+        below = np.where(command <= last, SUDDEN, ROUNDING) * self._scale
+        above = np.where(command >= last, SUDDEN, ROUNDING) * self._scale
+        excess = sent > np.maximum(last, command) + above
+        excess |= sent < np.minimum(last, command) - below
+        if not excess.any():
+            return ""
+        module, cable = np.argwhere(excess)[0]
+        return (
+            f"it sent {sent[module, cable]:.4g} to module {module + 1}, cable "
+            f"{cable + 1} in place of {command[module, cable]:.4g}, after "
+            f"{last[module, cable]:.4g}; a robot may limit a command, not enlarge it or "
+            "turn it around: check gain and sign (`s2c2a robot check`)"
+        )
 
     def sent(self, command: Actions) -> None:
         """Add a command that the robot sent.

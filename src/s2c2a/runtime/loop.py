@@ -602,6 +602,11 @@ class Loop:
         if sent.shape != command.shape or not np.isfinite(sent).all():
             text = f"it returned {answer!r}, not the action that it sent"
             raise self._robot_error("send", text)
+        excess = self._following.find_excess(sent, command)
+        if (
+            excess and not self._stopped
+        ):  # on the way to rest there is no better command
+            raise self._robot_error("send", excess)
         self._following.sent(sent)
         with self._robot_errors("advance"):
             self._robot.advance(self.arm.control_period)
