@@ -201,6 +201,7 @@ HONEST = {
         last + np.clip(command - last, -0.02 * reach, 0.02 * reach)
     ),
     "smoothed": lambda last, command, reach: last + 0.3 * (command - last),
+    "halved": lambda last, command, reach: 0.5 * command,
     "rounded": lambda last, command, reach: (
         np.round(command / (0.004 * reach)) * 0.004 * reach
     ),

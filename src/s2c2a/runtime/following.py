@@ -63,26 +63,27 @@ class FollowingMonitor:
     def find_excess(self, sent: Actions, command: Actions) -> str:
         """Describe an action that a robot sent in place of a command; empty if it may.
 
-        A robot may limit a command. It then sends something between its last action and
-        the command. It may pass the command by `SUDDEN`, to compensate backlash.
+        A robot may limit or reduce a command: what it sends is then between its last
+        action, the command, and rest. It may also differ from the command by `SUDDEN`, to
+        compensate backlash.
 
         Args:
             sent: by the robot [m or N], shape (modules, cables).
             command: that it was given, likewise.
         """
-        last = self._commands[-1]
-        below = np.where(command <= last, SUDDEN, ROUNDING) * self._scale
-        above = np.where(command >= last, SUDDEN, ROUNDING) * self._scale
-        excess = sent > np.maximum(last, command) + above
-        excess |= sent < np.minimum(last, command) - below
+        rest = self._geometry.action_neutral
+        allowed = np.stack([self._commands[-1], command, rest])
+        nearest = np.clip(sent, allowed.min(axis=0), allowed.max(axis=0))
+        excess = np.abs(sent - nearest) > ROUNDING * self._scale
+        excess &= np.abs(sent - command) > SUDDEN * self._scale
         if not excess.any():
             return ""
         module, cable = np.argwhere(excess)[0]
         return (
             f"it sent {sent[module, cable]:.4g} to module {module + 1}, cable "
-            f"{cable + 1} in place of {command[module, cable]:.4g}, after "
-            f"{last[module, cable]:.4g}; a robot may limit a command, not enlarge it or "
-            "turn it around: check gain and sign (`s2c2a robot check`)"
+            f"{cable + 1} in place of {command[module, cable]:.4g}; a robot may limit a "
+            "command, not enlarge it or turn it around: check gain and sign "
+            "(`s2c2a robot check`)"
         )
 
     def sent(self, command: Actions) -> None:
