@@ -4,7 +4,6 @@ Runs, recordings, and the live page all drive arms through `Loop`.
 """
 
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
-from s2c2a.repeats import RepeatDetector
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.emergency import stop_on_signal
 from s2c2a.runtime.limits import CommandLimits

@@ -16,10 +16,10 @@ from s2c2a.spaces import Actions, Reading
 MAX_LAG = 0.5  # s; beyond the time constant of the motors
 MARGIN = 0.25  # part of a module's action range, of an error that lasts
 # The same for an error that appears at once. Motors that are slower than those of the
-# arm file by 0.3 s stay within half of it. An encoder that errs by just so much moves
-# the tip of `twin_arm` by 5 cm (tests/runtime/test_encoder_faults.py).
+# arm file by 0.3 s err by up to 0.05. An encoder that errs by just so much moves the tip
+# of `twin_arm` by 5 cm (tests/runtime/test_encoder_faults.py).
 SUDDEN = 0.08
-# The same for what a robot rounds, of the 8 bits of a small servo.
+# The same for the rounding of commands: half of the step of a servo with 8 bits.
 ROUNDING = 0.002
 NOISE_LIMIT = 6.0  # standard deviations of the measurement
 
