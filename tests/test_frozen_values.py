@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "src" / "s2c2a"
-TREES = {path: ast.parse(path.read_text("utf-8")) for path in PACKAGE.rglob("*.py")}
+ROOT = Path(__file__).parents[1]
+FILES = [*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")]
+TREES = {path: ast.parse(path.read_text("utf-8")) for path in FILES}
 
 
 def frozen_fields(trees):
@@ -72,7 +73,7 @@ CLASSES = frozen_fields(TREES.values())
 
 def test_no_value_is_rebuilt_from_a_part_of_another():
     found = [
-        f"{path.relative_to(PACKAGE)}:{call}"
+        f"{path.relative_to(ROOT)}:{call}"
         for path, tree in TREES.items()
         for call in partial_copies(tree, CLASSES)
     ]

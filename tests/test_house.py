@@ -7,8 +7,10 @@ import tokenize
 from pathlib import Path
 from statistics import median, quantiles
 
-PACKAGE = Path(__file__).parents[1] / "src" / "s2c2a"
-FILES = sorted(PACKAGE.rglob("*.py"))
+ROOT = Path(__file__).parents[1]
+FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
+WINGS = ("lab", "logs", "live")
+MAX_CORE = 24_000
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 LAYOUT = {
@@ -71,6 +73,19 @@ def test_functions_are_small():
 def test_a_line_does_one_thing():
     nodes, lines = density()
     assert nodes / lines <= 9.0
+
+
+def test_the_core_has_at_most_its_lines():
+    core = [file for file in FILES if is_core(file)]
+    assert sum(len(code_lines(file.read_text("utf-8"))) for file in core) <= MAX_CORE
+
+
+def is_core(file: Path) -> bool:
+    """Whether a file is in the package, and in none of its wings."""
+    package = ROOT / "src" / "s2c2a"
+    if not file.is_relative_to(package):
+        return False
+    return file.relative_to(package).parts[0] not in WINGS
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import importlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,7 +22,9 @@ from s2c2a.errors import S2C2AError, UntrustedCodeError, did_you_mean
 Result = TypeVar("Result")
 
 GROUPS = {
+    "command": "s2c2a.commands",
     "robot": "s2c2a.robots",
+    "robot_wrapper": "s2c2a.robot_wrappers",
     "sensor": "s2c2a.sensors",
     "sensor_model": "s2c2a.sensor_models",
     "estimator": "s2c2a.estimators",
@@ -151,17 +153,21 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
         raise S2C2AError(
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
+    choices = [*known, *installed(kind)]
     raise S2C2AError(
-        f"no {kind} '{name}'{did_you_mean(name, known)}; "
-        f"choose one of {', '.join(known) or 'none'}, or give your own as "
+        f"no {kind} '{name}'{did_you_mean(name, choices)}; "
+        f"choose one of {', '.join(choices) or 'none'}, or give your own as "
         "module:Name or file.py:Name"
     )
 
 
-def resolve_own(path: str) -> Any:
-    """Return an object of this package by its import path, which is a constant."""
-    module, _, attribute = path.rpartition(":")
-    return getattr(importlib.import_module(module), attribute)
+def installed(kind: str) -> dict[str, EntryPoint]:
+    """Entry points of a kind by name: of this package's wings, and of other packages.
+
+    Args:
+        kind: one of `GROUPS`.
+    """
+    return {point.name: point for point in entry_points(group=GROUPS[kind])}
 
 
 def _check_trusted(kind: str, name: str) -> None:

@@ -18,11 +18,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from s2c2a.plugins import located
+from s2c2a.plugins import GROUPS, located
 
 PACKAGE = "s2c2a"
-GROUPS = f"{PACKAGE}."
-"""Beginning of all groups of entry points."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
 
@@ -94,13 +92,12 @@ def _files_of_name(name: str) -> Iterator[Path]:
 
 @cache
 def _entry_point_modules() -> dict[str, str]:
-    """Modules of all entry points for the package, by name."""
-    installed = entry_points()
+    """Modules of all entry points that values can name, by name."""
     return {
         point.name: point.module
-        for group in installed.groups
-        if group.startswith(GROUPS)
-        for point in installed.select(group=group)
+        for kind, group in GROUPS.items()
+        if kind != "command"
+        for point in entry_points(group=group)
     }
 
 

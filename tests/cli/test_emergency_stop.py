@@ -8,12 +8,12 @@ import signal
 
 import pytest
 
-from s2c2a import cli, data, jobs
-from s2c2a.cli import tracking_calibration
+from s2c2a import cli, data, jobs, lab, live, logs
 from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
 from s2c2a.cli.sweep import sweep
+from s2c2a.lab.cli import tracking_calibration
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
@@ -52,9 +52,9 @@ def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
 @pytest.mark.parametrize("verb", ["latency", "frames"])
 def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb):
     monkeypatch.chdir(tmp_path)
-    measure = f"s2c2a.identification.tracking.measure_{verb}"
+    measure = f"s2c2a.lab.tracking.calibration_motions.measure_{verb}"
     monkeypatch.setattr(measure, signal_this_process)
-    monkeypatch.setattr("s2c2a.tracking.tracker_of", lambda source: None)
+    monkeypatch.setattr("s2c2a.lab.tracking.tracker_of", lambda source: None)
     command = getattr(tracking_calibration, verb)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         command("twin_arm", robot="sim", tracking="udp:9763")
@@ -71,8 +71,9 @@ def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
 
 def test_no_command_that_moves_an_arm_is_forgotten_here():
     modules = [
-        importlib.import_module(f"s2c2a.cli.{module.name}")
-        for module in pkgutil.iter_modules(cli.__path__)
+        importlib.import_module(f"{package.__name__}.{module.name}")
+        for package in (cli, lab.cli, logs.cli, live.cli)
+        for module in pkgutil.iter_modules(package.__path__)
     ]
     moving = {
         name

@@ -10,10 +10,10 @@ import pytest
 
 from s2c2a import evaluation
 from s2c2a.arm import load_arm
-from s2c2a.cli import view
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.jobs import Cache, Job
+from s2c2a.live.cli import view
 from s2c2a.runtime import StepRecord, build_episode, step_writer
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import recipe_named

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from s2c2a.cli import live as command
 from s2c2a.live import process
+from s2c2a.live.cli import live as command
 from s2c2a.live.request import RequestLimits
 from s2c2a.runtime import EMERGENCY_STOP
 

@@ -181,7 +181,7 @@ def test_an_error_of_the_robot_class_is_reported(own, twin):
     [
         (
             "twin",
-            "no robot 'twin'; choose one of sim, dynamixel, feetech, "
+            "no robot 'twin'; choose one of dynamixel, feetech, sim, "
             "or give your own as module:Name or file.py:Name",
         ),
         ("nowhere_at_all:Arm", "cannot be loaded: ModuleNotFoundError"),
@@ -208,7 +208,7 @@ def test_a_robot_of_another_package_is_found_by_its_entry_point(monkeypatch):
         def load(self):
             return SimulatedRobot
 
-    def points(group, name):
+    def points(group, name=""):
         return [Point()] if (group, name) == ("s2c2a.robots", "theirs") else []
 
     monkeypatch.setattr("s2c2a.plugins.entry_points", points)

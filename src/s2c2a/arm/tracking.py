@@ -7,6 +7,10 @@ from pydantic import Field, model_validator
 from s2c2a.arm.fields import Frozen
 
 MAX_NAME = 64
+STRETCH = 0.1
+"""Share by which a module may be longer than its length, or its chord shorter."""
+MOUNTING = 0.02
+"""Largest distance of a tracked body from where it should be [m]."""
 Body = Annotated[str, Field(max_length=MAX_NAME)]
 
 

@@ -6,34 +6,18 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
+from importlib.util import find_spec
 from typing import Literal
 
 from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import (
-    arm,
-    bench,
-    collect,
-    doctor,
-    emulate,
-    identify,
-    import_,
-    live,
-    motors,
-    pretrain,
-    reproduce,
-    run,
-    sweep,
-    tracking,
-    train,
-    view,
-)
+from s2c2a.cli import arm, bench, collect, demo, doctor, pretrain, run, sweep, train
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
-from s2c2a.plugins import trust_code, trust_of_one_command
+from s2c2a.plugins import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code
 TRUST = "--trust"
@@ -73,16 +57,12 @@ def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
 
 
 VERBS: dict[str, Callable[..., None]] = {
-    "demo": reproduce.demo,
-    "live": live.live,
-    "view": view.view,
+    "demo": demo.demo,
     "collect": collect.collect,
-    "identify": identify.identify,
     "pretrain": pretrain.pretrain,
     "train": train.train,
     "run": run.run,
     "sweep": sweep.sweep,
-    "import": import_.import_,
     "bench": bench.bench,
     "doctor": doctor.doctor,
     "completion": completion,
@@ -90,14 +70,35 @@ VERBS: dict[str, Callable[..., None]] = {
 GROUPS = {
     "arm": (arm.app, "Check, describe, draw, copy or randomize an arm file."),
     "robot": (arm.robot_app, "Check a robot."),
-    "motors": (motors.app, "Bring up the servos of a real arm."),
-    "tracking": (
-        tracking.app,
-        "Calibrate a pose tracker; print tags for a webcam.",
-    ),
-    "emulate": (emulate.app, "Emulate the devices of a real arm."),
-    "reproduce": (reproduce.app, "Reproduce the project's tables from scratch."),
 }
+"""Groups of commands, each with its help."""
+
+
+def _add_installed_commands() -> None:
+    """Add the commands of the wings, of a clone and of other packages.
+
+    An entry point of `s2c2a.commands` is a function, or a pair of a `SubcommandApp` and
+    its help. One that cannot be imported is left out, and named: the others work.
+    """
+    for name, point in installed("command").items():
+        if find_spec(point.module.partition(".")[0]) is None:
+            continue  # the wheel has no experiments, which stand beside it in a clone
+        try:
+            command = point.load()
+        except Exception as error:  # it may be a stranger's
+            print(
+                f"s2c2a: the command '{name}' cannot be loaded: "
+                f"{type(error).__name__}: {error}",
+                file=sys.stderr,
+            )
+            continue
+        if isinstance(command, tuple):
+            GROUPS[name] = command
+        else:
+            VERBS[name] = command
+
+
+_add_installed_commands()
 COMMANDS = (*VERBS, *GROUPS)
 
 app = SubcommandApp()
@@ -180,6 +181,11 @@ def _check_command(given: Sequence[str]) -> None:
     """
     if not given or given[0].startswith("-") or given[0] in COMMANDS:
         return
+    if given[0] == "reproduce":
+        raise S2C2AError(
+            "the studies behind the tables stand in experiments/ of the repository, not "
+            "in the wheel; clone it, and install the clone with pip install -e ."
+        )
     nearest = nearest_name(given[0], COMMANDS)
     advice = f"did you mean {nearest}?" if nearest else "see s2c2a --help"
     raise S2C2AError(f"no command '{given[0]}'; {advice}")

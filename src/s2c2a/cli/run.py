@@ -152,8 +152,8 @@ def run(
         "weights": weights,
         "repeat": repeat,
     }
-    if factory.tracking_source(spec):
-        print(f"tracking calibration: {_tracking_calibration(spec)}")
+    if calibration := factory.describe_calibration(spec):
+        print(f"tracking calibration: {calibration}")
     one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
     is_unfinished = (
         work.out is not None and not (work.out / f"{spec.name}.html").exists()
@@ -181,12 +181,6 @@ def _given_networks(
         with shipped_file(spec) as path:
             return jobs.GivenNetworks.read(path, spec, recipe)
     return jobs.GivenNetworks.read(weights, spec, recipe)
-
-
-def _tracking_calibration(spec: "arm.ArmSpec") -> str:
-    from s2c2a.tracking.calibration import describe_tracking_calibration
-
-    return describe_tracking_calibration(spec)
 
 
 def _check_used(given: "jobs.GivenNetworks | None", jobs: "Sequence[jobs.Job]") -> None:

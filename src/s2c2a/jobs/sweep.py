@@ -304,7 +304,7 @@ def _scored(
     if not np.isfinite(score):
         failure = f"no step counts for {sweep.metric}"
         return Trial(trial.number, trial.params, None, failure)
-    return Trial(trial.number, trial.params, score)
+    return Trial(trial.number, trial.params, score, failure="")
 
 
 def _save_trial(study: optuna.Study, trial: Trial) -> None:

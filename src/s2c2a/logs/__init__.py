@@ -16,12 +16,6 @@ The pipeline (`pipeline.import_logs`):
 9. `summary` describes the result.
 """
 
-from s2c2a.logs.log_map import LogMap, load_map, map_from_toml
-from s2c2a.logs.pipeline import (
-    Imported,
-    ImportedSession,
-    arm_file_of,
-    import_logs,
-    import_session,
-    save_imported,
-)
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
 """Robots: the interface of every arm, simulated or real. NumPy only."""
 
-from s2c2a.robots.conformance import check_robot
-from s2c2a.robots.factory import RobotFactory
-from s2c2a.robots.robot import Robot, checked_action
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,18 +7,13 @@ from typing import Any
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.options import convert_option, named_parameters
-from s2c2a.plugins import resolve, resolve_own, trust_code
+from s2c2a.plugins import resolve, trust_code
 from s2c2a.robots.robot import Robot
 
 SIMULATED = "sim"
 NO_TRACKING = "none"
-TRACKED = "s2c2a.tracking.tracked_robot:TrackedRobot"
-KNOWN = {
-    SIMULATED: "s2c2a.robots.simulation:SimulatedRobot",
-    "dynamixel": "s2c2a.hardware.servo_robot:DynamixelRobot",
-    "feetech": "s2c2a.hardware.servo_robot:FeetechRobot",
-}
-"""Import paths of the package's own robots: users of real arms need no MuJoCo."""
+TRACKED = "tracked"
+"""Name of the robot wrapper that adds tracked poses."""
 
 
 def robot_class(name: str) -> type[Robot]:
@@ -27,11 +22,8 @@ def robot_class(name: str) -> type[Robot]:
     Raises:
         S2C2AError: there is no such class, or it is not a complete robot.
     """
-    if name in KNOWN:
-        cls = resolve_own(KNOWN[name])
-    else:
-        trust_code(name)
-        cls = resolve("robot", name, KNOWN)
+    trust_code(name)
+    cls = resolve("robot", name, {})
     if not (isinstance(cls, type) and issubclass(cls, Robot)):
         raise S2C2AError(
             f"{name} is {cls!r}, not a robot; give a subclass of s2c2a.robots.Robot"
@@ -116,6 +108,16 @@ class RobotFactory:
             return self.tracking
         return arm.tracking.source if arm.tracking is not None else ""
 
+    def describe_calibration(self, arm: ArmSpec) -> str:
+        """Which calibration the tracker of the arm uses; empty without a tracker.
+
+        Raises:
+            S2C2AError: the file is damaged or of another arm.
+        """
+        if not self.tracking_source(arm):
+            return ""
+        return resolve("robot_wrapper", TRACKED, {}).describe_calibration(arm)
+
     def _make_robot(self, arm: ArmSpec, defaults: Mapping[str, Any]) -> Robot:
         cls = robot_class(self.name)
         parameters = dict(list(named_parameters(cls).items())[1:])  # after the arm
@@ -158,4 +160,4 @@ def _describe_texts(options: Mapping[str, Any]) -> str:
 
 def _tracked(robot: Robot, source: str) -> Robot:
     """The robot with the poses of its module ends."""
-    return resolve_own(TRACKED)(robot, source)
+    return resolve("robot_wrapper", TRACKED, {})(robot, source)

@@ -1,0 +1,1 @@
+"""Commands for servos, trackers and emulators."""

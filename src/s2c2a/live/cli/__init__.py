@@ -1,0 +1,1 @@
+"""Commands `s2c2a live` and `s2c2a view`."""
