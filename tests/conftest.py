@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from hashlib import blake2b
 from pathlib import Path
+from shutil import rmtree
 
 import jax
 import numpy as np
@@ -15,7 +16,6 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
-from s2c2a.cache import delete_incomplete_programs
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
 from s2c2a.executors import forget_programs
@@ -44,26 +44,28 @@ MAX_MAPS = 8_000
 A compiled program takes three maps and half a megabyte with all that is known of it. The
 programs of one file are seldom used by the next.
 """
+MAX_BYTES = 2_000_000_000
 NO_DIGEST = "0" * 64
 
 
 def pytest_configure(config):
-    """Cache compiled programs, and compile with little optimization: most time is that.
+    """Keep compiled programs, and compile with little optimization: most time is that.
 
-    Processes that tests start keep theirs in the same folder, under the same bound:
-    with the bound comes a lock, and who writes without it leaves what the others take
-    for half a program.
+    Small ones, too: most are of single operations, and reading one takes a third of
+    compiling it. JAX keeps them without its bound, which would look at all files for
+    each new one; this process looks once. Processes that tests start use the same
+    folder.
     """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
-        delete_incomplete_programs(programs)
+        delete_large(programs)
         flags = known_flags(HASTY)
         # read when the first array is made; workers inherit them
         os.environ["XLA_FLAGS"] = " ".join([*flags, os.environ.get("XLA_FLAGS", "")])
     settings = {
         "jax_compilation_cache_dir": str(programs),
-        "jax_compilation_cache_max_size": 2_000_000_000,
-        "jax_persistent_cache_min_compile_time_secs": 0.1,
+        "jax_compilation_cache_max_size": -1,
+        "jax_persistent_cache_min_compile_time_secs": 0.0,
     }
     for name, value in settings.items():
         jax.config.update(name, value)
@@ -71,6 +73,12 @@ def pytest_configure(config):
     # for workers of xdist and commands, which start with it: two threads of each of
     # them wait for each other on two cores
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def delete_large(programs: Path) -> None:
+    """Delete the folder of compiled programs if it has grown beyond its bound."""
+    if sum(file.stat().st_size for file in programs.glob("*")) > MAX_BYTES:
+        rmtree(programs)
 
 
 @pytest.fixture(scope="module", autouse=True)
