@@ -1,11 +1,13 @@
 """What many tests share: arms, a small recording, small networks."""
 
+import ctypes
 import gc
 import json
 import os
-from dataclasses import replace
+from contextlib import suppress
 from hashlib import blake2b
 from pathlib import Path
+from shutil import rmtree
 
 import jax
 import numpy as np
@@ -14,36 +16,16 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
-from s2c2a.cache import delete_incomplete_programs
-from s2c2a.control.options import BiLSTMController
-from s2c2a.data import CollectOptions, Recording, collect
+from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
 from s2c2a.executors import forget_programs
-from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.plugins import trust_of_one_command
-from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import (
-    Recipe,
-    TrainedNetworks,
-    recipe_named,
-    save_strategy,
-    train_s2c2a,
-)
-from s2c2a.training import FitOptions
+from s2c2a.strategies import Recipe, TrainedNetworks, load_strategy
 from s2c2a.viz import Trace
 
+from tools import small_networks
 from xla_flags import known_flags
 
-LONGEST = (
-    "test_pipeline",
-    "test_artifacts",
-    "test_cluster",
-    "test_examples_run",
-    "test_live_page_in_browser",
-    "test_local",
-)
-"""Files that go first, so that no worker is left with one of them when all others have
-ended."""
 HASTY = (
     "--xla_cpu_use_fusion_emitters=false",
     "--xla_backend_optimization_level=0",
@@ -56,33 +38,34 @@ What users run is compiled with care, as in `make demo`. Each program is compile
 piece: the other core belongs to the other worker. Flags that a version of XLA does not
 know are left out; jaxlib 0.12 does not know the first.
 """
-EPISODES, SAMPLES = 6, 100
-# of memory; the system allows 65,530 to a process, and a compiled program takes a few
-MAX_MAPS = 30_000
+MAX_MAPS = 8_000
+"""Memory maps of a worker from which it forgets its programs: about 1.6 GB.
+
+A compiled program takes three maps and half a megabyte with all that is known of it. The
+programs of one file are seldom used by the next.
+"""
+MAX_BYTES = 2_000_000_000
 NO_DIGEST = "0" * 64
-TINY, QUICK = (
-    BiLSTMController(layers=1, hidden=8),
-    FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6),
-)
 
 
 def pytest_configure(config):
-    """Cache compiled programs, and compile with little optimization: most time is that.
+    """Keep compiled programs, and compile with little optimization: most time is that.
 
-    Processes that tests start keep theirs in the same folder, under the same bound:
-    with the bound comes a lock, and who writes without it leaves what the others take
-    for half a program.
+    Small ones, too: most are of single operations, and reading one takes a third of
+    compiling it. JAX keeps them without its bound, which would look at all files for
+    each new one; this process looks once. Processes that tests start use the same
+    folder.
     """
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
-        delete_incomplete_programs(programs)
+        delete_large(programs)
         flags = known_flags(HASTY)
         # read when the first array is made; workers inherit them
         os.environ["XLA_FLAGS"] = " ".join([*flags, os.environ.get("XLA_FLAGS", "")])
     settings = {
         "jax_compilation_cache_dir": str(programs),
-        "jax_compilation_cache_max_size": 2_000_000_000,
-        "jax_persistent_cache_min_compile_time_secs": 0.1,
+        "jax_compilation_cache_max_size": -1,
+        "jax_persistent_cache_min_compile_time_secs": 0.0,
     }
     for name, value in settings.items():
         jax.config.update(name, value)
@@ -92,18 +75,25 @@ def pytest_configure(config):
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def pytest_collection_modifyitems(items):
-    """Long files first."""
-    place = {name: number for number, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+def delete_large(programs: Path) -> None:
+    """Delete the folder of compiled programs if it has grown beyond its bound."""
+    if sum(file.stat().st_size for file in programs.glob("*")) > MAX_BYTES:
+        rmtree(programs)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_programs():
-    """Drop compiled programs before the system's limit of memory maps is reached."""
+    """Drop compiled programs before they fill the memory."""
     yield
     forget_programs(MAX_MAPS)
     gc.collect()
+    return_memory()
+
+
+def return_memory() -> None:
+    """Give freed memory back to the system, which the allocator keeps otherwise."""
+    with suppress(OSError, AttributeError):  # another system or C library
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 @pytest.fixture(autouse=True)
@@ -166,67 +156,45 @@ def simulated() -> ArmSpec:
 
 
 @pytest.fixture(scope="session")
-def recording(twin, tmp_path_factory) -> Recording:
+def recording() -> Recording:
     """Six short episodes of the twin."""
-    path = tmp_path_factory.mktemp("shared") / "twin.episodes"
-    options = CollectOptions(episodes=EPISODES, samples=SAMPLES)
-    return collect(
-        path,
-        twin,
-        lambda seed: SimulatedRobot(twin, seed=seed),
-        options,
-        robot="simulation fast",
-    )
+    return load_recording(small_networks.RECORDING)
 
 
 @pytest.fixture(scope="session")
 def tiny_recipe() -> Recipe:
     """The paper's recipe with far smaller networks and a few quick epochs."""
-    return replace(
-        recipe_named("paper"),
-        name="tiny",
-        c2s=C2SOptions(1, 8),
-        c2a=TINY,
-        c2s_fit=QUICK,
-        c2a_fit=QUICK,
-    )
+    return small_networks.PAPER_RECIPE
 
 
 @pytest.fixture(scope="session")
 def tiny_best_recipe() -> Recipe:
     """The recipe `best`, as small and as quick."""
-    size, fit = (
-        ChainOptions(hidden=8, depth=1, play_widths=(0.005, 0.02), creep_times=(1.0,)),
-        replace(QUICK, decay=True),
-    )
-    return replace(
-        recipe_named("best"),
-        name="tiny_best",
-        c2s=size,
-        c2a=TINY,
-        c2s_fit=fit,
-        c2a_fit=fit,
-    )
+    return small_networks.BEST_RECIPE
 
 
 @pytest.fixture(scope="session")
-def tiny_networks(recording, tiny_recipe) -> TrainedNetworks:
-    """Really trained, on the small recording, a little."""
-    return train_s2c2a(recording, tiny_recipe, seed=7)
+def strategy_file() -> Path:
+    """A saved strategy for the twin."""
+    return small_networks.PAPER
 
 
 @pytest.fixture(scope="session")
-def tiny_best_networks(recording, tiny_best_recipe) -> TrainedNetworks:
-    """Trained by the recipe `best` on the small recording, a little."""
-    return train_s2c2a(recording, tiny_best_recipe, seed=7)
-
-
-@pytest.fixture(scope="session")
-def best_strategy_file(tiny_best_networks, tmp_path_factory) -> Path:
+def best_strategy_file() -> Path:
     """A saved strategy of the recipe `best` for the twin."""
-    path = tmp_path_factory.mktemp("shared") / "twin_best.safetensors"
-    save_strategy(tiny_best_networks, path)
-    return path
+    return small_networks.BEST
+
+
+@pytest.fixture(scope="session")
+def tiny_networks(strategy_file) -> TrainedNetworks:
+    """Really trained, on the small recording, a little."""
+    return load_strategy(strategy_file)
+
+
+@pytest.fixture(scope="session")
+def tiny_best_networks(best_strategy_file) -> TrainedNetworks:
+    """Trained by the recipe `best` on the small recording, a little."""
+    return load_strategy(best_strategy_file)
 
 
 @pytest.fixture
@@ -246,11 +214,3 @@ def forged(tmp_path):
         return tmp_path / "forged.safetensors"
 
     return write_anew
-
-
-@pytest.fixture(scope="session")
-def strategy_file(tiny_networks, tmp_path_factory) -> Path:
-    """A saved strategy for the twin."""
-    path = tmp_path_factory.mktemp("shared") / "twin.safetensors"
-    save_strategy(tiny_networks, path)
-    return path

@@ -429,7 +429,7 @@ collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
 
 def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tmp_path):
     path, random, episodes = tmp_path / "killed.episodes", np.random.default_rng(0), [0]
-    for _ in range(3):
+    for _ in range(2):
         running = subprocess.Popen(
             [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
         )

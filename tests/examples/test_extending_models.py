@@ -1,6 +1,5 @@
 """A custom forward model, from data to a run, through the command line."""
 
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -93,24 +92,24 @@ def test_its_options_round_trip_through_recipe_and_strategy_file(
     assert again.training == load_recipe(recipe).training
 
 
-def test_a_strategy_file_alone_does_not_run_its_code(strategy, tmp_path):
-    """In a new process, since this one has already imported the model."""
-    code = "import sys; from s2c2a.cli.main import main; main(sys.argv[1:])"
-    command = [
-        sys.executable,
-        "-c",
-        code,
-        "run",
-        str(waypoints(tmp_path)),
-        "--weights",
-        str(strategy),
-    ]
-    done = subprocess.run(
-        command, cwd=EXAMPLE.parent, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert "'own_model:ArcsOptions'" in done.stderr
-    assert "--model" in done.stderr
+def test_a_strategy_file_alone_does_not_run_its_code(
+    strategy, forged, tmp_path, monkeypatch, capsys
+):
+    """It names a module that Python would find, and that nobody has imported."""
+    (tmp_path / "never_imported.py").write_text(EXAMPLE.read_text())
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def rename(metadata, _arrays):
+        metadata["recipe"]["c2s"]["model"] = "never_imported:ArcsOptions"
+
+    file = forged(strategy, rename)
+    with pytest.raises(SystemExit) as stopped:
+        main(["run", str(waypoints(tmp_path)), "--weights", str(file)])
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert "'never_imported:ArcsOptions'" in error
+    assert "--model" in error
+    assert "never_imported" not in sys.modules
 
 
 @pytest.mark.parametrize(

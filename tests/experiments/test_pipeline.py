@@ -37,6 +37,7 @@ def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(trained, cach
     assert errors["s2c2a"] < errors["pcc-fitted"]
 
 
+@pytest.mark.slow
 def test_with_the_papers_recipe_the_twin_matches_the_papers_error_and_beats_pcc(
     trained_as_the_paper, cache
 ):
@@ -50,12 +51,14 @@ def test_the_controller_learns_to_the_papers_held_out_error(name, trained):
     assert trained[name].percent["C2A"][0] <= 0.91
 
 
+@pytest.mark.slow
 def test_with_the_papers_recipe_the_controller_learns_to_the_papers_held_out_error(
     trained_as_the_paper,
 ):
     assert trained_as_the_paper.percent["C2A"][0] <= 0.91
 
 
+@pytest.mark.slow
 def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
     assert C2S_ERROR.holds(trained_as_the_paper.percent["C2S"][0])
 

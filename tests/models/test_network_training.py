@@ -9,10 +9,25 @@ from s2c2a.errors import TrainingError
 from s2c2a.estimation import configuration_map_for
 from s2c2a.models import History
 from s2c2a.models.c2s import state_scaling
+from s2c2a.strategies import TrainedNetworks, train_s2c2a
 from s2c2a.training import FitOptions, TrainingData
 
 KEY = jax.random.key(1)
 FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
+
+
+@pytest.fixture(scope="module")
+def told() -> list[tuple]:
+    """What the training below tells of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def trained(recording, tiny_recipe, told) -> TrainedNetworks:
+    """Trained here, unlike the networks that most tests read."""
+    return train_s2c2a(
+        recording, tiny_recipe, seed=7, progress=lambda *what: told.append(what[:3])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -35,24 +50,26 @@ def control_split(training_data):
     )
 
 
-def test_training_lowers_both_losses_of_both_networks(tiny_networks):
-    for curve in tiny_networks.curves.values():
+def test_training_lowers_both_losses_of_both_networks(trained):
+    for curve in trained.curves.values():
         np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
         assert np.all(np.diff(curve[::3, 1]) < 0)
         assert curve[-1, 2] < 0.5 * curve[0, 2]
 
 
+def test_training_tells_which_network_it_is_at(trained, told):
+    assert told == [("C2S", 6, 12), ("C2S", 12, 12), ("C2A", 6, 12), ("C2A", 12, 12)]
+
+
 def test_the_forward_models_percent_is_that_of_its_predictions(
-    tiny_networks, forward_split, recording
+    trained, forward_split, recording
 ):
     """Full range over the whole recording, error over the held-out part, in meters."""
     held_out = forward_split.test
-    predicted = np.asarray(
-        tiny_networks.c2s.predict(held_out.inputs["configurations"], ())
-    )
+    predicted = np.asarray(trained.c2s.predict(held_out.inputs["configurations"], ()))
     ranges = np.ptp(recording.sensor("states").reshape(-1, 3, 6), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert tiny_networks.percent["C2S"] == pytest.approx(
+    assert trained.percent["C2S"] == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 40
@@ -73,26 +90,24 @@ def predict_actions(c2a, samples) -> np.ndarray:
 
 
 def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
-    tiny_networks, control_split
+    trained, control_split
 ):
     """Whatever scaling the network uses: computed here from meters."""
     held_out = control_split.test
-    c2a = tiny_networks.c2a
+    c2a = trained.c2a
     predicted = np.asarray(c2a.sum_and_range.actions(predict_actions(c2a, held_out)))
     parts = (control_split.training, control_split.validation, control_split.test)
     ranges = np.ptp(np.concatenate([part.targets for part in parts]), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert tiny_networks.percent["C2A"] == pytest.approx(
+    assert trained.percent["C2A"] == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 25
 
 
-def test_training_does_not_change_the_scalings(
-    tiny_networks, forward_split, control_split
-):
+def test_training_does_not_change_the_scalings(trained, forward_split, control_split):
     configurations = forward_split.training.inputs["configurations"].reshape(-1, 3)
-    scaling = tiny_networks.c2s.configuration_scaling
+    scaling = trained.c2s.configuration_scaling
     np.testing.assert_allclose(
         scaling.center - scaling.half_range, configurations.min(axis=0), atol=1e-6
     )
@@ -101,17 +116,13 @@ def test_training_does_not_change_the_scalings(
     )
     expected = state_scaling(forward_split.training.targets)
     np.testing.assert_array_equal(
-        tiny_networks.c2s.state_scaling.half_range, expected.half_range
+        trained.c2s.state_scaling.half_range, expected.half_range
     )
-    np.testing.assert_array_equal(
-        tiny_networks.c2s.state_scaling.center, expected.center
-    )
+    np.testing.assert_array_equal(trained.c2s.state_scaling.center, expected.center)
     desired = control_split.training.inputs["desired"].reshape(-1, 3)
-    half_ranges = tiny_networks.c2a.configuration_scaling.half_range
+    half_ranges = trained.c2a.configuration_scaling.half_range
     np.testing.assert_allclose(half_ranges, np.ptp(desired, axis=0) / 2, atol=1e-6)
-    np.testing.assert_array_equal(
-        tiny_networks.c2a.sum_and_range.neutral, np.zeros((3, 3))
-    )
+    np.testing.assert_array_equal(trained.c2a.sum_and_range.neutral, np.zeros((3, 3)))
 
 
 def test_positions_share_one_scale_half_the_widest_extent():
@@ -145,14 +156,14 @@ def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
 
 
 def test_the_same_key_trains_the_same_network_and_another_key_another(
-    tiny_networks, tiny_recipe, training_data
+    trained, tiny_recipe, training_data
 ):
     key = jax.random.split(jax.random.key(7))[0]
     again, other = (
         tiny_recipe.c2s.train(training_data, tiny_recipe.c2s_fit, k) for k in (key, KEY)
     )
-    np.testing.assert_array_equal(again.curve, tiny_networks.curves["C2S"])
-    assert again.percent == tiny_networks.percent["C2S"]
+    np.testing.assert_array_equal(again.curve, trained.curves["C2S"])
+    assert again.percent == trained.percent["C2S"]
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)
 
 

@@ -6,15 +6,32 @@ import pytest
 
 from s2c2a.errors import StrategyError
 from s2c2a.models.actions import LSTMOptions, TipHistory
-from s2c2a.strategies import labeled, load_strategy, recipe_named, save_strategy
+from s2c2a.strategies import (
+    TrainedNetworks,
+    labeled,
+    load_strategy,
+    recipe_named,
+    save_strategy,
+)
 from s2c2a.strategies.lstm import LSTM
 from s2c2a.training import FitOptions
 
 
 @pytest.fixture(scope="module")
-def trained(recording):
-    options = LSTM(LSTMOptions(2, 8, FitOptions(max_epochs=5), 0.1))
-    return labeled(options.train(recording, recipe_named("paper"), 3), options)
+def trained(twin):
+    """An LSTM as it begins, with the numbers of a training."""
+    options = LSTMOptions(2, 8, FitOptions(max_epochs=5), 0.1)
+    network = options.untrained(twin, jax.random.key(3))
+    curve = np.array([[1.0, 0.5, 0.6], [2.0, 0.3, 0.4]])
+    networks = TrainedNetworks(
+        twin,
+        recipe_named("paper"),
+        3,
+        {"LSTM": network},
+        {"LSTM": (3.0, 2.0)},
+        {"LSTM": curve},
+    )
+    return labeled(networks, LSTM(options))
 
 
 @pytest.fixture(scope="module")

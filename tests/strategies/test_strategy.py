@@ -294,14 +294,6 @@ def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe)
         train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
 
 
-def test_training_tells_which_network_it_is_at(recording, tiny_recipe):
-    told = []
-    train_s2c2a(
-        recording, tiny_recipe, seed=7, progress=lambda *what: told.append(what[:3])
-    )
-    assert told == [("C2S", 6, 12), ("C2S", 12, 12), ("C2A", 6, 12), ("C2A", 12, 12)]
-
-
 def test_recipes_are_known_by_name_and_others_refused():
     assert [recipe_named(name).name for name in RECIPES] == [
         "best",

@@ -76,7 +76,7 @@ def test_what_the_description_says_is_the_new_arm_s(tiny_best_networks, twin):
     )
 
 
-@pytest.mark.parametrize("count", [1, 5])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 5])
 def test_other_counts_of_modules_begin_and_are_kept(
     tiny_best_networks, twin, count, tmp_path
 ):
