@@ -15,7 +15,7 @@ from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
 from s2c2a.cache import delete_incomplete_programs
-from s2c2a.control.options import BiLSTMController
+from s2c2a.control.options import C2AOptions
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.episodes import Episode
 from s2c2a.executors import forget_programs
@@ -61,7 +61,7 @@ EPISODES, SAMPLES = 6, 100
 MAX_MAPS = 30_000
 NO_DIGEST = "0" * 64
 TINY, QUICK = (
-    BiLSTMController(layers=1, hidden=8),
+    C2AOptions(layers=1, hidden=8),
     FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6),
 )
 

@@ -1,9 +1,9 @@
 """Forward models by name."""
 
+from s2c2a.components import Registry
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
-from s2c2a.registry import OptionsRegistry
 
-MODELS = OptionsRegistry(
+MODELS = Registry(
     "model",
     ForwardOptions,  # type: ignore[type-abstract]
     {"bilstm": C2SOptions, "chain": ChainOptions, "local": LocalOptions},
