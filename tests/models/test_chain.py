@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
