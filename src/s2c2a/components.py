@@ -119,7 +119,7 @@ class Registry(Generic[Base]):
     """
 
     kind: str
-    base: type[Base]
+    base: type
     known: Mapping[str, type[Base]]
 
     def named(self, name: str) -> type[Base]:
@@ -219,9 +219,8 @@ class Registry(Generic[Base]):
         )
 
 
-def _subclasses(base: type) -> list[type]:
-    classes: list[type] = [base]
-    child: type
+def _subclasses(base: type) -> list[Any]:
+    classes: list[Any] = [base]
     for child in base.__subclasses__():
         classes += _subclasses(child)
     return classes

@@ -108,9 +108,9 @@ class C2AOptions(Size, ControllerOptions):
         return network.for_arm(arm)
 
 
-CONTROLLERS = Registry(
+CONTROLLERS: Registry[ControllerOptions] = Registry(
     "controller",
-    ControllerOptions,  # type: ignore[type-abstract]
+    ControllerOptions,
     {"bilstm": C2AOptions},
 )
 """Learned controllers by name, for `[c2a] model` in a recipe."""

@@ -30,7 +30,7 @@ from s2c2a.estimation.kalman_estimator import (
 from s2c2a.estimation.modal_model import ModalFactors
 from s2c2a.estimation.sensor_models import FormulaSensor, SensorModel
 
-ESTIMATORS = Registry(
+ESTIMATORS: Registry[EstimatorOptions] = Registry(
     "estimator",
     EstimatorOptions,
     {"EncoderOnly": EncoderOnly, "KalmanFilter": KalmanFilter},

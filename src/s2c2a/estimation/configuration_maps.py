@@ -161,9 +161,9 @@ class UnitLengthMap(WrappedMap):
         return configurations / lengths
 
 
-CONFIGURATION_MAPS = Registry(
+CONFIGURATION_MAPS: Registry[ConfigurationMap] = Registry(
     "sensor",
-    ConfigurationMap,  # type: ignore[type-abstract]
+    ConfigurationMap,
     {"encoders": EncoderMap, "true": TrueConfigurationMap},
 )
 """Built-in configuration maps by their names in `sensing` of an arm file."""

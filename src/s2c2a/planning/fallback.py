@@ -332,4 +332,6 @@ def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
 
 NO_FALLBACK = FallbackSearch(starts=0)
 """No search: the plan stays stuck."""
-FALLBACKS = Registry("fallback", FallbackSearch, {"FallbackSearch": FallbackSearch})
+FALLBACKS: Registry[FallbackSearch] = Registry(
+    "fallback", FallbackSearch, {"FallbackSearch": FallbackSearch}
+)

@@ -351,4 +351,4 @@ def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
     return padded[row : row + SIDE, column : column + SIDE]
 
 
-GUIDES = Registry("guide", Guide, {"Detour": Detour, "Pull": Pull})
+GUIDES: Registry[Guide] = Registry("guide", Guide, {"Detour": Detour, "Pull": Pull})

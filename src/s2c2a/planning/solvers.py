@@ -271,7 +271,9 @@ class LeastSquares(Solver):
         return configurations_from_bends(bends)
 
 
-SOLVERS = Registry("solver", Solver, {"Adam": Adam, "LeastSquares": LeastSquares})
+SOLVERS: Registry[Solver] = Registry(
+    "solver", Solver, {"Adam": Adam, "LeastSquares": LeastSquares}
+)
 
 
 def reach_gaps(

@@ -327,7 +327,7 @@ class Limits(Term):
         return 1.0, self.weight * excess[:, None]
 
 
-TERMS = Registry(
+TERMS: Registry[Term] = Registry(
     "term",
     Term,
     {

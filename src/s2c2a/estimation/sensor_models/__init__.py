@@ -38,9 +38,9 @@ SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     CameraSensor,
 )
 """Sensor models of the package, in the order of their filter updates."""
-FORMULAS = Registry(
+FORMULAS: Registry[FormulaSensor] = Registry(
     "sensor_model",
-    FormulaSensor,  # type: ignore[type-abstract]
+    FormulaSensor,
     {},
 )
 """Formulas of the user's own sensors, which the arm file names."""
