@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from s2c2a.arm import load_arm
-from s2c2a.control.options import BiLSTMController
+from s2c2a.control.options import C2AOptions
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
@@ -24,7 +24,7 @@ RECORDING, PAPER, BEST = (
 SEED = 7
 COLLECTION = CollectOptions(episodes=6, samples=100)
 QUICK = FitOptions(learning_rate=1e-2, max_epochs=12, epochs_per_call=6)
-CONTROLLER = BiLSTMController(layers=1, hidden=8)
+CONTROLLER = C2AOptions(layers=1, hidden=8)
 PAPER_RECIPE = replace(
     recipe_named("paper"),
     name="tiny",

@@ -16,14 +16,12 @@ Compared = Annotated[
     str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
 ]
 
-TILT_TASKS = ("tilt-40", "tilt-50", "tilt-60", "tilt-0", "tilt-50-a20", "tilt-50-c20")
-
 
 def randomized_arms(
     arms: int = 10,
     strengths: tuple[float, ...] = (0.5, 1.0),
     strategies: tuple[Compared, ...] = ("best", "paper", "pcc", "pcc-fitted"),
-    tasks: tuple[str, ...] = ("circle", *TILT_TASKS, "hold-middle"),
+    tasks: tuple[str, ...] = (),
     targets: int = 200,
     base: Arm = "twin_arm",
     seed: int = 0,
@@ -41,7 +39,8 @@ def randomized_arms(
         strengths: magnitudes of the mismatch.
         strategies: pcc and pcc-fitted are baselines; the others are recipes of the
             paper's strategy, by name or file.
-        tasks: names of tasks, with a pace if it is not one: square@0.5.
+        tasks: names of tasks, with a pace if it is not one: square@0.5. Without it:
+            circle, the six tilts and hold-middle.
         targets: number of targets within reach, each held for five seconds, to find
             strategies that diverge; none if zero.
         base: a preset or an arm file: modules, cables, and all that the controllers
@@ -53,6 +52,7 @@ def randomized_arms(
     """
     from s2c2a_experiments.randomized_arms import (
         EXPERIMENT,
+        TASKS,
         RandomizedArmsStudy,
         randomized_arms_rows,
     )
@@ -62,7 +62,7 @@ def randomized_arms(
         arms,
         strengths,
         strategies,
-        tasks,
+        tasks or TASKS,
         targets,
         seed,
         reachable_from,

@@ -63,7 +63,6 @@ class KernelRegression(_ReferenceModel):
     def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """See `ForwardOptions`."""
         inputs = self._inputs(data)
         states = model(inputs.reshape(-1, inputs.shape[-1]))
         return states.reshape(*inputs.shape[:2], -1, 6)
@@ -75,7 +74,6 @@ class KernelRegression(_ReferenceModel):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained:
-        """See `ForwardOptions`."""
         split = forward_samples(self._inputs(data), data.states, data.lengths)
         inputs = []
         targets = []
@@ -161,7 +159,6 @@ class Recurrent(_ReferenceModel):
     def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """See `ForwardOptions`."""
         predict = jax.jit(lambda windows: model(windows))  # a network has no hash
         states = [predict(jnp.asarray(episode)) for episode in self._windows(data)]
         return np.stack(states).reshape(data.states.shape)
@@ -173,7 +170,6 @@ class Recurrent(_ReferenceModel):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained:
-        """See `ForwardOptions`."""
         windows = self._windows(data)
         split = forward_samples(windows, data.states, data.lengths)
         network_key, fit_key = jax.random.split(key)
@@ -208,7 +204,6 @@ class FittedArcs(_ReferenceModel):
     def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        """See `ForwardOptions`."""
         return np.asarray(_arcs(jnp.asarray(model, jnp.float32), self._bends(data)))
 
     def train(

@@ -66,12 +66,10 @@ class _TargetSearch(Artifact[Made]):
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         digest = digest_of("targets", self.arm, *self.key)
         return f"{self.arm.name}-targets-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
         arrays = self.search(TrueReach(self.arm), progress)
         # safetensors stores contiguous arrays only
         contiguous = {
@@ -80,7 +78,6 @@ class _TargetSearch(Artifact[Made]):
         write_atomically(save(contiguous), self.path(cache))
 
     def load(self, cache: Cache) -> Made:
-        """See `Artifact`."""
         path = self.path(cache)
         try:
             return self.read(load(path.read_bytes()))
@@ -125,7 +122,6 @@ class ReachableTask(_TargetSearch[Task]):
         return {"moves": _interpolated(np.array(steps), np.array(moves), len(goals))}
 
     def read(self, arrays: dict[str, np.ndarray]) -> Task:
-        """See `_TargetSearch`."""
         task = load_task(self.name, self.arm)
         pairs = zip(task.goals, arrays["moves"], strict=True)
         return replace(task, goals=tuple(_moved(goal, move) for goal, move in pairs))
@@ -148,7 +144,6 @@ class RandomTargets(_TargetSearch[TargetSequence]):
 
     @property
     def key(self) -> tuple:
-        """See `_TargetSearch`."""
         return self.count, self.unreachable_waypoints
 
     def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
@@ -169,7 +164,6 @@ class RandomTargets(_TargetSearch[TargetSequence]):
         return {"positions": tips, "distances": np.array(distances)}
 
     def read(self, arrays: dict[str, np.ndarray]) -> TargetSequence:
-        """See `_TargetSearch`."""
         steps = round(HOLD_TIME * self.arm.control_rate)
         goals: list[Goal] = []
         for tip in arrays["positions"]:

@@ -4,19 +4,23 @@ A jitted function that closes over trained weights compiles them into the progra
 each network pays seconds for a program of its own. Here arrays are inputs: one program
 serves all networks of one shape. The persistent compilation cache of JAX
 (`jax_compilation_cache_dir`) then serves all of them too.
+
+`equinox.filter_jit` does the same, but takes modules and arrays apart in every call, in
+Python. With the shipped networks of `twin_arm`, on one core, a control step takes 2.0 ms
+with it and 1.6 ms with `compiled`, which takes them apart once.
 """
 
-from collections.abc import Callable, Hashable
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
 
 MAX_PROGRAMS = 128
-_ARRAY = "array"
 _COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
 _compilation_count = [0]
 
@@ -46,38 +50,27 @@ def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
             hashable and are constants of the program.
     """
     leaves, structure = jax.tree.flatten(parts)
-    kinds: list[Any] = []
-    arrays: list[Any] = []
-    constants: list[Any] = []
-    for leaf in leaves:
-        if isinstance(leaf, jax.Array | np.ndarray):
-            kinds.append(_ARRAY)
-            arrays.append(leaf)
-            constants.append(None)
-        else:
-            kinds.append(type(leaf))
-            constants.append(leaf)
-    program = _program(function, structure, tuple(constants), tuple(kinds))
-    array_inputs = tuple(arrays)
-    return lambda *inputs: program(array_inputs, *inputs)
+    arrays, constants = eqx.partition(tuple(leaves), _is_array)
+    kinds = tuple(type(constant) for constant in constants)
+    return partial(_program(function, structure, constants, kinds), arrays)
+
+
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, jax.Array | np.ndarray)
 
 
 @lru_cache(MAX_PROGRAMS)
 def _program(
-    function: Callable[..., Any], structure: Hashable, constants: tuple, kinds: tuple
-):
+    function: Callable[..., Any], structure: Any, constants: tuple, kinds: tuple
+) -> Callable[..., Any]:
     """Jitted function, shared by equal arguments.
 
     `kinds` keeps 1, 1.0 and True apart, which compare equal in Python.
     """
 
     def run(arrays, *inputs):
-        remaining = iter(arrays)
-        leaves = [
-            next(remaining) if kind is _ARRAY else constant
-            for kind, constant in zip(kinds, constants, strict=True)
-        ]
-        return function(*jax.tree.unflatten(structure, leaves), *inputs)
+        parts = structure.unflatten(eqx.combine(arrays, constants))
+        return function(*parts, *inputs)
 
     # profiles and compilation logs show this name
     run.__name__ = getattr(function, "__name__", "run")

@@ -1,57 +1,97 @@
-"""Components that recipes name: cost terms, guides, solvers and fallback searches.
+"""Options that recipes and commands choose by name, and their registry.
 
-A component is a frozen dataclass of validated numbers. It comes with the package, or
-is custom code that a recipe names.
+Cost terms, guides, solvers, fallback searches, state estimators, forward models,
+controllers and strategies are frozen dataclasses that derive from `Options`. A class
+comes with the package, from an entry point of `s2c2a.<kind>s`, or is custom code
+(`module:Class` or `file.py:Class`).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from pydantic import ConfigDict, TypeAdapter
 
-from s2c2a.errors import S2C2AError
-from s2c2a.plugins import resolve
+from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.plugins import is_trusted, resolve, trust_code
 
-MIN_VALUES = {"unit": 1e-6, "learning_rate": 1e-9, "iterations": 1}
-"""Lower limits by field name; all other fields have 0."""
-MAX_VALUES = {"iterations": 10_000}
-"""Upper limits by field name; all other fields have 1 000 000."""
+MAX_VALUES = 100  # values of one option
+Ranges = Mapping[str, tuple[float, float]]
+"""Smallest and largest value of options, by name."""
+COMPONENT_LIMITS: Ranges = {
+    "unit": (1e-6, 1e6),
+    "learning_rate": (1e-9, 1e6),
+    "iterations": (1, 10_000),
+}
+"""Limits of components by field name; all other numbers are 0 to 1 000 000."""
+
+
+def check_limits(options: Any, limits: Ranges) -> None:
+    """Check the ranges of options.
+
+    Args:
+        options: object with an attribute for each limit: a number or a tuple of them.
+        limits: of each attribute.
+
+    Raises:
+        S2C2AError: a value is out of range or NaN.
+    """
+    owner = type(options).__name__
+    for name, (low, high) in limits.items():
+        value = getattr(options, name)
+        values = value if isinstance(value, tuple) else (value,)
+        if len(values) > MAX_VALUES:
+            raise S2C2AError(
+                f"{len(values)} values of {name} were given in {owner}; choose at most "
+                f"{MAX_VALUES}"
+            )
+        # false for NaN
+        if not all(low <= number <= high for number in values):
+            raise S2C2AError(
+                f"{name} = {value} was given in {owner}; choose {low:g} to {high:g}"
+            )
 
 
 @dataclass(frozen=True)
-class Component:
-    """Base of all components; numbers lie within `MIN_VALUES` and `MAX_VALUES`.
+class Options:
+    """Base of all options: a frozen dataclass that is read from a table of a file.
+
+    Attributes:
+        limits: of numbers, by the name of their field.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
+    limits: ClassVar[Ranges] = {}
+
+    def __post_init__(self):
+        """Check the limits."""
+        check_limits(self, self.limits)
+
+
+@dataclass(frozen=True)
+class Component(Options):
+    """Base of the parts of planner and estimator; all numbers have limits.
 
     Attributes:
         name: name of the class, by which files refer to it.
     """
 
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
-
     name: str = field(init=False)
 
     def __post_init__(self):
-        """Validate all numbers."""
+        """Name the class and check all numbers."""
         object.__setattr__(self, "name", type(self).__name__)
-        for attribute in fields(self):
-            self._check_range(attribute.name)
-
-    def _check_range(self, name: str) -> None:
-        value = getattr(self, name)
-        if not isinstance(value, int | float):
-            return
-        lowest = MIN_VALUES.get(name, 0)
-        highest = MAX_VALUES.get(name, 1_000_000)
-        if not lowest <= value <= highest:
-            raise S2C2AError(
-                f"{name} = {value} was given in {self}; choose {lowest} to {highest}"
-            )
+        limits = {
+            each.name: COMPONENT_LIMITS.get(each.name, (0, 1e6))
+            for each in fields(self)
+            if isinstance(getattr(self, each.name), int | float)
+        }
+        check_limits(self, limits)
 
 
 @dataclass(frozen=True)
-class CustomComponent:
-    """Reference to a component outside the package; `build` imports it.
+class CustomComponent(Options):
+    """Reference to a component outside the package; `Registry.build` imports it.
 
     Attributes:
         name: `file.py:Name`, `module:Name` or the name of an entry point
@@ -59,41 +99,89 @@ class CustomComponent:
         parameters: arguments of its constructor.
     """
 
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
-
     name: str
     parameters: dict[str, bool | int | float | str] = field(
         default_factory=dict, hash=False
     )
 
 
-class ComponentRegistry(NamedTuple):
-    """Registry of one type of component: cost terms, guides, solvers, ...
+Base = TypeVar("Base")
+
+
+@dataclass(frozen=True)
+class Registry(Generic[Base]):
+    """Classes of one kind, by name.
 
     Attributes:
-        name: of the type, such as "solver".
-        form: base class of all components of this type.
-        known: components of the package, by name.
+        kind: such as "solver"; also names the group of entry points (`plugins.GROUPS`).
+        base: that all of them derive from.
+        known: those of the package, by name.
     """
 
-    name: str
-    form: type[Component]
-    known: Mapping[str, type[Component]]
+    kind: str
+    base: type
+    known: Mapping[str, type[Base]]
 
-    @classmethod
-    def of(
-        cls, name: str, form: type[Component], *known: type[Component]
-    ) -> "ComponentRegistry":
-        """Registry with these components of the package."""
-        return cls(name, form, {component.__name__: component for component in known})
+    def named(self, name: str) -> type[Base]:
+        """Find a class by a name that the user gave; its module or file is imported.
 
-    def read(self, value: Any) -> Component | CustomComponent:
+        Names from files that may be a stranger's go to `find` or `imported` instead.
+
+        Raises:
+            S2C2AError: nothing of this name.
+            StrategyError: it does not derive from the base.
+        """
+        trust_code(name)
+        return self.find(name)
+
+    def find(self, name: str) -> Any:
+        """Find a class by name; custom code is imported if the user has named it.
+
+        Raises:
+            UntrustedCodeError: the user has not named its code (`plugins.trust_code`).
+            S2C2AError: nothing of this name.
+            StrategyError: it does not derive from the base.
+        """
+        found = resolve(self.kind, name, self.known)
+        if not (isinstance(found, type) and issubclass(found, self.base)):
+            raise self._not_of_this_kind(name)
+        return found
+
+    def imported(self, name: str) -> type[Base]:
+        """Find a class by the name that a weight file holds (`name_of`).
+
+        Nothing is imported unless the user has named this code (`plugins.trust_code`).
+
+        Raises:
+            UntrustedCodeError: the class is not the package's, not imported already,
+                and not trusted.
+        """
+        for found in _subclasses(self.base):
+            if self.name_of(found) == name:
+                return found
+        if is_trusted(name):
+            return self.find(name)
+        raise UntrustedCodeError(
+            f"its {self.kind} is '{name}', which is not part of the package, and files "
+            f"cannot run code; if you trust it, add --trust {name} in the folder of its "
+            f"file, or, to `run`, `live` and `view`, --{self.kind} file.py:Name; or "
+            "import it in Python"
+        )
+
+    def name_of(self, options: type) -> str:
+        """The name of a class in files."""
+        for name, known in self.known.items():
+            if known is options:
+                return name
+        return f"{options.__module__}:{options.__qualname__}"
+
+    def read(self, value: Any) -> Any:
         """Component from a table of a file or from a name; components pass unchanged.
 
         Raises:
             ValueError: the value is neither (pydantic's `ValidationError` is one).
         """
-        if isinstance(value, Component | CustomComponent):
+        if isinstance(value, Options):
             return value
         if isinstance(value, str):
             value = {"name": value}
@@ -104,28 +192,36 @@ class ComponentRegistry(NamedTuple):
         numbers = {key: number for key, number in table.items() if key != "name"}
         return TypeAdapter(component).validate_python(numbers)
 
-    def build(self, component: Component | CustomComponent) -> Any:
+    def build(self, component: Any) -> Base:
         """Return the component itself; import it if it is custom.
 
         Raises:
             UntrustedCodeError: the user has not named its code (`plugins.trust_code`).
-            S2C2AError: the import fails, the component is of another type, or its
+            S2C2AError: the import fails, the component is of another kind, or its
                 constructor rejects the parameters.
         """
-        if isinstance(component, CustomComponent):
-            component = self._import(component)
-        if not isinstance(component, self.form):
-            raise S2C2AError(
-                f"{component} is no {self.name}; derive it from "
-                f"{self.form.__module__}.{self.form.__name__}"
-            )
-        return component
-
-    def _import(self, custom: CustomComponent) -> Any:
+        if isinstance(component, self.base):
+            return cast(Base, component)
+        if not isinstance(component, CustomComponent):
+            raise self._not_of_this_kind(component)
         try:
-            return resolve(self.name, custom.name, self.known)(**custom.parameters)
+            return self.find(component.name)(**component.parameters)
         except TypeError as error:
             raise S2C2AError(
-                f"the {self.name} {custom.name} cannot be built from "
-                f"{custom.parameters}: {error}"
+                f"the {self.kind} {component.name} cannot be built from "
+                f"{component.parameters}: {error}"
             ) from error
+
+    def _not_of_this_kind(self, name: Any) -> StrategyError:
+        base = f"{self.base.__module__}.{self.base.__name__}"
+        return StrategyError(
+            f"'{name}' is no {self.kind}; derive it from {base}, or name a subclass"
+        )
+
+
+def _subclasses(base: type) -> list[Any]:
+    classes: list[Any] = [base]
+    child: type
+    for child in base.__subclasses__():
+        classes += _subclasses(child)
+    return classes

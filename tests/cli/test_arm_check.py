@@ -25,7 +25,10 @@ def test_servos_and_tracking_of_an_arm_file_are_named(tmp_path, capsys):
     [
         ("mocap", "no sensor 'mocap'; choose one of encoders, true"),
         ("nofile.py:Map", "there is no file nofile.py"),
-        ("builtins:int", "name a subclass of s2c2a.estimation.ConfigurationMap"),
+        (
+            "builtins:int",
+            "is no sensor; derive it from s2c2a.estimation.*ConfigurationMap",
+        ),
     ],
 )
 def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, tmp_path):

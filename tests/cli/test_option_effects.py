@@ -130,9 +130,9 @@ def test_an_option_has_its_effect_beside_what_it_needs():
     "line",
     [
         "run circle --model s2c2a.models:LocalOptions",
-        "run circle --controller s2c2a.control.options:BiLSTMController",
+        "run circle --controller s2c2a.control.options:C2AOptions",
         "view twin_arm --model s2c2a.models:LocalOptions",
-        "view twin_arm --controller s2c2a.control.options:BiLSTMController",
+        "view twin_arm --controller s2c2a.control.options:C2AOptions",
     ],
 )
 def test_a_class_that_no_weight_file_uses_is_refused(line, capsys):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
-from s2c2a.control import InversePCC, NetworkController
+from s2c2a.control import C2AOptions, InversePCC, NetworkController
 from s2c2a.kinematics import PCC
-from s2c2a.models import C2AOptions, History
+from s2c2a.models import History
 
 
 def an_arm(actuation, turns_deg, cables) -> ArmSpec:

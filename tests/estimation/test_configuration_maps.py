@@ -152,7 +152,7 @@ def test_an_estimator_of_ones_own_is_named_in_the_arm_file(tmp_path):
 def test_what_is_no_estimator_is_refused(tmp_path):
     with pytest.raises(
         S2C2AError,
-        match=r"is 3; name a subclass of s2c2a\.estimation\.ConfigurationMap",
+        match=r"is no sensor; derive it from s2c2a\.estimation\..*\.ConfigurationMap",
     ):
         configuration_map_for(own_sensing(tmp_path, "thing"))
     with pytest.raises(

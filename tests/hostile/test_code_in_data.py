@@ -15,7 +15,7 @@ from s2c2a.arm import ArmSpec, arm_from_toml, load_arm, save_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.cli.main import main
-from s2c2a.components import ComponentRegistry, CustomComponent
+from s2c2a.components import CustomComponent, Registry
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError, UntrustedCodeError
@@ -28,7 +28,6 @@ from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
 from s2c2a.plugins import GROUPS, resolve, trust_code
-from s2c2a.registry import OptionsRegistry
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import (
     load_recipe,
@@ -100,19 +99,19 @@ def test_every_group_imports_a_name_that_the_user_has_given(kind, ran):
     assert ran.exists()
 
 
-@pytest.mark.parametrize("registry", all_of(ComponentRegistry), ids=lambda r: r.name)
-def test_no_registry_of_components_imports_what_a_recipe_in_data_names(registry, ran):
-    assert registry.name in GROUPS
+@pytest.mark.parametrize("registry", all_of(Registry), ids=lambda r: r.kind)
+def test_no_registry_imports_what_a_recipe_in_data_names(registry, ran):
+    assert registry.kind in GROUPS
     with pytest.raises(UntrustedCodeError):
         registry.build(registry.read({"name": "evil_code.py:X"}))
     assert not ran.exists()
 
 
-@pytest.mark.parametrize("registry", all_of(OptionsRegistry), ids=lambda r: r.kind)
-def test_no_registry_of_options_imports_what_a_weight_file_names(registry, ran):
-    assert registry.kind in GROUPS
-    with pytest.raises(UntrustedCodeError):
-        registry.imported("evil_code.py:X")
+@pytest.mark.parametrize("registry", all_of(Registry), ids=lambda r: r.kind)
+def test_no_registry_imports_what_a_weight_file_names(registry, ran):
+    for find in (registry.imported, registry.find):
+        with pytest.raises(UntrustedCodeError):
+            find("evil_code.py:X")
     assert not ran.exists()
 
 

@@ -26,13 +26,11 @@ from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.user_code import code_digest
 
 BEST = recipe_named("best")
-GROUP = re.compile(
-    r'(?:resolve\(|ComponentRegistry\.of\(|OptionsRegistry\()\s*"(\w+)"', re.MULTILINE
-)
+GROUP = re.compile(r'(?:resolve\(|Registry\()\s*"(\w+)"', re.MULTILINE)
 BASES = {
     "strategy": "s2c2a.strategies.S2C2A",
     "model": "s2c2a.models.LocalOptions",
-    "controller": "s2c2a.control.options.BiLSTMController",
+    "controller": "s2c2a.control.options.C2AOptions",
 }
 """Classes that are imported before anything is made; all others are named only."""
 

@@ -8,8 +8,9 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import print_results
 from s2c2a.jobs.job import Conditions
-from s2c2a.jobs.rows import Heading
+from s2c2a.jobs.rows import TABLE_III, Heading
 from s2c2a.robots import RobotFactory
+from s2c2a.tasks.registry import TILTS
 
 TWIN = load_arm("twin_arm")
 
@@ -44,3 +45,7 @@ def test_the_column_of_the_paper_appears_with_its_numbers_only(name, count, caps
     row = row_of(RobotFactory.simulation(), TWIN.model_copy(update={"name": name}))
     print_results("circle", [row], [], Path("runs"))
     assert capsys.readouterr().out.count("paper") == count
+
+
+def test_every_tilt_task_has_the_papers_numbers():
+    assert list(TABLE_III) == list(TILTS)

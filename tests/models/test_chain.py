@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import TrainingError
+from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -273,7 +273,7 @@ def test_the_twin_and_the_simulated_arm_are_told_apart():
     ],
 )
 def test_a_size_that_cannot_be_built_is_refused(size):
-    with pytest.raises(TrainingError, match="was given"):
+    with pytest.raises(S2C2AError, match="given in ChainOptions; choose"):
         ChainOptions(**size)
 
 

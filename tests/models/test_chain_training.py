@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.control.options import BiLSTMController
+from s2c2a.control.options import C2AOptions
 from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
@@ -183,7 +183,7 @@ def test_too_few_samples_are_rejected(make_arm):
 def networks(trained, make_arm):
     """A strategy whose forward model is the trained chain."""
     arm = make_arm(2)
-    c2a = BiLSTMController(layers=1, hidden=8)
+    c2a = C2AOptions(layers=1, hidden=8)
     recipe = replace(
         recipe_named("best"),
         name="small",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from s2c2a.errors import TrainingError
+from s2c2a.errors import S2C2AError, TrainingError
 from s2c2a.training import FitOptions, Fixed, fit
 
 TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
@@ -234,5 +234,5 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     ],
 )
 def test_invalid_options_are_refused(wrong):
-    with pytest.raises(TrainingError, match="was given; choose"):
+    with pytest.raises(S2C2AError, match="was given in FitOptions; choose"):
         FitOptions(**wrong)

@@ -6,3 +6,4 @@ from s2c2a.control.controllers import (
     InversePCC,
     NetworkController,
 )
+from s2c2a.control.options import C2AOptions, ControllerOptions

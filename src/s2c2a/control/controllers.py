@@ -78,7 +78,6 @@ class InversePCC(Controller):
         sensed: Float[Array, "modules 3"],
         memory: Memory,
     ):
-        """See `Controller`."""
         bends = bends_from_configurations(desired) * self.gains[:, None]
         return self.pcc.actions(bends), memory
 
@@ -107,7 +106,6 @@ class NetworkController(Controller):
         sensed: Float[Array, "modules 3"],
         memory: History,
     ):
-        """See `Controller`."""
         history = History(_push(memory.configurations, sensed), memory.actions)
         action = self.network(desired, history)
         next_history = History(history.configurations, _push(history.actions, action))
@@ -157,7 +155,6 @@ class CorrectedController(Controller):
         sensed: Float[Array, "modules 3"],
         memory: CorrectedMemory,
     ):
-        """See `Controller`."""
         error = memory.desired - bends_from_configurations(sensed)
         offset = limit_lengths(memory.offset + self.gain * error, self.largest)
         bends = bends_from_configurations(desired)
@@ -168,7 +165,6 @@ class CorrectedController(Controller):
     def sent(
         self, action: Float[Array, "modules cables"], memory: CorrectedMemory
     ) -> CorrectedMemory:
-        """See `Controller`."""
         return memory._replace(inner=self.inner.sent(action, memory.inner))
 
 

@@ -4,19 +4,20 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
+import jax
 from jaxtyping import PRNGKeyArray
-from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Options, Registry
 from s2c2a.control.controllers import Controller, NetworkController
 from s2c2a.errors import StrategyError
-from s2c2a.models.actions import C2A, C2AOptions
-from s2c2a.registry import OptionsRegistry
+from s2c2a.models.actions import C2A, train_c2a
+from s2c2a.models.layers import Size
 from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet
 
 
 @dataclass(frozen=True)
-class ControllerOptions(ABC):
+class ControllerOptions(Options, ABC):
     """Options of a learned controller; they build and train it.
 
     A recipe names the class and sets its fields: `[c2a]`,
@@ -26,8 +27,6 @@ class ControllerOptions(ABC):
     Attributes:
         model: name of this class in recipes.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")
 
     model: str = field(default="", kw_only=True)
 
@@ -79,28 +78,15 @@ class ControllerOptions(ABC):
 
 
 @dataclass(frozen=True)
-class BiLSTMController(ControllerOptions):
-    """The paper's C2A: a biLSTM along the modules (Chen et al. 2025, eq. (8)).
-
-    Attributes:
-        layers: number of layers.
-        hidden: hidden states of each layer and direction.
-    """
+class C2AOptions(Size, ControllerOptions):
+    """The paper's C2A: a biLSTM along the modules (Chen et al. 2025, eq. (8))."""
 
     layers: int = 2
     hidden: int = 32
-    model: str = field(default="bilstm", kw_only=True)
-
-    def __post_init__(self):
-        """Check the limits."""
-        self._network()
-
-    def _network(self) -> C2AOptions:
-        return C2AOptions(self.layers, self.hidden)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2A:
-        """See `ControllerOptions`."""
-        return self._network().untrained(arm, key)
+        """See `ControllerOptions`: random weights and no scaling."""
+        return C2A.untrained(self, arm, key)
 
     def train(
         self,
@@ -110,11 +96,11 @@ class BiLSTMController(ControllerOptions):
         key: PRNGKeyArray,
         progress: Progress = quiet,
     ) -> Trained[C2A]:
-        """See `ControllerOptions`."""
-        return self._network().train(data, history_noise, fit, key, progress)
+        network_key, fit_key = jax.random.split(key)
+        model = self.untrained(data.arm, network_key)
+        return train_c2a(model, data, history_noise, fit, fit_key, progress)
 
     def controller(self, network: C2A) -> NetworkController:
-        """See `ControllerOptions`."""
         return NetworkController(network)
 
     def for_arm(self, network: C2A, arm: ArmSpec) -> C2A:
@@ -122,9 +108,9 @@ class BiLSTMController(ControllerOptions):
         return network.for_arm(arm)
 
 
-CONTROLLERS = OptionsRegistry(
+CONTROLLERS: Registry[ControllerOptions] = Registry(
     "controller",
-    ControllerOptions,  # type: ignore[type-abstract]
-    {"bilstm": BiLSTMController},
+    ControllerOptions,
+    {"bilstm": C2AOptions},
 )
 """Learned controllers by name, for `[c2a] model` in a recipe."""

@@ -67,7 +67,6 @@ class MixedPaths(Babbling):
     shares: Callable[[int, float], Shares]
 
     def bends(self, exploration: Exploration) -> Bends:
-        """See `Babbling`."""
         modules = len(exploration.geometry.lengths)
         shares = self.shares(modules, exploration.progress)
         paths = [
@@ -94,14 +93,12 @@ class CoverageBabbling(Babbling):
     """
 
     def bends(self, exploration: Exploration) -> Bends:
-        """See `Babbling`."""
         # enough for stretches of a full bend at the highest speed; longer motions repeat
         count = 2 + int(exploration.samples * exploration.speeds[1])
         targets = coverage_targets(exploration.geometry, count, exploration.random)
         return motion_through(targets, exploration)
 
     def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
-        """See `Babbling`."""
         return speeds[1]
 
 

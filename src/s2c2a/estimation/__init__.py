@@ -1,6 +1,6 @@
 """State estimation: configuration, payload and bend biases from readings."""
 
-from s2c2a.components import ComponentRegistry, CustomComponent
+from s2c2a.components import CustomComponent, Registry
 from s2c2a.estimation.configuration_maps import (
     CONFIGURATION_MAPS,
     PAPER_COUPLING,
@@ -30,7 +30,9 @@ from s2c2a.estimation.kalman_estimator import (
 from s2c2a.estimation.modal_model import ModalFactors
 from s2c2a.estimation.sensor_models import FormulaSensor, SensorModel
 
-ESTIMATORS = ComponentRegistry.of(
-    "estimator", EstimatorOptions, EncoderOnly, KalmanFilter
+ESTIMATORS: Registry[EstimatorOptions] = Registry(
+    "estimator",
+    EstimatorOptions,
+    {"EncoderOnly": EncoderOnly, "KalmanFilter": KalmanFilter},
 )
 """State estimators by name, for `[estimator]` in a recipe."""

@@ -12,13 +12,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Registry
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
     PCC,
     configurations_from_bends,
     configurations_from_states,
 )
-from s2c2a.plugins import resolve
 from s2c2a.spaces import Reading
 
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
@@ -97,7 +97,6 @@ class EncoderMap(ConfigurationMap):
         return cls(PCC.of(arm))
 
     def __call__(self, measured: Measured) -> Configurations:
-        """See `ConfigurationMap`."""
         return configurations_from_bends(self.pcc.bends(measured["cables"]))
 
 
@@ -108,11 +107,9 @@ class TrueConfigurationMap(ConfigurationMap):
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "ConfigurationMap":
-        """See `ConfigurationMap`."""
         return cls()
 
     def __call__(self, measured: Measured) -> Configurations:
-        """See `ConfigurationMap`."""
         return jnp.asarray(measured["configurations"])
 
 
@@ -127,7 +124,6 @@ class WrappedMap(ConfigurationMap):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """See `ConfigurationMap`."""
         return self.inner.sensors
 
     @classmethod
@@ -153,7 +149,6 @@ class CoupledMap(WrappedMap):
     coupling: Float[Array, "modules modules"]
 
     def __call__(self, measured: Measured) -> Configurations:
-        """See `ConfigurationMap`."""
         return jnp.einsum("ij,...jk->...ik", self.coupling, self.inner(measured))
 
 
@@ -161,16 +156,16 @@ class UnitLengthMap(WrappedMap):
     """Configurations of another map, scaled to unit length."""
 
     def __call__(self, measured: Measured) -> Configurations:
-        """See `ConfigurationMap`."""
         configurations = self.inner(measured)
         lengths = jnp.linalg.norm(configurations, axis=-1, keepdims=True)
         return configurations / lengths
 
 
-CONFIGURATION_MAPS: dict[str, type[ConfigurationMap]] = {
-    "encoders": EncoderMap,
-    "true": TrueConfigurationMap,
-}
+CONFIGURATION_MAPS: Registry[ConfigurationMap] = Registry(
+    "sensor",
+    ConfigurationMap,
+    {"encoders": EncoderMap, "true": TrueConfigurationMap},
+)
 """Built-in configuration maps by their names in `sensing` of an arm file."""
 
 
@@ -180,13 +175,7 @@ def configuration_map_for(arm: ArmSpec) -> ConfigurationMap:
     Raises:
         S2C2AError: no map of this name.
     """
-    kind = resolve("sensor", arm.sensing, CONFIGURATION_MAPS)
-    if not (isinstance(kind, type) and issubclass(kind, ConfigurationMap)):
-        raise S2C2AError(
-            f"sensing = '{arm.sensing}' is {kind!r}; name a subclass of "
-            "s2c2a.estimation.ConfigurationMap"
-        )
-    configuration_map = kind.of(arm)
+    configuration_map = CONFIGURATION_MAPS.find(arm.sensing).of(arm)
     if arm.sensing_coupling is None:
         return configuration_map
     coupling = jnp.asarray(arm.sensing_coupling, dtype=jnp.float32)

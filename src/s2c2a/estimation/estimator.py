@@ -215,11 +215,9 @@ class EncoderEstimator(StateEstimator):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """See `StateEstimator`."""
         return self._map.sensors
 
     def start(self, reading: Reading) -> Estimate:
-        """See `StateEstimator`."""
         configuration = self._configuration(self._inputs(reading))
         if not self._knows_payload:
             return Estimate(configuration)
@@ -229,7 +227,6 @@ class EncoderEstimator(StateEstimator):
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
-        """See `StateEstimator`."""
         configuration = self._configuration(self._inputs(reading))
         return estimate._replace(configuration=configuration)
 

@@ -86,14 +86,12 @@ class KalmanEstimator(StateEstimator):
         return self._map.sensors
 
     def start(self, reading: Reading) -> Estimate:
-        """See `StateEstimator`."""
         self._reader.reset()
         return self._named(self._start(self._inputs(reading), self._payload))
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
-        """See `StateEstimator`."""
         measurements = self._reader.measurements(reading)
         inputs = self._inputs(reading)
         return self._named(self._update(estimate.memory, inputs, measurements))
@@ -244,7 +242,6 @@ class KalmanFilter(EstimatorOptions):
     def train_sensors(
         self, recording: Recording, key: PRNGKeyArray, progress: SensorProgress
     ) -> dict[str, Trained]:
-        """See `EstimatorOptions`."""
         return train_sensors(recording, key, progress)
 
 

@@ -128,12 +128,10 @@ class RecordingArtifact(Artifact[Recording]):
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         digest = digest_of("recording", self.arm, self.options, SIMULATION)
         return f"{self.arm.name}-{self.options.babbling}-seed{self.options.seed}-{digest}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
         collecting = partial(
             collect,
             self.path(cache),
@@ -191,13 +189,11 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
 
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:
-        """See `Artifact`."""
         options = self.strategy.collect_options(self.recipe, self.seed)
         return () if options is None else (RecordingArtifact(self.arm, options),)
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         recordings = [recording.file for recording in self.needs]
         key = self.strategy.training_key(self.recipe)
         digest = digest_of(*recordings, type(self.strategy), key)
@@ -212,8 +208,6 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
         return f"{'-'.join(parts)}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
-
         def training_progress(
             network: str, epoch: int, epochs: int, loss: float
         ) -> None:
@@ -227,7 +221,6 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
         strategies.save_strategy(labeled, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        """See `Artifact`."""
         networks = strategies.load_strategy(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 
@@ -276,16 +269,13 @@ class GivenNetworks(Artifact[TrainedNetworks]):
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         digest = hashlib.sha256(self.content).hexdigest()[:16]
         return f"weights-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
         write_atomically(self.content, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        """See `Artifact`."""
         networks = strategies.load_strategy(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 

@@ -168,7 +168,6 @@ class Job(Artifact[Run]):
         return f"{digest}{ENDING}"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
         networks = [artifact.load(cache) for artifact in self.needs]
         trained = networks[0] if networks else None
         recipe = self.options.recipe(self.recipe)
@@ -272,7 +271,6 @@ class Job(Artifact[Run]):
         )
 
     def load(self, cache: Cache) -> Run:
-        """See `Artifact`."""
         *earlier, episode = episodes.load_episodes(self.path(cache))[0]
         return Run(self, episode, self.score(episode), tuple(earlier))
 

@@ -55,7 +55,6 @@ class PriorNetworks(Artifact[TrainedNetworks]):
 
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:
-        """See `Artifact`."""
         recordings = []
         for seed in range(FIRST_SEED, FIRST_SEED + self.arms):
             arm = randomized_arm(self.arm, seed, self.strength)
@@ -71,15 +70,12 @@ class PriorNetworks(Artifact[TrainedNetworks]):
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         files = [need.file for need in self.needs]
         digest = digest_of("prior", *files, self.arm, self.recipe.training, self.seed)
         name = f"{self.arm.name}-{self.recipe.name}-prior-seed{self.seed}"
         return f"{name}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
-
         def training_progress(
             network: str, epoch: int, epochs: int, loss: float
         ) -> None:
@@ -92,7 +88,6 @@ class PriorNetworks(Artifact[TrainedNetworks]):
         strategies.save_strategy(networks, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        """See `Artifact`."""
         networks = strategies.load_strategy(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 

@@ -18,7 +18,7 @@ from s2c2a.strategies import TrainedNetworks
 
 Floats = Sequence[float]
 
-TILTS = {
+TABLE_III = {
     "tilt-40": (((2.9, 0.8), (2.1, 1.3)), ((3.3, 1.0), (2.1, 1.4))),
     "tilt-50": (((2.3, 0.7), (2.8, 1.4)), ((3.9, 1.4), (4.5, 2.2))),
     "tilt-60": (((2.2, 1.1), (3.5, 2.9)), ((4.5, 1.0), (7.5, 3.7))),
@@ -32,8 +32,8 @@ TILTS = {
         ((3.8, 1.1), (5.9, 2.0), (4.4, 2.2)),
     ),
 }
-"""Table III: task -> ours, PCC; each position [cm], tilt [deg] and, where printed,
-azimuth [deg]; mean and standard deviation."""
+"""Tilt task (`tasks.registry.TILTS`) -> ours, PCC; each position [cm], tilt [deg] and,
+where printed, azimuth [deg]; mean and standard deviation."""
 
 PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
     # table III, p-ours and p-PCC
@@ -66,7 +66,7 @@ PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
 
 The paper compares its simulation with other methods than PCC, so these rows have no
 printed number."""
-for _task, _columns in TILTS.items():
+for _task, _columns in TABLE_III.items():
     for _strategy, _pairs in zip(("s2c2a", "pcc"), _columns, strict=True):
         _metrics = zip(("position", "tilt", "azimuth"), _pairs, strict=False)
         PRINTED[_task, "twin_arm", _strategy] = dict(_metrics)

@@ -39,7 +39,6 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
 
     @property
     def needs(self) -> tuple[Artifact, ...]:
-        """See `Artifact`."""
         needs: list[Artifact] = []
         if self.start is not None:
             needs.append(self.start)
@@ -49,7 +48,6 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
 
     @property
     def file(self) -> str:
-        """See `Artifact`."""
         files = [need.file for need in self.needs]
         digest = digest_of(
             "transferred", *files, self.recipe.training, self.arm, self.seed
@@ -58,7 +56,6 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         return f"{name}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        """See `Artifact`."""
         strategies.save_strategy(self._networks(cache, progress), self.path(cache))
 
     def _networks(self, cache: Cache, progress: Progress) -> TrainedNetworks:
@@ -76,7 +73,6 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         )
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        """See `Artifact`."""
         networks = strategies.load_strategy(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 

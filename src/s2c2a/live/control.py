@@ -101,7 +101,6 @@ class ArmControl(Control):
 
     @property
     def responds(self) -> bool:
-        """See `Control`."""
         return self._thread.is_alive()
 
     @property
@@ -118,7 +117,6 @@ class ArmControl(Control):
             return super().ask(**changes)
 
     def order(self, name: str, *arguments: Any) -> None:
-        """See `Control`."""
         self._commands.append(partial(getattr(self, f"_{name}"), *arguments))
 
     def use(self, name: str) -> None:

@@ -113,7 +113,6 @@ class ControlProcess(Control):
 
     @property
     def responds(self) -> bool:
-        """See `Control`."""
         return not self._problem()
 
     def wait_until_ready(self, timeout: float = 600.0) -> None:
@@ -129,7 +128,6 @@ class ControlProcess(Control):
             raise S2C2AError(self._fault)
 
     def ask(self, **changes: Any) -> Request:
-        """See `Control`."""
         with self._lock:
             request = super().ask(**changes)
             self.order("ask", vars(request))
@@ -147,7 +145,6 @@ class ControlProcess(Control):
             self._pipe.send((name, arguments))
 
     def reset(self) -> None:
-        """See `Control`."""
         self._check_response()
         super().reset()
 

@@ -5,20 +5,20 @@ The LSTM maps a sequence of tip positions over time directly to actions.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
-from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.components import Ranges
 from s2c2a.data.windows import Split, controller_samples, lstm_samples
 from s2c2a.models.layers import LSTM, BiLSTM, Scaling, Size, SumAndRange
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
-from s2c2a.training.fit import Batch, FitOptions, Progress, check_limits, quiet
+from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
 from s2c2a.training.trained import Trained, TrainingData, train
 
 Actions = Float[Array, "*batch modules cables"]
@@ -59,6 +59,13 @@ class C2A(eqx.Module):
     configuration_scaling: Scaling
     sum_and_range: SumAndRange
 
+    @classmethod
+    def untrained(cls, size: Size, arm: ArmSpec, key: PRNGKeyArray) -> "C2A":
+        """Random weights and no scaling, for an arm."""
+        features = 3 + 3 * CONFIGURATION_HISTORY + arm.cable_count * ACTION_HISTORY + 1
+        network = BiLSTM(features, arm.cable_count, size.layers, size.hidden, key)
+        return cls(network, Scaling.identity(3), SumAndRange.of(arm))
+
     def for_arm(self, arm: ArmSpec) -> "C2A":
         """The same weights for another arm with as many cables in each module.
 
@@ -86,50 +93,32 @@ class C2A(eqx.Module):
         return self.sum_and_range.limited(self.sum_and_range(raw))
 
 
-@dataclass(frozen=True)
-class C2AOptions(Size):
-    """The biLSTM of C2A."""
+def train_c2a(
+    model: C2A,
+    data: TrainingData,
+    history_noise: float,
+    fit: FitOptions,
+    key: PRNGKeyArray,
+    progress: Progress = quiet,
+) -> Trained[C2A]:
+    """Train on pairs of successive sensed configurations.
 
-    def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2A:
-        """Random weights and no scaling, for an arm."""
-        features = 3 + 3 * CONFIGURATION_HISTORY + arm.cable_count * ACTION_HISTORY + 1
-        network = BiLSTM(features, arm.cable_count, self.layers, self.hidden, key)
-        return C2A(network, Scaling.identity(3), SumAndRange.of(arm))
+    Args:
+        model: with random weights; its configurations are scaled to the data.
+        data: recorded episodes.
+        history_noise: standard deviation of noise on past actions, normalized.
+        fit: options of the training.
+        key: for order and noise.
+        progress: called with epoch, number of epochs, validation loss.
 
-    def train(
-        self,
-        data: TrainingData,
-        history_noise: float,
-        fit: FitOptions,
-        key: PRNGKeyArray,
-        progress: Progress = quiet,
-    ) -> Trained[C2A]:
-        """Train on pairs of successive sensed configurations.
-
-        Args:
-            data: recorded episodes.
-            history_noise: standard deviation of noise on past actions, normalized.
-            fit: options of the training.
-            key: for weights, order and noise.
-            progress: called with epoch, number of epochs, validation loss.
-
-        Raises:
-            TrainingError: too few samples, or the loss is not finite.
-        """
-        network_key, fit_key = jax.random.split(key)
-        split = controller_samples(
-            data.sensed,
-            data.actions,
-            ArmGeometry.of(data.arm).action_neutral,
-            data.lengths,
-        )
-        scaling = Scaling.of(split.training.inputs["desired"])
-        model = replace(
-            self.untrained(data.arm, network_key), configuration_scaling=scaling
-        )
-        return _train(
-            model, _predict_c2a, split, -2, history_noise, fit, fit_key, progress
-        )
+    Raises:
+        TrainingError: too few samples, or the loss is not finite.
+    """
+    neutral = ArmGeometry.of(data.arm).action_neutral
+    split = controller_samples(data.sensed, data.actions, neutral, data.lengths)
+    scaling = Scaling.of(split.training.inputs["desired"])
+    scaled = replace(model, configuration_scaling=scaling)
+    return _train(scaled, _predict_c2a, split, -2, history_noise, fit, key, progress)
 
 
 def _predict_c2a(model: C2A, batch: Batch) -> Array:
@@ -204,17 +193,12 @@ class LSTMOptions(Size):
         history_noise: standard deviation of noise on past actions, normalized.
     """
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
     layers: int = 1
     hidden: int = 64
     fit: FitOptions = field(default_factory=FitOptions)
     history_noise: float = 0.2
 
-    def __post_init__(self):
-        """Check the limits of all options."""
-        super().__post_init__()
-        check_limits(self, history_noise=(0, 1000))
+    limits: ClassVar[Ranges] = {**Size.limits, "history_noise": (0, 1000)}
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> TipLSTM:
         """Random weights and no scaling, for an arm."""

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
-from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Options
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.disturbances import Disturbances
@@ -28,7 +28,7 @@ from s2c2a.training.trained import (
 
 
 @dataclass(frozen=True)
-class ForwardOptions(ABC):
+class ForwardOptions(Options, ABC):
     """Options of a forward model; they build and train it.
 
     A custom model needs one frozen dataclass that derives from this class. A recipe
@@ -38,8 +38,6 @@ class ForwardOptions(ABC):
     Attributes:
         model: name of this class in recipes.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")
 
     model: str = field(default="", kw_only=True)
 
@@ -187,8 +185,6 @@ class C2S(MemorylessModel):
 @dataclass(frozen=True)
 class C2SOptions(Size, ForwardOptions):
     """The biLSTM of the paper's C2S."""
-
-    model: str = field(default="bilstm", kw_only=True)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2S:
         """Random weights and no scaling."""

@@ -55,7 +55,6 @@ class ChainC2S(ForwardModel):
 
     @property
     def takes_payload(self) -> bool:
-        """See `ForwardModel`."""
         return True
 
     def for_planning(self) -> "ChainC2S":
@@ -73,13 +72,11 @@ class ChainC2S(ForwardModel):
         return replace(self, hysteresis=replace(self.hysteresis, arrived=arrived))
 
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
-        """See `ForwardModel`."""
         return self.hysteresis.start(self.body.displacements(sensed))
 
     def observe(
         self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> HysteresisMemory:
-        """See `ForwardModel`."""
         return self.hysteresis.advance(self.body.displacements(sensed), memory)
 
     def with_moments(
@@ -121,7 +118,6 @@ class ChainC2S(ForwardModel):
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(configurations), memory)
         return self.states(inputs, disturbances)
 
@@ -162,7 +158,6 @@ class ChainC2S(ForwardModel):
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules cables"]:
-        """See `ForwardModel`."""
         inputs = self.inputs(self.body.displacements(configurations), memory)
         moments = None if disturbances is None else disturbances.moments
         pulls = self._at_rest(inputs, moments)[0].pulls
@@ -171,7 +166,6 @@ class ChainC2S(ForwardModel):
         return pulls / self.body.moments
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
-        """See `ForwardModel`."""
         if not self.statics:
             return None
         stiffness = np.exp(np.asarray(self.equilibrium.log_stiffness))

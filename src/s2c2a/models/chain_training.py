@@ -1,8 +1,8 @@
 """Options and training of the chain: hysteresis by least squares, then all together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.errors import TrainingError
@@ -28,7 +29,6 @@ from s2c2a.training.fit import (
     FitOptions,
     FitResult,
     Progress,
-    check_limits,
     parameters,
     quiet,
 )
@@ -93,17 +93,12 @@ class ChainOptions(ForwardOptions):
     )
     creep_times: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0)
     statics: bool = True
-    model: str = field(default="chain", kw_only=True)
-
-    def __post_init__(self):
-        """Check the limits of all options."""
-        check_limits(
-            self,
-            hidden=(1, 4096),
-            depth=(1, 32),
-            play_widths=(1e-6, 10),
-            creep_times=(1e-6, 1e6),
-        )
+    limits: ClassVar[Ranges] = {
+        "hidden": (1, 4096),
+        "depth": (1, 32),
+        "play_widths": (1e-6, 10),
+        "creep_times": (1e-6, 1e6),
+    }
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """The initial chain: no hysteresis, and a network with outputs near zero."""

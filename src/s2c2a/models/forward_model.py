@@ -122,11 +122,9 @@ class MemorylessModel(ForwardModel):
     """A forward model without hysteresis, as in the paper."""
 
     def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        """See `ForwardModel`."""
         return ()
 
     def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
-        """See `ForwardModel`."""
         return memory
 
     def for_planning(self) -> "MemorylessModel":

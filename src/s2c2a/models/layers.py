@@ -1,6 +1,7 @@
 """Layers of the networks: scaling, LSTMs, and the output layer for cable actions."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -9,8 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
-from s2c2a.training.fit import Fixed, FromArm, check_limits
+from s2c2a.training.fit import Fixed, FromArm
 
 MAX_UNROLLED = 8  # modules
 
@@ -57,7 +59,7 @@ class Scaling(Fixed):
 
 
 @dataclass(frozen=True)
-class Size:
+class Size(Options):
     """Size of a network (Chen et al. 2025, table II).
 
     Attributes:
@@ -68,9 +70,7 @@ class Size:
     layers: int
     hidden: int
 
-    def __post_init__(self):
-        """Check the limits."""
-        check_limits(self, layers=(1, 32), hidden=(1, 4096))
+    limits: ClassVar[Ranges] = {"layers": (1, 32), "hidden": (1, 4096)}
 
 
 class Direction(eqx.Module):

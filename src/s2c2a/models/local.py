@@ -69,18 +69,15 @@ class LocalC2S(ForwardModel):
     tangent: Tangent | None = None
 
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
-        """See `ForwardModel`."""
         return self.chain.start(sensed)
 
     def observe(
         self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> HysteresisMemory:
-        """See `ForwardModel`."""
         return self.chain.observe(sensed, memory)
 
     @property
     def takes_payload(self) -> bool:
-        """See `ForwardModel`."""
         return True
 
     def with_moments(
@@ -90,7 +87,6 @@ class LocalC2S(ForwardModel):
         memory: HysteresisMemory,
         before: Disturbances,
     ) -> Disturbances:
-        """See `ForwardModel`."""
         return self.chain.with_moments(disturbances, configurations, memory, before)
 
     def tensions(
@@ -99,15 +95,12 @@ class LocalC2S(ForwardModel):
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules cables"]:
-        """See `ForwardModel`."""
         return self.chain.tensions(configurations, memory, disturbances)
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
-        """See `ForwardModel`."""
         return self.chain.cable_stiffnesses()
 
     def for_planning(self) -> "LocalC2S":
-        """See `ForwardModel`."""
         return replace(self, chain=self.chain.for_planning())
 
     def near(
@@ -145,7 +138,6 @@ class LocalC2S(ForwardModel):
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        """See `ForwardModel`."""
         displacements = self.chain.body.displacements(configurations)
         inputs = self.chain.inputs(displacements, memory)
         states = self.chain.states(inputs, disturbances)
@@ -188,7 +180,6 @@ class LocalC2S(ForwardModel):
     def extrapolation(
         self, configurations: Float[Array, "*batch modules 3"]
     ) -> Float[Array, "*batch"]:
-        """See `ForwardModel`."""
         displacements = self.chain.body.displacements(configurations)
         features = self.extrapolation_features(displacements)
         return self.uncertainty.tip_extrapolation(features)

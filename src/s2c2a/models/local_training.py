@@ -6,8 +6,8 @@ choose the mixture of both, and a second training calibrates the uncertainty
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, validation_samples
 from s2c2a.kinematics import bends_from_configurations
@@ -34,7 +35,7 @@ from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.spaces import POSITION
-from s2c2a.training.fit import FitOptions, FitResult, Progress, check_limits, quiet
+from s2c2a.training.fit import FitOptions, FitResult, Progress, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
@@ -88,12 +89,11 @@ class LocalOptions(ChainOptions):
     points: int = 1536
     few: int = 64
     calibrate: bool = True
-    model: str = field(default="local", kw_only=True)
-
-    def __post_init__(self):
-        """Refuse impossible numbers."""
-        super().__post_init__()
-        check_limits(self, points=(8, 10_000), few=(4, 1000))
+    limits: ClassVar[Ranges] = {
+        **ChainOptions.limits,
+        "points": (8, 10_000),
+        "few": (4, 1000),
+    }
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
         """See `ForwardOptions`: the chain before training, without kernels."""

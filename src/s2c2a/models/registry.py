@@ -1,11 +1,11 @@
 """Forward models by name."""
 
+from s2c2a.components import Registry
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
-from s2c2a.registry import OptionsRegistry
 
-MODELS = OptionsRegistry(
+MODELS: Registry[ForwardOptions] = Registry(
     "model",
-    ForwardOptions,  # type: ignore[type-abstract]
+    ForwardOptions,
     {"bilstm": C2SOptions, "chain": ChainOptions, "local": LocalOptions},
 )
 """Forward models by name, for `[c2s] model` in a recipe."""

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from s2c2a.components import Component, ComponentRegistry
+from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths
 from s2c2a.planning.outcomes import STILL, Outcome
@@ -332,4 +332,6 @@ def _outcome(keep: Flag, restart: Flag, move: Flag, better: Flag) -> Count:
 
 NO_FALLBACK = FallbackSearch(starts=0)
 """No search: the plan stays stuck."""
-FALLBACKS = ComponentRegistry.of("fallback", FallbackSearch, FallbackSearch)
+FALLBACKS: Registry[FallbackSearch] = Registry(
+    "fallback", FallbackSearch, {"FallbackSearch": FallbackSearch}
+)

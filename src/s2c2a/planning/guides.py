@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
-from s2c2a.components import Component, ComponentRegistry
+from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import configurations_from_bends, limit_lengths
 from s2c2a.kinematics.bends import Numbers
@@ -351,4 +351,4 @@ def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
     return padded[row : row + SIDE, column : column + SIDE]
 
 
-GUIDES = ComponentRegistry.of("guide", Guide, Detour, Pull)
+GUIDES: Registry[Guide] = Registry("guide", Guide, {"Detour": Detour, "Pull": Pull})

@@ -5,17 +5,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from pydantic import BeforeValidator, ConfigDict, SkipValidation
+from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled, select_if_finite
-from s2c2a.components import CustomComponent
+from s2c2a.components import CustomComponent, Options
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
@@ -70,7 +70,7 @@ AnyFallback = Annotated[
 
 
 @dataclass(frozen=True)
-class PlannerOptions:
+class PlannerOptions(Options):
     """Solver, terms, guides and fallback of a planner.
 
     In files, each component is a table with its name and parameters, or an `Own`.
@@ -86,8 +86,6 @@ class PlannerOptions:
         fallback: random restarts when the plan is stuck.
         guard: the points of the arm that avoid obstacles.
     """
-
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     solver: AnySolver
     terms: tuple[AnyTerm, ...]

@@ -17,7 +17,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Component, ComponentRegistry
+from s2c2a.components import Component, Registry
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -235,7 +235,6 @@ class Adam(Solver):
     iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
-        """See `Solver`."""
         optimizer = optax.adam(self.learning_rate)
         gradient = jax.grad(problem.sum_of_norms)
         start = problem.situation.last.configurations
@@ -265,7 +264,6 @@ class LeastSquares(Solver):
     enough: float = 1e-4
 
     def solve(self, problem: Problem) -> Configurations:
-        """See `Solver`."""
         start = problem.situation.last.bends
         bends, _ = solve_least_squares(
             problem.stacked, start, problem.within_step, self.iterations, self.enough
@@ -273,7 +271,9 @@ class LeastSquares(Solver):
         return configurations_from_bends(bends)
 
 
-SOLVERS = ComponentRegistry.of("solver", Solver, Adam, LeastSquares)
+SOLVERS: Registry[Solver] = Registry(
+    "solver", Solver, {"Adam": Adam, "LeastSquares": LeastSquares}
+)
 
 
 def reach_gaps(

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Component, ComponentRegistry
+from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import Numbers, squared_norm
@@ -327,17 +327,19 @@ class Limits(Term):
         return 1.0, self.weight * excess[:, None]
 
 
-TERMS = ComponentRegistry.of(
+TERMS: Registry[Term] = Registry(
     "term",
     Term,
-    Positions,
-    Axes,
-    Repulsion,
-    Obstacles,
-    Change,
-    BendChange,
-    Shape,
-    Evenness,
-    Extrapolation,
-    Limits,
+    {
+        "Positions": Positions,
+        "Axes": Axes,
+        "Repulsion": Repulsion,
+        "Obstacles": Obstacles,
+        "Change": Change,
+        "BendChange": BendChange,
+        "Shape": Shape,
+        "Evenness": Evenness,
+        "Extrapolation": Extrapolation,
+        "Limits": Limits,
+    },
 )

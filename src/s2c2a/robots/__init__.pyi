@@ -1,12 +1,5 @@
-from .conformance import (
-    check_robot as check_robot,
-)
-from .factory import (
-    RobotFactory as RobotFactory,
-)
-from .robot import (
-    Robot as Robot,
-)
-from .robot import (
-    checked_action as checked_action,
-)
+from .conformance import check_robot
+from .factory import RobotFactory
+from .robot import Robot, checked_action
+
+__all__ = ["Robot", "RobotFactory", "check_robot", "checked_action"]

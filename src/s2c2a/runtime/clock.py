@@ -26,7 +26,6 @@ class WallClock(Clock):
     """The computer's clock, for robots that move in real time."""
 
     def now(self) -> float:
-        """See `Clock`."""
         return time.perf_counter()
 
     def with_sleep(self) -> float:
@@ -34,7 +33,6 @@ class WallClock(Clock):
         return time_with_sleep()
 
     def wait_until(self, moment: float) -> None:
-        """See `Clock`."""
         remaining = moment - self.now()
         if remaining > 0:
             time.sleep(remaining)

@@ -12,11 +12,10 @@ from pydantic import TypeAdapter
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
-from s2c2a.control.options import CONTROLLERS
+from s2c2a.components import Registry
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
 from s2c2a.estimation.sensor_models import PREFIX
-from s2c2a.models.registry import MODELS
 from s2c2a.strategies.checkpoint import (
     SCHEMA,
     Arrays,
@@ -71,7 +70,7 @@ def load_strategy(
     """Read trained networks, for an arm if one is given.
 
     Classes of the user's own that the file names must be imported before
-    (`OptionsRegistry.named`); the file itself runs no code.
+    (`Registry.named`); the file itself runs no code.
 
     Raises:
         StrategyError: no such file, damaged, of another schema, or trained for another
@@ -139,7 +138,7 @@ def _recipe(table: dict[str, Any]) -> Recipe:
         # version 0.3 wrote this key; `plugins.resolve` decides what is imported
         planner = {key: planner[key] for key in planner if key != "own_code"}
     table = table | {"planner": planner}
-    recipe = recipe_in(table, MODELS.imported, CONTROLLERS.imported)
+    recipe = recipe_in(table, Registry.imported)
     try:
         _ = recipe.estimator_options
     except S2C2AError:  # the user's own: a recipe file has to name it again

@@ -46,7 +46,6 @@ class LSTM(StrategyOptions):
     recipe_keys = frozenset()
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
-        """See `StrategyOptions`."""
         return CollectOptions(seed=seed)
 
     def training_key(self, recipe: Recipe) -> Any:
@@ -56,7 +55,6 @@ class LSTM(StrategyOptions):
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
     ) -> dict[str, Any]:
-        """See `StrategyOptions`."""
         return {NETWORK: self.options.untrained(arm, key)}
 
     def train(
@@ -66,8 +64,6 @@ class LSTM(StrategyOptions):
         seed: int,
         progress: NetworkProgress = lambda *_: None,
     ) -> TrainedNetworks:
-        """See `StrategyOptions`."""
-
         def lstm_progress(epoch: int, epochs: int, loss: float) -> None:
             progress(NETWORK, epoch, epochs, loss)
 
@@ -91,7 +87,6 @@ class LSTM(StrategyOptions):
         trained: TrainedNetworks | None,
         run: RunOptions,
     ) -> "LSTMStrategy":
-        """See `StrategyOptions`."""
         if trained is None:
             raise StrategyError("lstm needs a trained network")
         return LSTMStrategy(arm, trained.networks[NETWORK])

@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from jaxtyping import PRNGKeyArray
-from pydantic import ConfigDict
 
 from s2c2a.arm import ArmSpec
+from s2c2a.components import Options
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import EstimationSettings
@@ -53,7 +53,7 @@ class RunOptions:
 
 
 @dataclass(frozen=True)
-class StrategyOptions(ABC):
+class StrategyOptions(Options, ABC):
     """A strategy by name: what it needs, how it is trained, and how it is built.
 
     Derive a frozen dataclass from it and name it: `--strategy my_strategy.py:Mine`, or
@@ -67,8 +67,6 @@ class StrategyOptions(ABC):
         recipe_keys: which keys of a recipe it uses; by default all. A sweep of others,
             and a recipe for a strategy that uses none, are refused.
     """
-
-    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
     name: ClassVar[str] = ""
     supports: ClassVar[frozenset[str]] = frozenset()

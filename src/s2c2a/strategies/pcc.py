@@ -46,7 +46,6 @@ class PlainPCC(StrategyOptions):
         trained: TrainedNetworks | None,
         run: RunOptions,
     ) -> Strategy:
-        """See `StrategyOptions`."""
         return pcc_strategy(arm, replace(recipe.planner, guard=run.guard))
 
 
@@ -69,7 +68,6 @@ class FittedPCC(StrategyOptions):
     recipe_keys = PLANNING_KEYS | {"babbling", "speeds", "episodes", "active"}
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
-        """See `StrategyOptions`."""
         return recipe.collect_options(seed)
 
     def training_key(self, recipe: Recipe) -> Any:
@@ -79,7 +77,6 @@ class FittedPCC(StrategyOptions):
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
     ) -> dict[str, Any]:
-        """See `StrategyOptions`."""
         return {GAINS: FittedGains(jnp.ones(arm.module_count))}
 
     def train(
@@ -89,7 +86,6 @@ class FittedPCC(StrategyOptions):
         seed: int,
         progress: NetworkProgress = lambda *_: None,
     ) -> TrainedNetworks:
-        """See `StrategyOptions`."""
         gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
         result = Trained(gains, np.zeros((1, 3), np.float32), (0.0, 0.0))
         trained = {GAINS: result}
@@ -102,7 +98,6 @@ class FittedPCC(StrategyOptions):
         trained: TrainedNetworks | None,
         run: RunOptions,
     ) -> Strategy:
-        """See `StrategyOptions`."""
         if trained is None:
             raise StrategyError(
                 "pcc-fitted needs gains that were fitted to a recording"

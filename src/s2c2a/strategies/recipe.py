@@ -8,21 +8,20 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tomli_w
 from jaxtyping import PRNGKeyArray
 from pydantic import (
     BeforeValidator,
-    ConfigDict,
     SkipValidation,
     TypeAdapter,
     ValidationError,
 )
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import CustomComponent
-from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptions
+from s2c2a.components import CustomComponent, Options, Ranges, Registry
+from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MAX_EPISODES
@@ -44,7 +43,7 @@ from s2c2a.planning.guides import GUIDES
 from s2c2a.planning.solvers import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.plugins import trust_code_in
-from s2c2a.training.fit import FitOptions, check_limits
+from s2c2a.training.fit import FitOptions
 from s2c2a.validation import MAX_KEY_LENGTH, explained, unknown_key
 
 ENDING = ".toml"
@@ -53,7 +52,7 @@ HINT = " (with a line such as based_on = 'best', a file need not be complete)"
 TAGS = {"name", "model"}
 """Keys that say of which class a table is."""
 
-NESTED = {
+NESTED: dict[str, Registry[Any]] = {
     "planner.solver": SOLVERS,
     "planner.terms": TERMS,
     "planner.guides": GUIDES,
@@ -66,7 +65,7 @@ AnyEstimator = Annotated[
 
 
 @dataclass(frozen=True)
-class Recipe:
+class Recipe(Options):
     """How a strategy is trained, and how it estimates, plans and acts.
 
     Attributes:
@@ -108,18 +107,16 @@ class Recipe:
     unit_length: bool = False
     active: bool = False
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
+    limits: ClassVar[Ranges] = {
+        "history_noise": (0, 1000),
+        "speeds": (0, 10),
+        "episodes": (1, MAX_EPISODES),
+        "integral_gain": (0, 10),
+    }
 
     def __post_init__(self):
-        """Refuse impossible numbers; name classes of the user's own."""
-        check_limits(
-            self,
-            StrategyError,
-            history_noise=(0, 1000),
-            speeds=(0, 10),
-            episodes=(1, MAX_EPISODES),
-            integral_gain=(0, 10),
-        )
+        """Refuse impossible numbers; name the classes of the networks."""
+        super().__post_init__()
         if self.babbling not in BABBLING:
             raise StrategyError(
                 f"babbling = '{self.babbling}' was given; choose one of "
@@ -140,11 +137,9 @@ class Recipe:
                 "write one"
             )
         if not self.c2s.model:
-            named = replace(self.c2s, model=MODELS.name_of(type(self.c2s)))
-            object.__setattr__(self, "c2s", named)
+            object.__setattr__(self, "c2s", _named(self.c2s, MODELS))
         if not self.c2a.model:
-            named = replace(self.c2a, model=CONTROLLERS.name_of(type(self.c2a)))
-            object.__setattr__(self, "c2a", named)
+            object.__setattr__(self, "c2a", _named(self.c2a, CONTROLLERS))
 
     @property
     def estimator_options(self) -> EstimatorOptions:
@@ -163,8 +158,8 @@ class Recipe:
         """
         return replace(
             self,
-            c2s=replace(self.c2s, model=MODELS.name_of(type(self.c2s))),
-            c2a=replace(self.c2a, model=CONTROLLERS.name_of(type(self.c2a))),
+            c2s=_named(self.c2s, MODELS),
+            c2a=_named(self.c2a, CONTROLLERS),
         )
 
     @property
@@ -235,6 +230,11 @@ class Recipe:
         return configuration_map
 
 
+def _named(options: Any, registry: Registry) -> Any:
+    """The options with the name of their class in files."""
+    return replace(options, model=registry.name_of(type(options)))
+
+
 def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
     """Every number within nested tables, and its place."""
     if isinstance(value, float):
@@ -256,7 +256,7 @@ _DECAYING = FitOptions(
 _BEST = Recipe(
     "best",
     c2s=LocalOptions(),
-    c2a=BiLSTMController(layers=2, hidden=32),
+    c2a=C2AOptions(layers=2, hidden=32),
     c2s_fit=_DECAYING,
     c2a_fit=_DECAYING,
     estimator=KalmanFilter(),
@@ -272,7 +272,7 @@ _BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(
     "paper",
     c2s=C2SOptions(layers=4, hidden=64),
-    c2a=BiLSTMController(layers=2, hidden=32),
+    c2a=C2AOptions(layers=2, hidden=32),
 )
 RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
 """Recipes of the package, by name; docs/concepts/recipe.md measures their parts."""
@@ -325,7 +325,7 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
         written = parse_toml(read_text(path))
         table = _complete(written, Path(path).parent) | {"name": Path(path).stem}
         trust_code_in(table)
-        recipe = recipe_in(table, MODELS.named, CONTROLLERS.named)
+        recipe = recipe_in(table, Registry.named)
         # import now what the recipe names, not after the training
         recipe.planner.build()
         _ = recipe.estimator_options
@@ -360,15 +360,13 @@ def _keys() -> Iterator[str]:
 
 def recipe_in(
     table: dict[str, Any],
-    find_model: Callable[[str], type[ForwardOptions]],
-    find_controller: Callable[[str], type[ControllerOptions]],
+    find: Callable[[Registry, str], type],
 ) -> Recipe:
     """Validate the table of a recipe.
 
     Args:
         table: as in a file.
-        find_model: finds the options of a forward model by name.
-        find_controller: the same of a learned controller.
+        find: finds the class of a network's options: `Registry.named` or `imported`.
 
     Raises:
         S2C2AError: the table is no recipe.
@@ -384,10 +382,10 @@ def recipe_in(
             "what differs, or a line such as model = 'chain': one of "
             f"{', '.join(MODELS.known)}, or your own as module:Name or file.py:Name"
         )
-    model = _validated("c2s", find_model(c2s["model"]), c2s)
+    model = _validated("c2s", find(MODELS, c2s["model"]), c2s)
     c2a = table.get("c2a")
     controller_name = c2a.get("model", "bilstm") if isinstance(c2a, dict) else "bilstm"
-    controller_type = find_controller(str(controller_name))
+    controller_type = find(CONTROLLERS, str(controller_name))
     controller = _validated("c2a", controller_type, c2a or {})
     validated = table | {"c2s": model, "c2a": controller}
     return TypeAdapter(Recipe).validate_python(validated)

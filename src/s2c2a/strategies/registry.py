@@ -2,16 +2,16 @@
 
 from dataclasses import asdict, replace
 
-from s2c2a.registry import OptionsRegistry
+from s2c2a.components import Registry
 from s2c2a.strategies.lstm import LSTM
 from s2c2a.strategies.options import StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
 from s2c2a.strategies.s2c2a import S2C2A, S2C2AMotor
 from s2c2a.strategies.trained import TrainedNetworks
 
-STRATEGIES = OptionsRegistry(
+STRATEGIES: Registry[StrategyOptions] = Registry(
     "strategy",
-    StrategyOptions,  # type: ignore[type-abstract]
+    StrategyOptions,
     {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, LSTM, S2C2AMotor)},
 )
 """The paper's strategy and its comparisons, for `--strategy`."""

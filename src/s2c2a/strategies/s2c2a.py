@@ -53,21 +53,17 @@ class S2C2A(StrategyOptions):
     )
 
     def training_arm(self, arm: ArmSpec, recipe: Recipe) -> ArmSpec:
-        """See `StrategyOptions`."""
         return recipe.training_arm(arm)
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
-        """See `StrategyOptions`."""
         return recipe.collect_options(seed)
 
     def training_key(self, recipe: Recipe) -> Any:
-        """See `StrategyOptions`."""
         return recipe.training
 
     def untrained(
         self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
     ) -> dict[str, Any]:
-        """See `StrategyOptions`."""
         return recipe.untrained(arm, key)
 
     def train(
@@ -77,7 +73,6 @@ class S2C2A(StrategyOptions):
         seed: int,
         progress: NetworkProgress = lambda *_: None,
     ) -> TrainedNetworks:
-        """See `StrategyOptions`."""
         return train_s2c2a(recording, recipe, seed, progress)
 
     def build(
@@ -87,7 +82,6 @@ class S2C2A(StrategyOptions):
         trained: TrainedNetworks | None,
         run: RunOptions,
     ) -> Strategy:
-        """See `StrategyOptions`."""
         if trained is None:
             raise StrategyError("s2c2a needs trained networks")
         networks = replace(trained, arm=arm, recipe=recipe)
@@ -102,7 +96,6 @@ class S2C2AMotor(S2C2A):
     recipe_keys = RECIPE_KEYS - {"babbling"}
 
     def recipe(self, recipe: Recipe) -> Recipe:
-        """See `StrategyOptions`."""
         return replace(recipe, babbling="motor")
 
 

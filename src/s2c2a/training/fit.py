@@ -6,7 +6,7 @@ The type of a part determines whether it is trained and whether files keep it.
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -17,10 +17,10 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
-from s2c2a.errors import S2C2AError, TrainingError
+from s2c2a.components import Options, Ranges
+from s2c2a.errors import TrainingError
 
 MAX_COUNT = 1_000_000  # epochs, and samples in a batch
-MAX_VALUES = 100  # values of one option
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
 Model = TypeVar("Model", bound=eqx.Module, covariant=True)
@@ -34,7 +34,7 @@ def quiet(epoch: int, max_epochs: int, loss: float) -> None:
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class FitOptions(Options):
     """Options of the training (Chen et al. 2025, table II).
 
     Attributes:
@@ -56,13 +56,13 @@ class FitOptions:
     epochs_per_call: int = 5
     decay: bool = False
 
-    def __post_init__(self):
-        """Check the ranges."""
-        counts = {
-            name: (1, MAX_COUNT)
-            for name in ("batch_size", "max_epochs", "patience", "epochs_per_call")
-        }
-        check_limits(self, learning_rate=(0, 10), **counts)
+    limits: ClassVar[Ranges] = {
+        "learning_rate": (0, 10),
+        "batch_size": (1, MAX_COUNT),
+        "max_epochs": (1, MAX_COUNT),
+        "patience": (1, MAX_COUNT),
+        "epochs_per_call": (1, MAX_COUNT),
+    }
 
 
 @dataclass(frozen=True)
@@ -279,29 +279,3 @@ def parameters(model: eqx.Module) -> list[Array]:
     """All trained arrays of a model."""
     parts = jax.tree.leaves(model, is_leaf=is_fixed)
     return [part for part in parts if eqx.is_inexact_array(part)]
-
-
-def check_limits(
-    options: Any, error: type[S2C2AError] = TrainingError, **limits: tuple[float, float]
-) -> None:
-    """Check the ranges of options.
-
-    Args:
-        options: object with an attribute for each limit: a number or a tuple of them.
-        error: type of the error.
-        limits: smallest and largest value of each attribute.
-
-    Raises:
-        S2C2AError: a value is out of range or NaN.
-    """
-    for name, (low, high) in limits.items():
-        value = getattr(options, name)
-        values = value if isinstance(value, tuple) else (value,)
-        if len(values) > MAX_VALUES:
-            raise error(
-                f"{len(values)} values of {name} were "
-                f"given; choose at most {MAX_VALUES}"
-            )
-        # false for NaN
-        if not all(low <= number <= high for number in values):
-            raise error(f"{name} = {value} was given; choose {low:g} to {high:g}")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
+from s2c2a.components import Registry
 from s2c2a.estimation.sensor_models.base import (
     BiasPrior,
     ExpectedState,
@@ -30,7 +30,6 @@ from s2c2a.estimation.sensor_models.training import (
     train_sensor,
 )
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.plugins import resolve
 
 SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     BendSensor,
@@ -39,6 +38,12 @@ SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     CameraSensor,
 )
 """Sensor models of the package, in the order of their filter updates."""
+FORMULAS: Registry[FormulaSensor] = Registry(
+    "sensor_model",
+    FormulaSensor,
+    {},
+)
+"""Formulas of the user's own sensors, which the arm file names."""
 
 
 def sensor_models_of(
@@ -65,11 +70,5 @@ def _formula_sensors(arm: ArmSpec) -> list[FormulaSensor]:
     for raw in arm.sensors.raw:
         if not raw.model:
             continue
-        kind = resolve("sensor_model", raw.model, {})
-        if not (isinstance(kind, type) and issubclass(kind, FormulaSensor)):
-            raise S2C2AError(
-                f"sensors.raw '{raw.name}': model = '{raw.model}' is {kind!r}; name a "
-                "subclass of s2c2a.estimation.FormulaSensor"
-            )
-        sensors.append(kind(raw.name, raw.shape))
+        sensors.append(FORMULAS.find(raw.model)(raw.name, raw.shape))
     return sensors

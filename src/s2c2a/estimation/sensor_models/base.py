@@ -159,8 +159,6 @@ class FormulaSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`."""
-
         def flat(bends: Float[Array, " bends"]) -> Float[Array, " values"]:
             return self.predicted(bends.reshape(-1, 2)).reshape(-1)
 
@@ -169,7 +167,6 @@ class FormulaSensor(SensorModel):
         return Innovation(residual, jacobian, jnp.full(predicted.shape, self.std))
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {self.name: np.full(self.shape, np.nan, np.float32)}
 
 

@@ -30,7 +30,6 @@ class BendSensor(SensorModel):
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "BendSensor | None":
-        """See `SensorModel`."""
         if arm.sensing == "true" or arm.sensors.bends:
             return cls(arm.module_count)
         return None
@@ -38,7 +37,6 @@ class BendSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`."""
         measured = bends_from_configurations(measurements["configurations"])
         residual = (measured - expected.bends).reshape(-1)
         values = residual.size
@@ -48,9 +46,7 @@ class BendSensor(SensorModel):
 
     @property
     def value_count(self) -> int:
-        """See `SensorModel`."""
         return 2 * self.modules
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {"configurations": np.full((self.modules, 3), np.nan, np.float32)}

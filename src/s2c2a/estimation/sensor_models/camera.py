@@ -47,7 +47,6 @@ class CameraSensor(SensorModel):
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "CameraSensor | None":
-        """See `SensorModel`."""
         camera = arm.sensors.camera
         if camera is None:
             return None
@@ -60,7 +59,6 @@ class CameraSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`."""
         age = jnp.nan_to_num(measurements["camera_age"], nan=self.delay)
         steps = jnp.clip(age / self.period, 0.0, len(expected.past_bends) - 1.001)
         bends = _interpolated(expected.past_bends, steps)
@@ -83,7 +81,6 @@ class CameraSensor(SensorModel):
 
     @property
     def value_count(self) -> int:
-        """See `SensorModel`."""
         return 3 * len(self.lengths)
 
     @property
@@ -92,7 +89,6 @@ class CameraSensor(SensorModel):
         return max(1.0, 5.0 / self.rate) + self.delay
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {
             "camera_positions": np.full((len(self.lengths), 3), np.nan, np.float32),
             "camera_age": np.full((), np.nan, np.float32),

@@ -38,7 +38,6 @@ class ImuSensor(SensorModel):
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "ImuSensor | None":
-        """See `SensorModel`."""
         if arm.sensors.imu is None or not any(arm.gravity_direction):
             return None
         down = jnp.asarray(arm.gravity_direction, jnp.float32)
@@ -46,21 +45,18 @@ class ImuSensor(SensorModel):
 
     @property
     def bias_prior(self) -> BiasPrior:
-        """See `SensorModel`."""
         values = 3 * self.modules
         return BiasPrior(jnp.full(values, BIAS_STD), jnp.full(values, BIAS_DRIFT))
 
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`."""
         predicted, jacobian = with_jacobian(self._inclinations, expected.bends)
         residual = measurements["inclinations"].reshape(-1) - predicted
         std = jnp.full(predicted.shape, INCLINATION_STD)
         return Innovation(residual, jacobian, std, MAX_BEND_CHANGE)
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {"inclinations": np.full((self.modules, 3), np.nan, np.float32)}
 
     def _inclinations(self, bends: Float[Array, " bends"]) -> Float[Array, " values"]:

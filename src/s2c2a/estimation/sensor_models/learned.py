@@ -92,12 +92,10 @@ class LearnedSensor(SensorModel):
 
     @property
     def bias_prior(self) -> BiasPrior:
-        """See `SensorModel`."""
         errors = self.network.errors
         return BiasPrior(errors.initial_bias, DRIFT_FACTOR * errors.drift)
 
     def initial_lag(self, bends: Float[Array, "modules 2"]) -> Array:
-        """See `SensorModel`."""
         return self.network(bends.reshape(-1))
 
     def innovation(
@@ -113,7 +111,6 @@ class LearnedSensor(SensorModel):
         return Innovation(residual, jacobian, NOISE_FACTOR * errors.noise, lag=lag)
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {self.name: np.full(self.shape, np.nan, np.float32)}
 
 

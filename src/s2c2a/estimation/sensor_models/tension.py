@@ -41,7 +41,6 @@ class TensionSensor(SensorModel):
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "TensionSensor | None":
-        """See `SensorModel`."""
         stiffness = model.cable_stiffnesses()
         if arm.motor.current_noise is None or stiffness is None:
             return None
@@ -52,7 +51,6 @@ class TensionSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        """See `SensorModel`."""
         modules = len(self.stiffness)
         stretch = jnp.einsum("mnk,mk->mn", self.matrices, expected.bend_biases)
         predicted = jnp.maximum(expected.tensions + self.stiffness * stretch, 0.0)
@@ -73,5 +71,4 @@ class TensionSensor(SensorModel):
         )
 
     def missing(self) -> dict[str, np.ndarray]:
-        """See `SensorModel`."""
         return {"tensions": np.full(self.matrices.shape[:2], np.nan, np.float32)}

@@ -81,12 +81,10 @@ class Motive(MocapServer):
 
     @property
     def files(self) -> list[socket.socket]:
-        """See `MocapServer`."""
         return [self._sockets[0]] if self._sockets is not None else []
 
     @property
     def label(self) -> str:
-        """See `MocapServer`."""
         options = self.options
         ports = f"UDP {options.command_port} and {options.data_port}"
         return f"Motive, NatNet {options.version}: {options.host}, {ports}"

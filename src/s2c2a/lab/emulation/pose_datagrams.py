@@ -77,12 +77,10 @@ class PoseDatagrams(MocapServer):
 
     @property
     def files(self) -> list[socket.socket]:
-        """See `MocapServer`."""
         return []
 
     @property
     def label(self) -> str:
-        """See `MocapServer`."""
         host, port = self.options.receiver
         return f"JSON datagrams to {host}, UDP {port}"
 

@@ -82,14 +82,12 @@ class Qtm(MocapServer):
 
     @property
     def files(self) -> list[socket.socket]:
-        """See `MocapServer`."""
         if self._listener is None:
             return []
         return [self._listener, *(client.socket for client in self._clients)]
 
     @property
     def label(self) -> str:
-        """See `MocapServer`."""
         options = self.options
         return f"QTM, RT {options.version}: {options.host}, TCP {options.port}"
 

@@ -146,22 +146,18 @@ class STS3215(Servo):
 
     @property
     def return_delay(self) -> float:
-        """See `Servo.return_delay`."""
         return RETURN_DELAY_UNIT * self["return_delay"]
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """See `Servo.errors`."""
         bits = self["hardware_error"]
         return tuple(name for name, bit in _ERROR_BITS.items() if bits & bit)
 
     @property
     def answers_writes(self) -> bool:
-        """See `Servo.answers_writes`."""
         return self["status_return_level"] == 1
 
     def set_up(self, current: float) -> None:
-        """See `Servo.set_up`."""
         self["min_position"] = 0
         self["max_position"] = 0
         self["phase"] |= PHASE_FULL_ANGLE
@@ -178,7 +174,6 @@ class STS3215(Servo):
         return self["operating_mode"] == POSITION_MODE and limits == (0, 0)
 
     def command(self) -> MotorCommand:
-        """See `Servo.command`."""
         share = min(self["torque_limit"], self["max_torque"]) / FULL_TORQUE
         current = STALL_CURRENT * share
         demanded = SPEED_UNIT * self["goal_speed"]

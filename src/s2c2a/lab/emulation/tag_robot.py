@@ -72,7 +72,6 @@ class TagCameraRobot(SimulatedRobot):
         self._start_pictures()
 
     def open(self) -> Reading:
-        """See `Robot`."""
         self._start_pictures()
         return super().open()
 
@@ -89,7 +88,6 @@ class TagCameraRobot(SimulatedRobot):
         return replace(reading, sensors=values)
 
     def close(self) -> None:
-        """See `Robot`."""
         self._scene.close()
         super().close()
 

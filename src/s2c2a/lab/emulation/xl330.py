@@ -186,32 +186,26 @@ class XL330(Servo):
 
     @property
     def return_delay(self) -> float:
-        """See `Servo.return_delay`."""
         return RETURN_DELAY_UNIT * self["return_delay"]
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """See `Servo.errors`."""
         bits = self["hardware_error"]
         return tuple(name for name, bit in _ERROR_BITS.items() if bits & bit)
 
     @property
     def watchdog_tripped(self) -> bool:
-        """See `Servo.watchdog_tripped`."""
         return self["bus_watchdog"] == -1
 
     @property
     def answers_reads(self) -> bool:
-        """See `Servo.answers_reads`."""
         return self["status_return_level"] >= 1
 
     @property
     def answers_writes(self) -> bool:
-        """See `Servo.answers_writes`."""
         return self["status_return_level"] >= 2
 
     def set_up(self, current: float) -> None:
-        """See `Servo.set_up`."""
         self["return_delay"] = 0
         self["operating_mode"] = CURRENT_BASED_POSITION_MODE
         limit = min(round(current / CURRENT_UNIT), self["current_limit"])
@@ -219,7 +213,6 @@ class XL330(Servo):
         self._reset_goals()
 
     def hear(self, now: float) -> None:
-        """See `Servo.hear`."""
         self._heard = now
 
     @property
@@ -232,7 +225,6 @@ class XL330(Servo):
         return round(self.state.ticks) + self._present_offset
 
     def command(self) -> MotorCommand:
-        """See `Servo.command`."""
         mode = self["operating_mode"]
         limit = CURRENT_UNIT * self["current_limit"]
         speed = min(NO_LOAD_SPEED, VELOCITY_UNIT * self["velocity_limit"])

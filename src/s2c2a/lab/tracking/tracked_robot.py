@@ -275,7 +275,6 @@ class TrackedRobot(Robot):
         return _with(reading, self._tracked.values(frame, time.perf_counter()))
 
     def read(self) -> Reading:
-        """See `Robot`."""
         before = time.perf_counter()
         frame = self._tracked.latest()
         reading = self._robot.read()
@@ -284,17 +283,14 @@ class TrackedRobot(Robot):
         return _with(reading, self._tracked.values(frame, middle))
 
     def send(self, action: Actions) -> Actions:
-        """See `Robot`."""
         sent = self._robot.send(action)
         self._tracked.sent(sent)
         return sent
 
     def halt(self) -> None:
-        """See `Robot`."""
         self._robot.halt()
 
     def close(self) -> None:
-        """See `Robot`."""
         try:
             self._tracked.close()
         finally:

@@ -87,7 +87,6 @@ class UdpTracker(Tracker):
 
     @property
     def problem(self) -> str:
-        """See `Tracker`."""
         if self._accepted or self._socket is None:
             return ""
         host, port = self.address
@@ -125,11 +124,9 @@ class UdpTracker(Tracker):
         self._thread.start()
 
     def latest(self) -> PoseFrame | None:
-        """See `Tracker`."""
         return self._latest
 
     def close(self) -> None:
-        """See `Tracker`."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()

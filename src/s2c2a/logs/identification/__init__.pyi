@@ -1,69 +1,39 @@
-from .fitting import (
-    Fit as Fit,
-)
-from .fitting import (
-    Posterior as Posterior,
-)
-from .fitting import (
-    identify as identify,
-)
-from .numbers import (
-    GROUPS as GROUPS,
-)
-from .numbers import (
-    USUAL as USUAL,
-)
-from .numbers import (
-    Unknown as Unknown,
-)
-from .numbers import (
-    arm_at as arm_at,
-)
-from .numbers import (
-    unknowns_of as unknowns_of,
-)
-from .numbers import (
-    with_default_starts as with_default_starts,
-)
-from .problem import (
-    FitOptions as FitOptions,
-)
-from .problem import (
-    Problem as Problem,
-)
-from .problem import (
-    held_out as held_out,
-)
-from .problem import (
-    options_for as options_for,
-)
-from .replay import (
-    Replay as Replay,
-)
-from .replay import (
-    replayed as replayed,
-)
-from .replay import (
-    thinned as thinned,
-)
+from .fitting import Fit, Posterior, identify
+from .numbers import GROUPS, USUAL, Unknown, arm_at, unknowns_of, with_default_starts
+from .problem import FitOptions, Problem, held_out, options_for
+from .replay import Replay, replayed, thinned
 from .report import (
-    FittedNumber as FittedNumber,
+    FittedNumber,
+    TipErrors,
+    errors_of,
+    fitted_numbers,
+    fitted_toml,
+    tip_errors,
+    undetermined_combinations,
 )
-from .report import (
-    TipErrors as TipErrors,
-)
-from .report import (
-    errors_of as errors_of,
-)
-from .report import (
-    fitted_numbers as fitted_numbers,
-)
-from .report import (
-    fitted_toml as fitted_toml,
-)
-from .report import (
-    tip_errors as tip_errors,
-)
-from .report import (
-    undetermined_combinations as undetermined_combinations,
-)
+
+__all__ = [
+    "GROUPS",
+    "USUAL",
+    "Fit",
+    "FitOptions",
+    "FittedNumber",
+    "Posterior",
+    "Problem",
+    "Replay",
+    "TipErrors",
+    "Unknown",
+    "arm_at",
+    "errors_of",
+    "fitted_numbers",
+    "fitted_toml",
+    "held_out",
+    "identify",
+    "options_for",
+    "replayed",
+    "thinned",
+    "tip_errors",
+    "undetermined_combinations",
+    "unknowns_of",
+    "with_default_starts",
+]

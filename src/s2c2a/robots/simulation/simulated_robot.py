@@ -155,7 +155,6 @@ class SimulatedRobot(Robot):
 
     @property
     def sensors(self) -> dict[str, Sensor]:
-        """See `Robot.sensors`."""
         samples = 0
         if self._has_center_line:
             samples = len(self._physics_times(self.arm.control_period)) + 1

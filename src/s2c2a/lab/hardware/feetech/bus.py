@@ -244,7 +244,6 @@ class FeetechBus(ServoBus):
             self._line.write(packet)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
-        """See `ServoBus`."""
         ids = tuple(ids)
         if not ids:
             return {}
@@ -285,7 +284,6 @@ class FeetechBus(ServoBus):
             )
 
     def close(self) -> None:
-        """See `ServoBus`."""
         self._line.close()
 
     def _exchange(

@@ -104,7 +104,6 @@ class NatNetTracker(Tracker):
 
     @property
     def problem(self) -> str:
-        """See `Tracker`."""
         return self._connection.problem
 
     @property
@@ -147,11 +146,9 @@ class NatNetTracker(Tracker):
             raise TrackingError(self.problem)
 
     def latest(self) -> PoseFrame | None:
-        """See `Tracker`."""
         return self._latest
 
     def close(self) -> None:
-        """See `Tracker`."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()

@@ -118,11 +118,9 @@ class QualisysTracker(Tracker):
             raise TrackingError(problem)
 
     def latest(self) -> PoseFrame | None:
-        """See `Tracker`."""
         return self._latest
 
     def close(self) -> None:
-        """See `Tracker`."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()

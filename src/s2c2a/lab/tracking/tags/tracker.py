@@ -136,11 +136,9 @@ class TagTracker(Tracker):
         self._thread.start()
 
     def latest(self) -> PoseFrame | None:
-        """See `Tracker`."""
         return self._latest
 
     def close(self) -> None:
-        """See `Tracker`."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(CLOSE_TIME)
