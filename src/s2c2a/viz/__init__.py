@@ -6,10 +6,22 @@ arm. Matplotlib is imported on first use.
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from s2c2a.viz.mesh import center_line
 from s2c2a.viz.replay import replay_page
 from s2c2a.viz.trace import Trace
+
+if TYPE_CHECKING:  # what the table below imports, for type checkers and documentation
+    from s2c2a.viz.arm_drawing import arm_figure
+    from s2c2a.viz.coverage import coverage_figure, coverage_image
+    from s2c2a.viz.figures import (
+        learning_curves,
+        recording_figure,
+        run_figure,
+        trials_figure,
+    )
+    from s2c2a.viz.measured_ends import measured_ends_figure
 
 _MATPLOTLIB_MODULES = {
     "arm_figure": "arm_drawing",
