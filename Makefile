@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# What `make docs` runs: make docs PAGES="docs/guides/live.md README.md"
+PAGES ?= README.md docs
+
 # Checks of types and imports, and the installation of the browser, run side by side.
 MAKEFLAGS += --jobs=2
 
@@ -25,8 +28,8 @@ types: setup
 imports: setup
 	$(BIN)/lint-imports
 
-docs: docs-site  ## the site with its links checked, then every command and Python block of its pages
-	$(BIN)/python -m tools.run_blocks --keep-going --resume
+docs: docs-site  ## the site with its links checked, then every command and Python block of PAGES, by default of all
+	$(BIN)/python -m pytest -p tools.page_blocks -o addopts= -o filterwarnings= -v -rs $(PAGES)
 	@echo "the site is in $(CURDIR)/site; start with site/index.html"
 
 docs-site: setup  ## the documentation site in site/, with its links checked

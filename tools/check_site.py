@@ -16,7 +16,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from tools.pages import ROOT
+from tools import ROOT
 
 SITE = ROOT / "site"
 CONFIGURATION = ROOT / "zensical.toml"

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from sybil import Document
 from tyro.extras import SubcommandApp
 
 from s2c2a.cli.dependent_options import check_conditions
 from s2c2a.cli.main import app
 from s2c2a.errors import S2C2AError
 
-from tools.pages import ROOT, SHELLS, Block, blocks_of, text_outside_blocks
+from tools.page_blocks import FENCES, HIDDEN_COMMANDS, SHELLS, language_of
 
 COMMAND = "s2c2a"
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
@@ -42,13 +43,20 @@ class CommandLine:
     """In the text: required arguments may be absent, and N stands for a number."""
 
 
-def command_lines(page: str, root: Path = ROOT) -> list[CommandLine]:
+def command_lines(page: Path) -> list[CommandLine]:
     """All command lines of a page, in blocks and in the text."""
+    document = Document(page.read_text(encoding="utf-8"), str(page))
+    fenced = [*FENCES(document)]
+    shown = [block for block in fenced if language_of(block) in SHELLS]
     lines = []
-    for block in blocks_of(page, root):
-        if block.language in SHELLS:
-            lines += _lines_of_block(block)
-    return [*lines, *_inline_lines(page, text_outside_blocks(page, root))]
+    for block in [*shown, *HIDDEN_COMMANDS(document)]:
+        first = document.text.count("\n", 0, block.start) + 2
+        lines += _lines_of_block(page, first, block.lexemes["source"])
+    text = document.text
+    for block in fenced:
+        blank = re.sub(r"[^\n]", " ", text[block.start : block.end])
+        text = text[: block.start] + blank + text[block.end :]
+    return [*lines, *_inline_lines(page, text)]
 
 
 def fault_of(line: CommandLine) -> str:
@@ -70,23 +78,23 @@ def fault_of(line: CommandLine) -> str:
     return output
 
 
-def _lines_of_block(block: Block) -> Iterator[CommandLine]:
-    start, text = block.line, ""
-    for number, row in enumerate(block.text.splitlines(), block.line):
+def _lines_of_block(page: Path, first: int, commands: str) -> Iterator[CommandLine]:
+    start, text = first, ""
+    for number, row in enumerate(commands.splitlines(), first):
         start = start if text else number
         text += row
         if row.endswith("\\"):
             text = text[:-1]
             continue
         try:
-            commands = _simple_commands(text)
+            simple = _simple_commands(text)
         except ValueError:  # a quotation goes on in the next row
             text += "\n"
             continue
         text = ""
-        for words in commands:
+        for words in simple:
             if words[:1] == [COMMAND]:
-                yield CommandLine(f"{block.page}:{start}", tuple(words[1:]))
+                yield CommandLine(f"{page}:{start}", tuple(words[1:]))
 
 
 def _simple_commands(text: str) -> list[list[str]]:
@@ -103,7 +111,7 @@ def _simple_commands(text: str) -> list[list[str]]:
     return [words for words in commands if words]
 
 
-def _inline_lines(page: str, text: str) -> Iterator[CommandLine]:
+def _inline_lines(page: Path, text: str) -> Iterator[CommandLine]:
     for found in INLINE.finditer(text):
         words = _words(found[1])
         place = f"{page}:{text.count(chr(10), 0, found.start()) + 1}"

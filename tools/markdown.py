@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tools.pages import ROOT
+from tools import ROOT
 
 COMMAND = "python -m tools.make_reference"
 PAGE_NAME = re.compile(r"docs/([a-z/-]+\.md)")

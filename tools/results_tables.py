@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
+from tools import ROOT
 from tools.markdown import table
-from tools.pages import ROOT
 
 RESULTS = ROOT / "results"
 MISSING = "-"

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from tools import ROOT, all_pages
 from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
-from tools.pages import ROOT
 
 MARKED = re.compile(
     r"(<!-- table: (?P<name>[\w-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL
@@ -39,7 +39,7 @@ def written(page: str) -> str:
 
 def pages_with_tables() -> Iterator[Path]:
     """Pages that show rows of `results/`."""
-    for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+    for page in all_pages():
         text = page.read_text(encoding="utf-8")
         if MARKED.search(text) or FIGURE.search(text):
             yield page

@@ -13,14 +13,18 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.estimation import Estimate
 from s2c2a.evaluation import rollout
-from s2c2a.planning import PAPER
+from s2c2a.planning import PAPER, Outcome
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.spaces import Reading
+from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import load_task
 
-from tools.reference_episodes import all_columns
+from tools import ROOT
 
+PAGE = (ROOT / "docs" / "reference" / "episodes.md").read_text(encoding="utf-8")
+COLUMN = re.compile(
+    r"^\| `(?P<name>[\w.]+)` \| `(?P<shape>\([^`]*\))` \|", re.MULTILINE
+)
 SENSORS = {"imu": {}, "camera": {"rate": 10.0, "lost": 0.0, "sees": "ends"}, "flex": {}}
 OF_TRACKERS = {"sensor.states_age"}
 OF_REPETITIONS = {"target_offsets"}
@@ -30,8 +34,8 @@ DIMENSIONS = {"()": 0, "(modules,)": 1, "(samples, points, 3)": 3}
 def documented() -> dict[str, int]:
     """Number of axes of a row, by the column's name."""
     return {
-        column.name: DIMENSIONS.get(column.shape, column.shape.count(",") + 1)
-        for column in all_columns()
+        column["name"]: DIMENSIONS.get(column["shape"], column["shape"].count(",") + 1)
+        for column in COLUMN.finditer(PAGE)
     }
 
 
@@ -87,3 +91,11 @@ def test_the_page_names_the_columns_of_the_docstrings():
     table = Reading.__doc__.split("True states come")[0]
     sensors = set(re.findall(r"`([a-z_]+)`", table))
     assert {SENSOR + name for name in sensors} == documented().keys() - own
+
+
+def test_the_page_explains_the_numbers_of_stages_and_outcomes():
+    stages = [f"| {int(stage)} | `{stage.name}` | {stage} |" for stage in Stage]
+    outcomes = [
+        f"| {int(each)} | `{each.name}` | {each.sentence} |" for each in Outcome
+    ]
+    assert [row for row in stages + outcomes if row not in PAGE] == []

@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from tools import ROOT
 from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
-from tools.pages import ROOT
 from tools.results_tables import find_row
 from tools.write_tables import FIGURE, MARKED, pages_with_tables, written
 

@@ -8,13 +8,18 @@ import pytest
 
 from s2c2a.strategies import load_recipe
 
-from tools.api_pages import INTERNAL, PAGES
+from tools import ROOT
 from tools.make_reference import pages
 from tools.markdown import page_titles
-from tools.reference_api import package_folders
+from tools.page_blocks import PAGES
 
-ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "docs" / "reference"
+API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
+INTERNAL = {
+    "cli": "the command line: Commands",
+    "live": "the page in the browser: s2c2a live and s2c2a view",
+}
+"""Packages behind a command, without a page."""
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +36,21 @@ def test_pages_are_what_the_tool_makes(made):
     assert not old, "run `python -m tools.make_reference`"
 
 
-def test_the_tool_makes_every_page_of_the_api(made):
-    files = set((REFERENCE / "api").glob("*.md"))
-    assert files == {path for path in made if path.parent.name == "api"}
-
-
 def test_every_package_has_a_page_or_belongs_to_a_command():
-    documented = {package.split(".")[1] for page in PAGES for package in page.packages}
-    assert set(package_folders()) == (documented - {"spaces"}) | set(INTERNAL)
+    texts = "\n".join(page.read_text(encoding="utf-8") for page in API_PAGES)
+    documented = set(re.findall(r"^::: s2c2a\.(\w+)", texts, re.MULTILINE))
+    packages = {path.parent.name for path in ROOT.glob("src/s2c2a/*/__init__.py")}
+    assert packages == (documented - {"spaces"}) | set(INTERNAL)
     assert not documented & set(INTERNAL)
 
 
-def test_the_navigation_lists_every_generated_page(made):
+def test_the_navigation_and_the_overview_list_every_page(made):
     listed = page_titles()
-    for path in made:
+    for path in [*made, *API_PAGES]:
         assert path.relative_to(ROOT / "docs").as_posix() in listed
+    overview = (REFERENCE / "api" / "index.md").read_text(encoding="utf-8")
+    linked = re.findall(r"\]\((\w+\.md)\)", overview)
+    assert {*linked, "index.md"} == {page.name for page in API_PAGES}
 
 
 def test_every_page_states_its_command(made):
@@ -75,7 +80,10 @@ def test_meanings_of_keys_are_complete(made):
         assert not empty
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[page.file for page in PAGES])
+@pytest.mark.parametrize("page", API_PAGES, ids=lambda page: page.stem)
 def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    exec(compile(page.example, page.file, "exec"), {"__name__": "example"})
+    document = PAGES.parse(page)
+    for example in document:
+        example.evaluate()
+    assert document.namespace or page.stem == "index"

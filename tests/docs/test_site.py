@@ -1,15 +1,50 @@
 """The documentation builds strictly, and its links lead somewhere without a network."""
 
+import importlib
+import inspect
+import re
 import shutil
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
+from tools import ROOT
 from tools.check_site import findings
-from tools.pages import ROOT
 
 
-def test_the_site_builds_strictly_and_has_no_dead_links(tmp_path):
+def public_names(package: str) -> Iterator[tuple[str, str]]:
+    """Classes and functions that a package offers: where they are defined, and the path."""
+    for name, value in vars(importlib.import_module(package)).items():
+        module = getattr(value, "__module__", None) or ""
+        is_ours = module.startswith("s2c2a.") and not inspect.ismodule(value)
+        if is_ours and not name.startswith("_"):
+            yield f"{module}.{name}", f"{package}.{name}"
+
+
+def packages_with_a_page() -> list[str]:
+    """Packages that the pages of the API show as a whole."""
+    texts = [page.read_text() for page in (ROOT / "docs/reference/api").glob("*.md")]
+    shown = re.findall(r"^::: ([\w.]+)", "\n".join(texts), re.MULTILINE)
+    return [name for name in shown if (ROOT / "src" / name.replace(".", "/")).is_dir()]
+
+
+def undescribed_names(site: Path) -> list[str]:
+    """Public names that no page of the API describes by one of their paths."""
+    built = [page.read_text() for page in site.glob("reference/api/*/index.html")]
+    anchors = set(re.findall(r'id="(s2c2a[\w.]*)"', "".join(built)))
+    paths = defaultdict(set)
+    for package in packages_with_a_page():
+        for definition, path in public_names(package):
+            paths[definition] |= {definition, path}
+    assert len(paths) > 200
+    return [name for name, names in paths.items() if not names & anchors]
+
+
+def test_the_site_builds_strictly_without_dead_links_and_with_every_public_name(
+    tmp_path,
+):
     for name in ("src", "tools"):
         (tmp_path / name).symlink_to(ROOT / name)
     for name in ("docs", "README.md", "CHANGELOG.md", "examples"):
@@ -27,3 +62,4 @@ def test_the_site_builds_strictly_and_has_no_dead_links(tmp_path):
     )
     assert build.returncode == 0, build.stdout + build.stderr
     assert findings(tmp_path / "site", configuration) == []
+    assert undescribed_names(tmp_path / "site") == []

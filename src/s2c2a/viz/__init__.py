@@ -5,26 +5,6 @@ writes an interactive page, `run_figure` a figure of runs, `arm_figure` a drawin
 arm. Matplotlib is imported on first use.
 """
 
-from importlib import import_module
+import lazy_loader
 
-from s2c2a.viz.mesh import center_line
-from s2c2a.viz.replay import replay_page
-from s2c2a.viz.trace import Trace
-
-_MATPLOTLIB_MODULES = {
-    "arm_figure": "arm_drawing",
-    "coverage_figure": "coverage",
-    "coverage_image": "coverage",
-    "learning_curves": "figures",
-    "measured_ends_figure": "measured_ends",
-    "recording_figure": "figures",
-    "run_figure": "figures",
-    "trials_figure": "figures",
-}
-
-
-def __getattr__(name: str):
-    """Import functions that need matplotlib on first use."""
-    if name not in _MATPLOTLIB_MODULES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(import_module(f"{__name__}.{_MATPLOTLIB_MODULES[name]}"), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
