@@ -13,11 +13,7 @@ from s2c2a.arm.sensors import Sensors
 from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap
-from s2c2a.estimation.disturbance_filter import (
-    DisturbanceFilter,
-    FilterOptions,
-    FilterState,
-)
+from s2c2a.estimation.disturbance_filter import DisturbanceFilter, FilterOptions
 from s2c2a.estimation.estimate import Estimate
 from s2c2a.estimation.estimator import (
     EncoderEstimator,
@@ -26,6 +22,7 @@ from s2c2a.estimation.estimator import (
     SensorProgress,
     StateEstimator,
 )
+from s2c2a.estimation.filter_state import FilterState
 from s2c2a.estimation.measurements import MeasurementReader
 from s2c2a.estimation.modal_model import (
     ModalFactors,
@@ -134,7 +131,7 @@ def _estimate(
     state: FilterState,
 ) -> tuple[Estimate, Array]:
     """The estimate, and which sensors are not used."""
-    disturbances = disturbance_filter.disturbances(state)
+    disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)
     estimate = Estimate(
         configuration,
@@ -147,38 +144,13 @@ def _estimate(
 
 
 @dataclass(frozen=True)
-class KalmanFilter(EstimatorOptions):
-    """Options of the Kalman filter (`FilterOptions`).
+class KalmanFilter(FilterOptions, EstimatorOptions):
+    """The Kalman filter; its options are `FilterOptions`.
 
     The planner uses the configurations of the encoders. The filter estimates payload
     and bend biases from all other sensors of the arm file. Without other sensors
     nothing is estimated.
-
-    Attributes:
-        initial_payload_std: standard deviation of the initial payload, in parts of the
-            arm's mass.
-        initial_bias_std: standard deviation of the initial bend biases [rad].
-        payload_rate: standard deviation of the payload's change in one second, in parts
-            of the arm's mass.
-        bias_rate: standard deviation of the bend biases' change in one second [rad].
-        loaded_bias_rate: increase of `bias_rate` at a payload of the arm's mass [rad].
-        bias_memory: time constant of the decay of unobserved bend biases [s].
-        bend_noise: process noise of the bends in one second [rad].
-        rate_noise: process noise of the bend rates in one second [rad/s].
-        max_payload: largest estimated payload, in parts of the arm's mass.
-        max_bend_bias: largest estimated bend bias of a module [rad].
     """
-
-    initial_payload_std: float = 0.4
-    initial_bias_std: float = 0.02
-    payload_rate: float = 0.007
-    bias_rate: float = 0.003
-    loaded_bias_rate: float = 0.006
-    bias_memory: float = 5.0
-    bend_noise: float = 0.04
-    rate_noise: float = 1.0
-    max_payload: float = 3.0
-    max_bend_bias: float = 0.4
 
     supports = frozenset(
         {"known_payload", "disturbance_estimation", "max_compensated_force"}
@@ -202,7 +174,7 @@ class KalmanFilter(EstimatorOptions):
             model=model,
             modal_table=ModalTable.of(arm, factors),
             sensors=sensors,
-            options=self.filter_options(),
+            options=self,
             mass=sum(module.mass for module in arm.modules),
             period=arm.control_period,
             estimates=settings.disturbance_estimation,
@@ -211,10 +183,6 @@ class KalmanFilter(EstimatorOptions):
         return KalmanEstimator(
             arm, configuration_map, disturbance_filter, settings.known_payload
         )
-
-    def filter_options(self) -> FilterOptions:
-        """The options of the filter."""
-        return FilterOptions(*(getattr(self, name) for name in FilterOptions._fields))
 
     def planning_arm(self, arm: ArmSpec) -> ArmSpec:
         """See `EstimatorOptions`: the arm with its encoders alone."""
