@@ -30,7 +30,7 @@ from s2c2a.tracking.calibration import (
 )
 from s2c2a.tracking.clock import ExposureClock
 from s2c2a.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
-from s2c2a.tracking.latency import Latency, MotionRecord, bends_of, find_latency
+from s2c2a.tracking.latency import Latency, MotionRecord, find_latency
 
 COMMAND_RATE = 50.0  # Hz
 FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
@@ -409,7 +409,7 @@ def measure_frames(
 def _held_poses(arm: ArmSpec, log: MotionLog, ends: ModuleEnds) -> HeldPoses:
     cables = np.mean(log.cables, axis=0)
     return HeldPoses(
-        bends_of(arm, cables),
+        ArmGeometry.of(arm).commanded_bends(cables),
         _mean_of(ends.base, log.frames) if ends.base else Pose.identity(),
         tuple(_mean_of(name, log.frames) for name in ends.ends),
     )
