@@ -1,6 +1,5 @@
 """Interface of state estimators, and an estimator that uses encoders alone."""
 
-import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,10 +14,14 @@ from s2c2a.compilation import compiled
 from s2c2a.components import Component
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
-from s2c2a.estimation.configuration_maps import ConfigurationMap
+from s2c2a.estimation.configuration_maps import (
+    ConfigurationMap,
+    Configurations,
+    Measured,
+)
 from s2c2a.estimation.estimate import Estimate
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.spaces import Actions, Reading
 from s2c2a.training import Trained, TrainingData
 
@@ -88,10 +91,11 @@ OPTIONS = {
 
 
 class StateEstimator(ABC):
-    """Estimates configuration, payload and bend biases from readings.
+    """Estimates configuration, payload, bend biases and hysteresis from readings.
 
-    The estimate contains the memory between updates. The estimator compiles nothing
-    after the first update.
+    It alone advances the hysteresis of the forward model, once for each reading. The
+    estimate contains the memory between updates. The estimator compiles nothing after
+    the first update.
     """
 
     @property
@@ -196,20 +200,28 @@ class EstimatorOptions(Component, ABC):
 class EncoderEstimator(StateEstimator):
     """Configurations from a map of the reading, and a payload that the user states.
 
-    It has no memory.
+    Its only memory is the hysteresis of the forward model.
     """
 
-    def __init__(self, configuration_map: ConfigurationMap, payload: float = 0.0):
-        """Compile the map.
+    def __init__(
+        self,
+        configuration_map: ConfigurationMap,
+        model: ForwardModel | None = None,
+        payload: float = 0.0,
+    ):
+        """Build the estimator; it compiles when first used.
 
         Args:
             configuration_map: from readings to configurations.
+            model: forward model whose hysteresis it follows; None for one without
+                memory.
             payload: mass at the tip [kg].
         """
         self._map = configuration_map
         # Equinox takes as long to look a method up as the map takes to run
         self._inputs = configuration_map.inputs
-        self._configuration = compiled(operator.call, configuration_map)
+        self._start = compiled(_start, configuration_map, model)
+        self._update = compiled(_update, configuration_map, model)
         self._payload = jnp.asarray(payload, jnp.float32)
         self._knows_payload = payload > 0.0
 
@@ -220,18 +232,39 @@ class EncoderEstimator(StateEstimator):
 
     def start(self, reading: Reading) -> Estimate:
         """See `StateEstimator`."""
-        configuration = self._configuration(self._inputs(reading))
+        configuration, hysteresis = self._start(self._inputs(reading))
+        estimate = Estimate(configuration, hysteresis=hysteresis)
         if not self._knows_payload:
-            return Estimate(configuration)
+            return estimate
         biases = jnp.zeros((len(configuration), 2))
-        return Estimate(configuration, Disturbances(self._payload, biases))
+        return estimate._replace(disturbances=Disturbances(self._payload, biases))
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
         """See `StateEstimator`."""
-        configuration = self._configuration(self._inputs(reading))
-        return estimate._replace(configuration=configuration)
+        inputs = self._inputs(reading)
+        configuration, hysteresis = self._update(inputs, estimate.hysteresis)
+        return estimate._replace(configuration=configuration, hysteresis=hysteresis)
+
+
+def _start(
+    configuration_map: ConfigurationMap, model: ForwardModel | None, inputs: Measured
+) -> tuple[Configurations, Memory]:
+    configuration = configuration_map(inputs)
+    return configuration, () if model is None else model.start(configuration)
+
+
+def _update(
+    configuration_map: ConfigurationMap,
+    model: ForwardModel | None,
+    inputs: Measured,
+    hysteresis: Memory,
+) -> tuple[Configurations, Memory]:
+    configuration = configuration_map(inputs)
+    if model is None:
+        return configuration, hysteresis
+    return configuration, model.observe(configuration, hysteresis)
 
 
 @dataclass(frozen=True)
@@ -258,4 +291,4 @@ class EncoderOnly(EstimatorOptions):
                 f"a known payload of {settings.known_payload:g} kg was given, and the "
                 "forward model of this recipe ignores payloads; take the recipe 'best'"
             )
-        return EncoderEstimator(configuration_map, settings.known_payload)
+        return EncoderEstimator(configuration_map, model, settings.known_payload)

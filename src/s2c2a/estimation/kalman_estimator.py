@@ -98,7 +98,8 @@ class KalmanEstimator(StateEstimator):
     def _named(self, result: tuple[Estimate, Array]) -> Estimate:
         estimate, rejected = result
         flags = dict(zip(self._names, np.asarray(rejected), strict=True))
-        return estimate._replace(rejected=flags)
+        hysteresis = estimate.memory.hysteresis
+        return estimate._replace(rejected=flags, hysteresis=hysteresis)
 
 
 def _start(
@@ -167,7 +168,7 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
         """See `EstimatorOptions`: without other sensors, the encoders alone."""
         sensors = sensor_models_of(arm, model, networks)
         if not sensors:
-            return EncoderEstimator(configuration_map, settings.known_payload)
+            return EncoderEstimator(configuration_map, model, settings.known_payload)
         factors = networks.get(MODAL_MODEL, ModalFactors.nominal())
         max_force = settings.max_compensated_force
         disturbance_filter = DisturbanceFilter(
