@@ -157,14 +157,6 @@ class EstimatorOptions(Component, ABC):
             settings: settings of the run.
         """
 
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """Arm for forward model and controller; by default the same arm."""
-        return arm
-
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """Arm for the training of networks; by default the same arm."""
-        return arm
-
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """Untrained networks of the estimator, by name; by default none."""
         return {}

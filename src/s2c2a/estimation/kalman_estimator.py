@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,7 +10,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.sensors import Sensors
 from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap
@@ -146,7 +146,7 @@ def _estimate(
 
 @dataclass(frozen=True)
 class KalmanFilter(FilterOptions, EstimatorOptions):
-    """The Kalman filter; its options are `FilterOptions`.
+    """Options of the Kalman filter (`FilterOptions`).
 
     The planner uses the configurations of the encoders. The filter estimates payload
     and bend biases from all other sensors of the arm file. Without other sensors
@@ -184,21 +184,6 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
         return KalmanEstimator(
             arm, configuration_map, disturbance_filter, settings.known_payload
         )
-
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """See `EstimatorOptions`: the arm with its encoders alone."""
-        without_currents = {"current_noise": None, "current_friction": 0.0}
-        changes = {
-            "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
-            "sensors": Sensors(),
-            "motor": arm.motor.model_copy(update=without_currents),
-        }
-        return arm.model_copy(update=changes)
-
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """See `EstimatorOptions`: with encoders and learned sensors."""
-        sensors = {"sensors": arm.sensors.learned}
-        return self.planning_arm(arm).model_copy(update=sensors)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """See `EstimatorOptions`: modal factors and sensor networks."""
@@ -251,12 +236,8 @@ def train_sensors(
         values = recording.sensor(name)
         if values.shape[2:] != shape:
             continue
-
-        def sensor_progress(
-            epoch: int, epochs: int, loss: float, name: str = name
-        ) -> None:
-            progress(name, epoch, epochs, loss)
-
         samples = SensorSamples.of(bends, values, recording.lengths)
-        trained[f"{PREFIX}{name}"] = train_sensor(arm, samples, key, sensor_progress)
+        trained[f"{PREFIX}{name}"] = train_sensor(
+            arm, samples, key, partial(progress, name)
+        )
     return trained

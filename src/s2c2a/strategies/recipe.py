@@ -21,6 +21,7 @@ from pydantic import (
 )
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.sensors import Sensors
 from s2c2a.components import CustomComponent
 from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptions
 from s2c2a.data import CollectOptions
@@ -90,6 +91,8 @@ class Recipe:
             of axes, for these tasks.
         unit_length: whether sensed configurations are scaled to unit length, whatever
             mixes them.
+        encoders_alone: whether forward model and controller see the encoders alone;
+            otherwise they see what the arm file names as `sensing`.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Recipe:
     integral_gain: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     unit_length: bool = False
+    encoders_alone: bool = False
     active: bool = False
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -221,11 +225,11 @@ class Recipe:
 
     def planning_arm(self, arm: ArmSpec) -> ArmSpec:
         """The arm as forward model and controller see it."""
-        return self.estimator_options.planning_arm(arm)
+        return _seen(arm, Sensors()) if self.encoders_alone else arm
 
     def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as its networks are trained."""
-        return self.estimator_options.training_arm(arm)
+        """The arm as its data are recorded, with sensors that are learned."""
+        return _seen(arm, arm.sensors.learned) if self.encoders_alone else arm
 
     def configuration_map(self, arm: ArmSpec) -> ConfigurationMap:
         """The map from the arm's readings to the configurations of this recipe."""
@@ -233,6 +237,17 @@ class Recipe:
         if self.unit_length:
             return UnitLengthMap(configuration_map)
         return configuration_map
+
+
+def _seen(arm: ArmSpec, sensors: Sensors) -> ArmSpec:
+    """The arm with encoders and these sensors alone."""
+    without_currents = {"current_noise": None, "current_friction": 0.0}
+    changes = {
+        "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
+        "sensors": sensors,
+        "motor": arm.motor.model_copy(update=without_currents),
+    }
+    return arm.model_copy(update=changes)
 
 
 def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:
@@ -266,6 +281,7 @@ _BEST = Recipe(
     integral_gain=0.2,
     axis_weights=(("hold-", 3.0),),
     unit_length=True,
+    encoders_alone=True,
 )
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
 _BEST_ACTIVE = replace(_BEST, name="best-active", active=True)

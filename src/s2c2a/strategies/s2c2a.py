@@ -133,12 +133,8 @@ def train_s2c2a(
     c2s_key, c2a_key = jax.random.split(key)
     sensor_key = jax.random.fold_in(key, SENSOR_KEY)
 
-    def c2s_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2S", epoch, epochs, loss)
-
-    def c2a_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2A", epoch, epochs, loss)
-
+    c2s_progress = partial(progress, "C2S")
+    c2a_progress = partial(progress, "C2A")
     estimator = recipe.estimator_options
     # first: a recording may hold too few samples of a sensor
     sensors = estimator.train_sensors(recording, sensor_key, progress)

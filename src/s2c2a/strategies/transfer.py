@@ -104,7 +104,7 @@ def check_same_training(networks: TrainedNetworks, recipe: Recipe) -> None:
     wanted = recipe.by_class
     differing = [
         name
-        for name in ("c2s", "c2a", "unit_length")
+        for name in ("c2s", "c2a", "unit_length", "encoders_alone")
         if getattr(start, name) != getattr(wanted, name)
     ]
     if start.estimator.name != recipe.estimator.name:
