@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -118,6 +119,19 @@ def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update)
     covariance = np.asarray(state.covariance, float)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-6
+
+
+def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_nothing(
+    disturbance_filter,
+):
+    begun = jax.eval_shape(lambda: start(disturbance_filter))
+    later = jax.eval_shape(disturbance_filter.update, begun, CONFIGURATION, MISSING)
+    for before, after_update in zip(
+        jax.tree.leaves(begun), jax.tree.leaves(later), strict=True
+    ):
+        assert before.shape == after_update.shape
+        assert before.dtype == after_update.dtype
+        assert before.weak_type == after_update.weak_type
 
 
 def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():

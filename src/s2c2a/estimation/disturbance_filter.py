@@ -37,10 +37,10 @@ from s2c2a.kinematics import bends_from_states, limit_lengths
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
+# of the moments of a known payload and the shape; as many as in a control step
 START_ITERATIONS = 3
-"""Of the moments of a known payload and the shape; as many as in a control step."""
+# control steps in the past: the present one, and two to interpolate between
 MIN_HISTORY = 3
-"""Control steps in the past: the present one, and two to interpolate between."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,9 @@ class DisturbanceFilter(eqx.Module):
             past_bends=jnp.broadcast_to(bends, (steps, *bends.shape)),
             past_states=jnp.broadcast_to(states, (steps, *states.shape)),
             past_disturbance_bends=jnp.zeros((steps, *bends.shape)),
-            lags=tuple(sensor.initial_lag(bends) for sensor in self.sensors),
             histories=tuple(
-                SensorHistory.none(sensor.value_count) for sensor in self.sensors
+                SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
+                for sensor in self.sensors
             ),
         )
 
@@ -247,7 +247,6 @@ class DisturbanceFilter(eqx.Module):
         vibration = vibration + inputs @ equilibrium.reshape(-1)
         bends, bend_rates = jnp.split(vibration, 2)
         covariance = kalman.predict(
-            mean.packed(),
             state.covariance,
             self._transition(transition, inputs, by_payload, fading),
             self._process_noise(mean),
@@ -318,7 +317,7 @@ class DisturbanceFilter(eqx.Module):
             past_bends=state.past_bends,
             past_states=state.past_states,
             bias_change=caused - state.past_disturbance_bends,
-            lag=state.lags[number],
+            lag=state.histories[number].lag,
         )
 
     def _updated(
@@ -334,7 +333,8 @@ class DisturbanceFilter(eqx.Module):
         payload's variance grows, and the measurement is used.
         """
         order = self._order
-        history = state.histories[number]
+        histories = state.histories
+        history = histories[number]
         residual, jacobian, is_present = self._observation(
             state, number, innovation, by_payload
         )
@@ -366,8 +366,7 @@ class DisturbanceFilter(eqx.Module):
         return state._replace(
             mean=order.unpacked(mean),
             covariance=(new_covariance + new_covariance.T) / 2.0,
-            lags=_with(state.lags, number, innovation.lag),
-            histories=_with(state.histories, number, history),
+            histories=(*histories[:number], history, *histories[number + 1 :]),
         )
 
     def _observation(
@@ -445,11 +444,6 @@ def _disturbance_bends(
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
-
-
-def _with(values: tuple[Any, ...], number: int, value: Any) -> tuple[Any, ...]:
-    """The tuple with another value at one place."""
-    return (*values[:number], value, *values[number + 1 :])
 
 
 def _pushed(

@@ -91,7 +91,6 @@ class FilterState(NamedTuple):
             modules, 6).
         past_disturbance_bends: bends due to payload and bend biases in these steps
             [rad], shape (steps, modules, 2).
-        lags: memory of each sensor's hysteresis.
         histories: each sensor's past, by which outliers are recognized.
     """
 
@@ -102,7 +101,6 @@ class FilterState(NamedTuple):
     past_bends: Float[Array, "steps modules 2"]
     past_states: Float[Array, "steps modules 6"]
     past_disturbance_bends: Float[Array, "steps modules 2"]
-    lags: tuple[Array | np.ndarray, ...]
     histories: tuple[SensorHistory, ...]
 
     @property

@@ -198,8 +198,22 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
     def train_sensors(
         self, recording: Recording, key: PRNGKeyArray, progress: SensorProgress
     ) -> dict[str, Trained]:
-        """See `EstimatorOptions`."""
-        return train_sensors(recording, key, progress)
+        """See `EstimatorOptions`: the networks of all learned sensors."""
+        states = jnp.asarray(recording.sensor("states"), jnp.float32)
+        bends = np.asarray(bends_from_states(states))
+        arm = recording.arm
+        trained = {}
+        for name, shape in arm.sensors.learned_shapes(arm.module_count).items():
+            if name not in recording.sensors:
+                continue
+            values = recording.sensor(name)
+            if values.shape[2:] != shape:
+                continue
+            samples = SensorSamples.of(bends, values, recording.lengths)
+            trained[f"{PREFIX}{name}"] = train_sensor(
+                arm, samples, key, partial(progress, name)
+            )
+        return trained
 
 
 def _trained_modal_model(
@@ -214,30 +228,3 @@ def _trained_modal_model(
     percent = 100.0 * remaining / without if without > 0 else 100.0
     curve = np.array([[0.0, without, without], [1.0, remaining, remaining]], np.float32)
     return Trained(factors, curve, (percent, 0.0))
-
-
-def train_sensors(
-    recording: Recording,
-    key: PRNGKeyArray,
-    progress: SensorProgress,
-) -> dict[str, Trained]:
-    """Train the networks of all learned sensors in a recording, by name.
-
-    Raises:
-        TrainingError: there are too few samples of a sensor.
-    """
-    states = jnp.asarray(recording.sensor("states"), jnp.float32)
-    bends = np.asarray(bends_from_states(states))
-    arm = recording.arm
-    trained = {}
-    for name, shape in arm.sensors.learned_shapes(arm.module_count).items():
-        if name not in recording.sensors:
-            continue
-        values = recording.sensor(name)
-        if values.shape[2:] != shape:
-            continue
-        samples = SensorSamples.of(bends, values, recording.lengths)
-        trained[f"{PREFIX}{name}"] = train_sensor(
-            arm, samples, key, partial(progress, name)
-        )
-    return trained

@@ -14,22 +14,22 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
-from s2c2a.estimation.sensor_models import Innovation
+from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
 
+# standard deviations; Gaussian noise exceeds it once in 5e8 measurements, so what does is
+# another cause than noise
 GATE = 6.0
-"""Standard deviations; Gaussian noise exceeds it once in 5e8 measurements, so what does
-is another cause than noise."""
+# s, of a sensor after an outlier; chosen: several measurements of every sensor, so that
+# one good measurement among wrong ones is not used
 REJECTION_TIME = 0.5
-"""Of a sensor after an outlier [s]; chosen: several measurements of every sensor, so that
-one good measurement among wrong ones is not used."""
+# s, time constant of the usual residual; chosen: longer than vibrations of the arm, and
+# shorter than an external force lasts, which the average must follow
 SLOW_AVERAGING_TIME = 2.0
-"""Time constant of the usual residual [s]; chosen: longer than vibrations of the arm and
-shorter than an external force lasts, which the average must follow."""
+# s, time constant of an offset, after which it counts as true; chosen: long compared with
+# a motion, for bend biases then take over what the offset held
 OFFSET_MEMORY = 60.0
-"""Time constant of an offset [s], after which it counts as true; chosen: long compared
-with a motion, for the bend biases then take over what the offset held."""
+# of any measurement, in any unit: its square is far from overflow in single precision
 MAX_VALUE = 1e6
-"""Of any measurement, in any unit: its square is far from overflow in single precision."""
 
 
 class SensorHistory(NamedTuple):
@@ -42,18 +42,21 @@ class SensorHistory(NamedTuple):
             from measurements.
         unseen_for: time since the last measurement [s].
         rejected_for: remaining time of rejection [s].
+        lag: memory of its hysteresis (`SensorModel.initial_lag`).
     """
 
     usual: Float[Array, " values"]
     offset: Float[Array, " values"]
     unseen_for: Float[Array, ""]
     rejected_for: Float[Array, ""]
+    lag: Array | np.ndarray
 
     @classmethod
-    def none(cls, values: int) -> "SensorHistory":
-        """The past of a sensor that was never heard."""
-        usual = jnp.full(values, MAX_VALUE)
-        return cls(usual, jnp.zeros(values), jnp.zeros(()), jnp.zeros(()))
+    def none(cls, values: int, lag: Array | np.ndarray = EMPTY) -> "SensorHistory":
+        """The past of a sensor that has not measured yet."""
+        # with its type: a weak one would change at the first update, and compile anew
+        usual = jnp.full(values, MAX_VALUE, jnp.float32)
+        return cls(usual, jnp.zeros(values), jnp.zeros(()), jnp.zeros(()), lag)
 
 
 class Compared(NamedTuple):
@@ -160,4 +163,5 @@ def judged(
         offset=next_offset(history, residual, shifted, compared, period),
         unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
         rejected_for=remaining_rejection(history, is_outlier, period),
+        lag=compared.innovation.lag,
     )

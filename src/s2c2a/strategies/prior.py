@@ -43,11 +43,11 @@ def pretrain_s2c2a(
         StrategyError: an arm has another number of modules.
         TrainingError: the forward model has no prior, or training failed.
     """
-    planning_arm = recipe.planning_arm(arm)
+    seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
         _check_modules(recording.arm, arm)
-        arms.append(replace(training_data(recording, recipe), arm=planning_arm))
+        arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     c2s_progress = partial(progress, "C2S")
     c2a_progress = partial(progress, "C2A")

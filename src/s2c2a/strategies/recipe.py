@@ -21,7 +21,6 @@ from pydantic import (
 )
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.sensors import Sensors
 from s2c2a.components import CustomComponent
 from s2c2a.control.options import CONTROLLERS, BiLSTMController, ControllerOptions
 from s2c2a.data import CollectOptions
@@ -209,10 +208,10 @@ class Recipe:
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """All networks before training, by name."""
-        planning_arm = self.planning_arm(arm)
+        seen_arm = self.seen_arm(arm)
         return {
-            "C2S": self.c2s.untrained(planning_arm, key),
-            "C2A": self.c2a.untrained(planning_arm, key),
+            "C2S": self.c2s.untrained(seen_arm, key),
+            "C2A": self.c2a.untrained(seen_arm, key),
             **self.estimator_options.untrained(arm, key),
         }
 
@@ -223,31 +222,27 @@ class Recipe:
                 return weight
         return 1.0
 
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as forward model and controller see it."""
-        return _seen(arm, Sensors()) if self.encoders_alone else arm
+    def seen_arm(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as its networks see it, in training and planning.
 
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as its data are recorded, with sensors that are learned."""
-        return _seen(arm, arm.sensors.learned) if self.encoders_alone else arm
+        With `encoders_alone` it has encoders and the sensors that are learned.
+        """
+        if not self.encoders_alone:
+            return arm
+        without_currents = {"current_noise": None, "current_friction": 0.0}
+        changes = {
+            "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
+            "sensors": arm.sensors.learned,
+            "motor": arm.motor.model_copy(update=without_currents),
+        }
+        return arm.model_copy(update=changes)
 
     def configuration_map(self, arm: ArmSpec) -> ConfigurationMap:
         """The map from the arm's readings to the configurations of this recipe."""
-        configuration_map = configuration_map_for(self.planning_arm(arm))
+        configuration_map = configuration_map_for(self.seen_arm(arm))
         if self.unit_length:
             return UnitLengthMap(configuration_map)
         return configuration_map
-
-
-def _seen(arm: ArmSpec, sensors: Sensors) -> ArmSpec:
-    """The arm with encoders and these sensors alone."""
-    without_currents = {"current_noise": None, "current_friction": 0.0}
-    changes = {
-        "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
-        "sensors": sensors,
-        "motor": arm.motor.model_copy(update=without_currents),
-    }
-    return arm.model_copy(update=changes)
 
 
 def _numbers(place: str, value: Any) -> Iterator[tuple[str, float]]:

@@ -54,7 +54,7 @@ class S2C2A(StrategyOptions):
 
     def training_arm(self, arm: ArmSpec, recipe: Recipe) -> ArmSpec:
         """See `StrategyOptions`."""
-        return recipe.training_arm(arm)
+        return recipe.seen_arm(arm)
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         """See `StrategyOptions`."""
@@ -178,7 +178,7 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
             "this recording lacks sensed configurations in some rows; record again with "
             "all sensors on"
         )
-    arm = recipe.planning_arm(recording.arm)
+    arm = recipe.seen_arm(recording.arm)
     return TrainingData(
         arm,
         sensed,
@@ -253,7 +253,7 @@ def s2c2a_strategy(
     arm = networks.arm
     recipe = networks.recipe
     planner = Planner(
-        recipe.planning_arm(arm), networks.c2s, _planner_options(networks, guard)
+        recipe.seen_arm(arm), networks.c2s, _planner_options(networks, guard)
     )
     controller: Controller = recipe.c2a.controller(networks.c2a)
     if recipe.integral_gain:
@@ -295,7 +295,7 @@ def s2c2a_batch_planner(
         guard: which points are kept out of obstacles.
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
-    arm = networks.recipe.planning_arm(networks.arm)
+    arm = networks.recipe.seen_arm(networks.arm)
     return BatchPlanner(arm, networks.c2s, _planner_options(networks, guard), **sizes)
 
 

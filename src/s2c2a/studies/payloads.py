@@ -125,7 +125,7 @@ def _filter(networks: TrainedNetworks) -> DisturbanceFilter:
         RecordingError: the recipe estimates no payload.
     """
     camera = Camera(rate=networks.arm.control_rate, delay=0.0, lost=0.0)
-    arm = networks.recipe.planning_arm(networks.arm)
+    arm = networks.recipe.seen_arm(networks.arm)
     arm = arm.model_copy(update={"sensors": Sensors(camera=camera)})
     estimator = estimator_of(replace(networks, arm=arm))
     if not isinstance(estimator, KalmanEstimator):
