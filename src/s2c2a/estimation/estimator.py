@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
@@ -20,7 +19,6 @@ from s2c2a.estimation.configuration_maps import (
     Measured,
 )
 from s2c2a.estimation.estimate import Estimate
-from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.spaces import Actions, Reading
 from s2c2a.training import Trained, TrainingData
@@ -212,10 +210,8 @@ class EncoderEstimator(StateEstimator):
         self._map = configuration_map
         # Equinox takes as long to look a method up as the map takes to run
         self._inputs = configuration_map.inputs
-        self._start = compiled(_start, configuration_map, model)
-        self._update = compiled(_update, configuration_map, model)
-        self._payload = jnp.asarray(payload, jnp.float32)
-        self._knows_payload = payload > 0.0
+        self._sensed = compiled(_sensed, configuration_map, model)
+        self._payload = payload
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -224,38 +220,32 @@ class EncoderEstimator(StateEstimator):
 
     def start(self, reading: Reading) -> Estimate:
         """See `StateEstimator`."""
-        configuration, hysteresis = self._start(self._inputs(reading))
-        estimate = Estimate(configuration, hysteresis=hysteresis)
-        if not self._knows_payload:
-            return estimate
-        biases = jnp.zeros((len(configuration), 2))
-        return estimate._replace(disturbances=Disturbances(self._payload, biases))
+        configuration, hysteresis = self._sensed(self._inputs(reading), None)
+        if not self._payload:
+            return Estimate(configuration, hysteresis=hysteresis)
+        return Estimate.of(configuration, self._payload, hysteresis=hysteresis)
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
         """See `StateEstimator`."""
         inputs = self._inputs(reading)
-        configuration, hysteresis = self._update(inputs, estimate.hysteresis)
+        configuration, hysteresis = self._sensed(inputs, estimate.hysteresis)
         return estimate._replace(configuration=configuration, hysteresis=hysteresis)
 
 
-def _start(
-    configuration_map: ConfigurationMap, model: ForwardModel | None, inputs: Measured
-) -> tuple[Configurations, Memory]:
-    configuration = configuration_map(inputs)
-    return configuration, () if model is None else model.start(configuration)
-
-
-def _update(
+def _sensed(
     configuration_map: ConfigurationMap,
     model: ForwardModel | None,
     inputs: Measured,
     hysteresis: Memory,
 ) -> tuple[Configurations, Memory]:
+    """The configuration, and the hysteresis after it; None before: the arm is at rest."""
     configuration = configuration_map(inputs)
     if model is None:
-        return configuration, hysteresis
+        return configuration, ()
+    if hysteresis is None:
+        return configuration, model.start(configuration)
     return configuration, model.observe(configuration, hysteresis)
 
 
