@@ -124,7 +124,8 @@ def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update)
 def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_nothing(
     disturbance_filter,
 ):
-    begun = jax.eval_shape(lambda: start(disturbance_filter))
+    payload = np.float32(0.0)
+    begun = jax.eval_shape(disturbance_filter.start, CONFIGURATION, payload)
     later = jax.eval_shape(disturbance_filter.update, begun, CONFIGURATION, MISSING)
     for before, after_update in zip(
         jax.tree.leaves(begun), jax.tree.leaves(later), strict=True
