@@ -15,4 +15,4 @@ def test_a_wrong_shape_is_refused():
 
 def test_shapes_that_disagree_are_refused():
     with pytest.raises(TypeCheckError, match=r"predict"):
-        kalman.predict(jnp.zeros(3), jnp.eye(2), jnp.eye(3), jnp.zeros(3))
+        kalman.predict(jnp.eye(2), jnp.eye(3), jnp.zeros(3))

@@ -3,7 +3,7 @@
     s2c2a run circle --recipe own_estimator.toml --weights mine.safetensors --payload 0.05
 
 own_estimator.toml is based on the recipe `best` and names this estimator. Its memory is
-in the estimate: the model's hysteresis and the bend biases.
+in the estimate: the model's hysteresis, which the planner takes, and the bend biases.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,13 @@ from s2c2a.estimation import Estimate, EstimatorOptions, StateEstimator
 from s2c2a.kinematics import bends_from_configurations, bends_from_states
 
 
-def update(configuration_map, model, gain, inputs, measured, memory):
-    """One filter step in JAX: the configuration and the new memory."""
-    hysteresis, biases = memory
+def update(configuration_map, model, gain, inputs, measured, hysteresis, biases):
+    """One filter step in JAX: configuration, hysteresis and bend biases."""
     configuration = configuration_map(inputs)
     predicted = bends_from_states(model.predict(configuration, hysteresis))
     residual = bends_from_configurations(measured) - predicted
     biases = biases + gain * (residual - biases)
-    return configuration, (model.observe(configuration, hysteresis), biases)
+    return configuration, model.observe(configuration, hysteresis), biases
 
 
 class SlowBiases(StateEstimator):
@@ -39,14 +38,15 @@ class SlowBiases(StateEstimator):
 
     def start(self, reading):
         configuration = jnp.asarray(self.map.configurations(reading))
-        memory = (self.model.start(configuration), jnp.zeros((len(configuration), 2)))
-        return Estimate.of(configuration, memory=memory)
+        return Estimate.of(configuration, hysteresis=self.model.start(configuration))
 
     def update(self, estimate, reading, last_command):
         inputs = self.map.inputs(reading)
         measured = jnp.asarray(reading["configurations"], jnp.float32)
-        configuration, memory = self.compiled_update(inputs, measured, estimate.memory)
-        return Estimate.of(configuration, bend_biases=memory[1], memory=memory)
+        configuration, hysteresis, biases = self.compiled_update(
+            inputs, measured, estimate.hysteresis, estimate.disturbances.bend_biases
+        )
+        return Estimate.of(configuration, bend_biases=biases, hysteresis=hysteresis)
 
 
 @dataclass(frozen=True)

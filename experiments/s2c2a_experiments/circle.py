@@ -80,7 +80,7 @@ def track_reference(
     """
     arm = networks.arm
     controller = NetworkController(networks.c2a)
-    sensed_arm = networks.recipe.planning_arm(arm)  # the sensing that the networks know
+    sensed_arm = networks.recipe.seen_arm(arm)  # the sensing that the networks know
     sense = _configuration_sensor(sensed_arm)
     act = compiled(NetworkController.act, controller)
     errors = []

@@ -17,7 +17,7 @@ from s2c2a.compilation import compiled
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
 from s2c2a.estimation import DisturbanceFilter, KalmanEstimator
-from s2c2a.estimation.disturbance_filter import FilterState
+from s2c2a.estimation.filter_state import FilterState
 from s2c2a.estimation.sensor_models import CameraSensor, Measurements
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.spaces import POSITION
@@ -125,7 +125,7 @@ def _filter(networks: TrainedNetworks) -> DisturbanceFilter:
         RecordingError: the recipe estimates no payload.
     """
     camera = Camera(rate=networks.arm.control_rate, delay=0.0, lost=0.0)
-    arm = networks.recipe.planning_arm(networks.arm)
+    arm = networks.recipe.seen_arm(networks.arm)
     arm = arm.model_copy(update={"sensors": Sensors(camera=camera)})
     estimator = estimator_of(replace(networks, arm=arm))
     if not isinstance(estimator, KalmanEstimator):
@@ -170,7 +170,7 @@ def estimate_episode(
             "camera_age": np.zeros((), np.float32),
         }
         state, predicted[step] = update(state, configuration, measurements)
-        payloads[step] = state.mean[0]
+        payloads[step] = state.mean.payload
     return EstimatedEpisode(predicted, payloads)
 
 
@@ -188,8 +188,7 @@ def _update(
     model = disturbance_filter.model
     before = state.hysteresis
     state = disturbance_filter.update(state, configuration, measurements)
-    disturbances = disturbance_filter.disturbances(state)
-    states = model.predict(configuration, before, disturbances)
+    states = model.predict(configuration, before, state.disturbances)
     return state, states[-1, POSITION]
 
 

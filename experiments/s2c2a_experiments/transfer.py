@@ -246,7 +246,7 @@ def _jobs(study: Transfer, pair: ArmPair, method: Method) -> list[jobs.Job]:
     if method.start != FULL:
         options = study.short(method.samples) if method.samples else None
         weights = jobs.TransferredNetworks(
-            BEST.planning_arm(pair.arm),
+            BEST.seen_arm(pair.arm),
             BEST,
             study.seed,
             _start(study, pair, method),
@@ -262,9 +262,9 @@ def _start(
 ) -> jobs.NetworksArtifact | jobs.PriorNetworks | None:
     """Networks that a training starts from; None from scratch."""
     if method.start == ANOTHER:
-        return jobs.NetworksArtifact(BEST.planning_arm(pair.other), BEST, study.seed)
+        return jobs.NetworksArtifact(BEST.seen_arm(pair.other), BEST, study.seed)
     if method.start == PRIOR:
-        nominal = BEST.training_arm(pair.nominal)
+        nominal = BEST.seen_arm(pair.nominal)
         return jobs.PriorNetworks(
             nominal, BEST, study.seed, study.prior, study.strength
         )

@@ -1,10 +1,13 @@
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+import s2c2a
 from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
 from s2c2a.arm.geometry import balanced_pull, cable_matrix
 from s2c2a.arm.spec import largest_gap_deg
@@ -134,6 +137,28 @@ def test_bend_matrices_invert_cable_matrices(angles):
     np.testing.assert_allclose(
         geometry.bend_matrices[0] @ geometry.cable_matrices[0], np.eye(2), atol=1e-9
     )
+
+
+@settings(deadline=None)
+@given(layouts(), st.sampled_from(["displacement", "tension"]))
+def test_commanded_bends_are_those_of_the_actions_and_no_common_motion(
+    angles, actuation
+):
+    geometry = ArmGeometry.of(arm_of(angles, actuation))
+    shares = np.array([[[0.3, -0.4]], [[0.0, 0.0]]])
+    bends = geometry.commanded_bends(geometry.actions_at(shares))
+    np.testing.assert_allclose(bends, shares * geometry.action_bends[0], atol=1e-9)
+
+
+def test_cables_become_bends_in_one_place():
+    source = Path(s2c2a.__file__).parent
+    product = re.compile(r"einsum\([^()]*bend_matrices|bend_matrices(\[\w+\])? @")
+    places = [
+        file.relative_to(source).as_posix()
+        for file in sorted(source.rglob("*.py"))
+        if product.search(file.read_text(encoding="utf-8"))
+    ]
+    assert places == ["arm/geometry.py"]
 
 
 def test_module_count_cable_count_and_length_follow_the_description():

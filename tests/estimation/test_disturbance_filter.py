@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.estimation import EstimationSettings
-from s2c2a.estimation.disturbance_filter import REJECTION_TIME
+from s2c2a.estimation.outliers import REJECTION_TIME
 from s2c2a.estimation.sensor_models.camera import MAX_CHANGE
 from s2c2a.kinematics import bends_from_states, configurations_from_bends
 from s2c2a.spaces import POSITION
@@ -61,14 +62,14 @@ def after(update, state, measurements, steps):
 def test_a_constant_payload_is_found(disturbance_filter, update):
     measured = measured_at(disturbance_filter, PAYLOAD)
     state = after(update, start(disturbance_filter), measured, 100)
-    assert float(state.mean[0]) == pytest.approx(PAYLOAD, rel=0.2)
-    assert not np.any(state.rejected_for > 0.0)
+    assert float(state.mean.payload) == pytest.approx(PAYLOAD, rel=0.2)
+    assert not np.any(state.histories[0].rejected_for > 0.0)
 
 
 def test_no_payload_is_found_where_there_is_none(disturbance_filter, update):
     measured = measured_at(disturbance_filter, 0.0)
     state = after(update, start(disturbance_filter), measured, 50)
-    assert float(state.mean[0]) < 0.003
+    assert float(state.mean.payload) < 0.003
 
 
 def test_missing_measurements_leave_the_estimate_and_widen_it(
@@ -77,7 +78,9 @@ def test_missing_measurements_leave_the_estimate_and_widen_it(
     measured = measured_at(disturbance_filter, PAYLOAD)
     found = after(update, start(disturbance_filter), measured, 50)
     blind = after(update, found, MISSING, 20)
-    assert float(blind.mean[0]) == pytest.approx(float(found.mean[0]), rel=1e-3)
+    assert float(blind.mean.payload) == pytest.approx(
+        float(found.mean.payload), rel=1e-3
+    )
     assert float(blind.covariance[0, 0]) > float(found.covariance[0, 0])
 
 
@@ -87,18 +90,18 @@ def test_an_outlier_is_rejected_for_a_while(disturbance_filter, update):
     shift = np.zeros((3, 2))
     shift[0] = 0.3  # one module: no payload bends an arm so
     wrong = update(state, CONFIGURATION, measured_at(disturbance_filter, 0.0, shift))
-    assert float(wrong.rejected_for[0]) == pytest.approx(REJECTION_TIME)
-    assert float(wrong.mean[0]) < 0.003
+    assert float(wrong.histories[0].rejected_for) == pytest.approx(REJECTION_TIME)
+    assert float(wrong.mean.payload) < 0.003
     steps = round(REJECTION_TIME / ARM.control_period) + 12
-    assert float(after(update, wrong, measured, steps).rejected_for[0]) == 0.0
+    assert float(after(update, wrong, measured, steps).histories[0].rejected_for) == 0.0
 
 
 def test_another_payload_is_not_taken_for_an_outlier(disturbance_filter, update):
     state = start(disturbance_filter)
     state = after(update, state, measured_at(disturbance_filter, 0.0), 30)
     state = after(update, state, measured_at(disturbance_filter, PAYLOAD), 60)
-    assert float(state.rejected_for[0]) == 0.0
-    assert float(state.mean[0]) == pytest.approx(PAYLOAD, rel=0.3)
+    assert float(state.histories[0].rejected_for) == 0.0
+    assert float(state.mean.payload) == pytest.approx(PAYLOAD, rel=0.3)
 
 
 def test_without_estimation_the_payload_stays_as_stated():
@@ -107,7 +110,7 @@ def test_without_estimation_the_payload_stays_as_stated():
     state = start(fixed, 0.03)
     measured = measured_at(fixed, 0.1)
     state = after(eqx.filter_jit(fixed.update), state, measured, 10)
-    assert float(state.mean[0]) == pytest.approx(0.03)
+    assert float(state.mean.payload) == pytest.approx(0.03)
 
 
 def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update):
@@ -116,6 +119,20 @@ def test_the_covariance_stays_symmetric_and_positive(disturbance_filter, update)
     covariance = np.asarray(state.covariance, float)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-6
+
+
+def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_nothing(
+    disturbance_filter,
+):
+    payload = np.float32(0.0)
+    begun = jax.eval_shape(disturbance_filter.start, CONFIGURATION, payload)
+    later = jax.eval_shape(disturbance_filter.update, begun, CONFIGURATION, MISSING)
+    for before, after_update in zip(
+        jax.tree.leaves(begun), jax.tree.leaves(later), strict=True
+    ):
+        assert before.shape == after_update.shape
+        assert before.dtype == after_update.dtype
+        assert before.weak_type == after_update.weak_type
 
 
 def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():
@@ -127,7 +144,7 @@ def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():
     shifted = ends(0.15 * ARM.length)
     wrong = after(update, state, shifted, 3)
     assert camera.is_unused(wrong)[0]
-    assert float(np.abs(wrong.mean[1:7]).max()) < 0.1
+    assert float(np.abs(wrong.mean.bend_biases).max()) < 0.1
     lasting = after(update, state, shifted, 80)
     assert not camera.is_unused(lasting)[0]
 
@@ -139,12 +156,12 @@ def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(jump):
     ends = shown_ends(camera)
     state = after(update, start(camera), ends(), 60)
     lasting = after(update, state, ends(jump * ARM.length), 60)
-    offset = np.asarray(lasting.offsets[0])[-1]
+    offset = np.asarray(lasting.histories[0].offset)[-1]
     believed = jump * ARM.length - offset
     assert 0.0 < believed < 2.0 * MAX_CHANGE * ARM.length
     repaired = after(update, lasting, ends(), 100)
     assert not camera.is_unused(repaired)[0]
-    assert abs(float(repaired.offsets[0][-1])) < 0.02
+    assert abs(float(repaired.histories[0].offset[-1])) < 0.02
 
 
 def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, update):

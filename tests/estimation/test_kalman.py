@@ -14,7 +14,7 @@ R_STD = np.array([0.2])
 def step(mean, covariance, measurement, present=True):
     """One predict and update of the linear system above."""
     mean = F @ mean
-    covariance = kalman.predict(mean, covariance, F, Q)
+    covariance = kalman.predict(covariance, F, Q)
     residual = np.where(present, measurement - H @ mean, 0.0)
     jacobian = np.where(present, H, 0.0)
     innovation_cov = kalman.innovation_covariance(covariance, jacobian, R_STD)

@@ -1,10 +1,12 @@
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2c2a import kinematics
+from s2c2a.arm import ArmGeometry, load_arm
 
 configurations_from_bends = jax.jit(kinematics.configurations_from_bends)
 bends_from_configurations = jax.jit(kinematics.bends_from_configurations)
@@ -182,3 +184,10 @@ def test_the_gradient_of_a_limited_bend_is_finite_at_zero():
         np.zeros(2), np.array(0.5)
     )
     np.testing.assert_array_equal(gradient, np.eye(2))
+
+
+def test_cables_become_the_same_bends_in_jax_and_in_numpy():
+    geometry = ArmGeometry.of(load_arm("twin_arm"))
+    cables = np.random.default_rng(0).normal(size=(4, 3, 3))
+    bends = kinematics.bends_from_cables(jnp.asarray(geometry.bend_matrices), cables)
+    np.testing.assert_allclose(bends, geometry.bends_of(cables), atol=1e-6)

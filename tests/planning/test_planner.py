@@ -323,6 +323,15 @@ def test_the_forward_model_observes_every_reading_and_the_plan_holds_its_memory(
     assert float(plan.memory) == pytest.approx(6.0)
 
 
+def test_the_plan_takes_the_hysteresis_of_the_estimate_and_advances_none():
+    planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)
+    estimate = Estimate(np.array([[0.0, 2.0, 0.0]]), hysteresis=np.float32(7.0))
+    plan = planner.start(estimate)
+    assert float(plan.memory) == 7.0
+    plan = planner.plan(plan, estimate._replace(hysteresis=np.float32(8.0)), Goal.of(1))
+    assert float(plan.memory) == 8.0
+
+
 @pytest.mark.parametrize("invalid", [np.nan, np.inf])
 def test_a_reading_that_is_not_finite_never_enters_the_memory(invalid):
     planner = Planner(an_arm(1), SummingModel(scale=100.0), PAPER)

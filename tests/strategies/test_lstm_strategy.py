@@ -76,11 +76,8 @@ def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
 def bends_of(arm, actions) -> np.ndarray:
     """Bends [deg] that actions stand for: the full bend times the share of it."""
     geometry = ArmGeometry.of(arm)
-    across = (actions - geometry.action_neutral) / geometry.action_scale[:, None]
-    return np.rad2deg(
-        np.einsum("mkc,tmc->tmk", geometry.bend_matrices, across)
-        * geometry.bend_limits[:, None]
-    )
+    shares = geometry.commanded_bends(actions) / geometry.action_bends[:, None]
+    return np.rad2deg(shares * geometry.bend_limits[:, None])
 
 
 def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):

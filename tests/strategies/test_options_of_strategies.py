@@ -50,6 +50,7 @@ CHANGED = {
     "episodes": 9,
     "integral_gain": 0.1,
     "unit_length": not BEST.unit_length,
+    "encoders_alone": not BEST.encoders_alone,
     "active": True,
 }
 """By key of a recipe: another value."""

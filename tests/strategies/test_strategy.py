@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.control import InversePCC
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import configuration_map_for
-from s2c2a.kinematics import states_from_configurations
-from s2c2a.planning import PAPER, Adam, Goal
+from s2c2a.estimation import EncoderEstimator, EncoderMap, configuration_map_for
+from s2c2a.kinematics import PCC, states_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import PAPER, Adam, Goal, Planner
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import (
     RECIPES,
+    Strategy,
     pcc_strategy,
     recipe_named,
     s2c2a_strategy,
@@ -152,6 +155,42 @@ def test_reduced_feedback_compiles_nothing_and_changes_the_command(
     assert compilations()[before:] == []
     assert np.isfinite(commands[0.0]).all()
     assert np.abs(commands[0.0] - commands[1.0]).max() > 0.0
+
+
+class SummingModel(PCCForwardModel):
+    """A forward model whose memory is the sum of all sensed configurations."""
+
+    def start(self, sensed):
+        return sensed
+
+    def observe(self, sensed, memory):
+        return memory + sensed
+
+
+@pytest.mark.parametrize("feedback", [1.0, 0.6, 0.0])
+def test_every_reading_advances_the_hysteresis_once_whatever_the_feedback(
+    twin, feedback
+):
+    pcc = PCC.of(twin)
+    model = SummingModel.of(twin)
+    configurations = EncoderMap(pcc)
+    strategy = Strategy(
+        "summing",
+        twin,
+        EncoderEstimator(configurations, model),
+        Planner(twin, model, PAPER),
+        InversePCC(pcc, jnp.ones(3)),
+    )
+    readings = [
+        Reading(0.1 * step, {"cables": 1e-3 * step * np.eye(3)}) for step in range(5)
+    ]
+    strategy.start(readings[0])
+    strategy.feedback = feedback
+    for reading in readings[1:]:
+        estimate = strategy.estimate(reading, np.zeros((3, 3)))
+        plan = strategy.plan(estimate, Goal.of(3).with_position([0.15, 0.0, 0.55]))
+    sensed = [configurations.configurations(reading) for reading in readings]
+    np.testing.assert_allclose(plan.memory, np.sum(sensed, axis=0), atol=1e-5)
 
 
 def test_the_count_of_compilations_does_count(compilations):
@@ -336,11 +375,9 @@ def test_the_papers_recipe_has_the_papers_numbers():
 def test_the_papers_recipe_has_nothing_of_the_best_ones():
     """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
     paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.integral_gain, paper.unit_length) == (
-        "tip",
-        0.0,
-        False,
-    )
+    assert (paper.planner.guard, paper.integral_gain) == ("tip", 0.0)
+    assert not paper.unit_length
+    assert not paper.encoders_alone
     assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {
         1.0
     }
@@ -359,6 +396,7 @@ def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     for change in (
         {"speeds": (0.03, 0.2)},
         {"unit_length": False},
+        {"encoders_alone": False},
         {"c2s": recipe_named("paper").c2s},
     ):
         assert replace(best, **change).training != best.training

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import StrategyError, TrainingError
-from s2c2a.estimation import EncoderOnly
 from s2c2a.models import LocalOptions
 from s2c2a.models.chain_training import hysteresis_inputs, predict_states
 from s2c2a.models.transfer import (
@@ -170,7 +169,7 @@ def test_a_short_recording_makes_it_nearer(
 def test_arms_of_another_make_are_refused(tiny_best_networks, change, key, twin):
     networks = replace(
         tiny_best_networks,
-        recipe=replace(tiny_best_networks.recipe, estimator=EncoderOnly()),
+        recipe=replace(tiny_best_networks.recipe, encoders_alone=False),
     )
     with pytest.raises(StrategyError, match=f"has {key} "):
         transferred(networks, twin.model_copy(update=change))

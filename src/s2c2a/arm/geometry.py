@@ -163,6 +163,28 @@ class ArmGeometry:
         directions = np.einsum("mck,...mk->...mc", self.cable_matrices, shares)
         return self.action_neutral + self.action_scale[:, None] * directions
 
+    def bends_of(
+        self, cables: Float[np.ndarray, "*batch modules cables"]
+    ) -> Float[np.ndarray, "*batch modules 2"]:
+        """Return the bends that cables hold, which common motion does not change.
+
+        Args:
+            cables: displacements over the cable radius [rad], or shares of the actions;
+                the bends have the same unit.
+        """
+        return np.einsum("mkc,...mc->...mk", self.bend_matrices, cables)
+
+    def commanded_bends(
+        self, actions: Float[np.ndarray, "*batch modules cables"]
+    ) -> Float[np.ndarray, "*batch modules 2"]:
+        """Return the bends of modules without losses [rad] that actions command.
+
+        Args:
+            actions: displacements [m], or tensions [N].
+        """
+        shares = (actions - self.action_neutral) / self.action_scale[:, None]
+        return self.bends_of(shares) * self.action_bends[:, None]
+
 
 def hermite_weights(
     shares: Float[np.ndarray, " points"],

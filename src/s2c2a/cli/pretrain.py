@@ -54,7 +54,7 @@ def pretrain(
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
     check_replaceable(out, ".safetensors", StrategyError)
     chosen = strategies.recipe_from(recipe)
-    nominal = chosen.training_arm(load_arm(arm))
+    nominal = chosen.seen_arm(load_arm(arm))
     prior = artifacts.PriorNetworks(
         nominal, chosen, seed, arms, strength, episodes, samples
     )

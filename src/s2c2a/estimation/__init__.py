@@ -25,7 +25,6 @@ from s2c2a.estimation.kalman_estimator import (
     MODAL_MODEL,
     KalmanEstimator,
     KalmanFilter,
-    train_sensors,
 )
 from s2c2a.estimation.modal_model import ModalFactors
 from s2c2a.estimation.sensor_models import FormulaSensor, SensorModel

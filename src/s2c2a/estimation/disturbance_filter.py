@@ -1,15 +1,15 @@
-"""A Kalman filter over payload, bend biases, vibration and sensor biases.
+"""A Kalman filter over payload, bend biases, vibration and sensor biases (`ArmState`).
 
-The state is [payload, bend biases, bends, bend rates, sensor biases]. The forward model
-predicts the equilibrium, the modal model the vibration about it, and sensor models
-compare both with measurements. None of these states is
-observable from encoders, so without further sensors nothing is estimated.
+The forward model predicts the equilibrium, the modal model the vibration about it, and
+sensor models compare both with measurements. None of these states is observable from
+encoders, so without further sensors nothing is estimated.
 
 Bruder et al. 2020 (arXiv 2002.01407) also add the payload to the state of a motion
 model.
 """
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,9 +18,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
+from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
+from s2c2a.estimation.outliers import (
+    MAX_VALUE,
+    Compared,
+    SensorHistory,
+    is_beyond_gate,
+    judged,
+)
 from s2c2a.estimation.sensor_models import (
-    BiasPrior,
     ExpectedState,
     Innovation,
     Measurements,
@@ -30,29 +37,32 @@ from s2c2a.kinematics import bends_from_states, limit_lengths
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
-GATE = 6.0  # standard deviations; a larger innovation is an outlier
-REJECTION_TIME = 0.5  # s; time for which a sensor is rejected after an outlier
-AVERAGING_TIME = 0.3  # s; time constant of a sensor's average innovation
-SLOW_AVERAGING_TIME = 2.0  # s; time constant of its usual residual
-OFFSET_MEMORY = 60.0  # s; after which a lasting offset counts as true
-MAX_VALUE = 1e6  # of any measurement, in any unit
-START_ITERATIONS = 3  # of the moments of a known payload and the shape
-MIN_HISTORY = 3  # control steps
+# of the moments of a known payload and the shape; as many as in a control step
+START_ITERATIONS = 3
+# control steps in the past: the present one, and two to interpolate between
+MIN_HISTORY = 3
 
 
-class FilterOptions(NamedTuple):
-    """Options of the filter; those of payloads are in parts of the arm's mass.
+@dataclass(frozen=True)
+class FilterOptions:
+    """Options of the filter; the standard deviations are those of random walks.
+
+    The payload is estimated more slowly than the first bending mode of the arm moves:
+    faster estimates follow the vibration, and the plan follows them
+    (docs/concepts/estimation.md).
 
     Attributes:
-        initial_payload_std: standard deviation of the initial payload.
+        initial_payload_std: standard deviation of the initial payload, in parts of the
+            arm's mass.
         initial_bias_std: standard deviation of the initial bend biases [rad].
-        payload_rate: standard deviation of the payload's change in one second.
+        payload_rate: standard deviation of the payload's change in one second, in parts
+            of the arm's mass.
         bias_rate: standard deviation of the bend biases' change in one second [rad].
         loaded_bias_rate: increase of `bias_rate` at a payload of the arm's mass [rad].
         bias_memory: time constant of the decay of unobserved bend biases [s].
         bend_noise: process noise of the bends in one second [rad].
         rate_noise: process noise of the bend rates in one second [rad/s].
-        max_payload: largest estimated payload.
+        max_payload: largest estimated payload, in parts of the arm's mass.
         max_bend_bias: largest estimated bend bias of a module [rad].
     """
 
@@ -66,63 +76,6 @@ class FilterOptions(NamedTuple):
     rate_noise: float = 1.0
     max_payload: float = 3.0
     max_bend_bias: float = 0.4
-
-
-class FilterState(NamedTuple):
-    """State of the filter between updates.
-
-    Attributes:
-        mean: payload [kg], bend biases [rad], bends [rad], bend rates [rad/s], sensor
-            biases, shape (1 + 3 n + biases,) with n = 2 modules.
-        covariance: covariance of the state, shape (states, states).
-        moments: moments of the payload at the present shape (`Disturbances`).
-        hysteresis: memory of the forward model.
-        past_bends: bends of the last control steps, newest first [rad], shape (steps,
-            modules, 2).
-        past_states: predicted states of these steps [m, 1], base frame, shape (steps,
-            modules, 6).
-        past_disturbance_bends: bends due to payload and bend biases in these steps
-            [rad], shape (steps, modules, 2).
-        lags: memory of each sensor's hysteresis.
-        average_innovation: average normalized innovation of each sensor, shape
-            (sensors,).
-        usual_residuals: slow average of each sensor's residual against the encoders
-            and the payload; `MAX_VALUE` before the first measurement.
-        offsets: change of each sensor's usual residual while it was rejected; they are
-            subtracted from its measurements.
-        unseen_for: time since each sensor's last measurement [s], shape (sensors,).
-        rejected_for: remaining time of rejection of each sensor [s], shape (sensors,).
-    """
-
-    mean: Float[Array, " states"]
-    covariance: Float[Array, "states states"]
-    moments: Disturbances
-    hysteresis: Any
-    past_bends: Float[Array, "steps modules 2"]
-    past_states: Float[Array, "steps modules 6"]
-    past_disturbance_bends: Float[Array, "steps modules 2"]
-    lags: tuple[Array | np.ndarray, ...]
-    average_innovation: Float[Array, " sensors"]
-    usual_residuals: tuple[Array | np.ndarray, ...]
-    offsets: tuple[Array | np.ndarray, ...]
-    unseen_for: Float[Array, " sensors"]
-    rejected_for: Float[Array, " sensors"]
-
-
-class _History(NamedTuple):
-    """A sensor compared with its own past.
-
-    Attributes:
-        usual: slow average of its residual, shape (values,).
-        offset: change of that average while the sensor was rejected, shape (values,).
-        unseen_for: time since its last measurement [s].
-        has_changed: whether the residual has left its average.
-    """
-
-    usual: Float[Array, " values"]
-    offset: Float[Array, " values"]
-    unseen_for: Float[Array, ""]
-    has_changed: Bool[Array, ""]
 
 
 class DisturbanceFilter(eqx.Module):
@@ -164,33 +117,28 @@ class DisturbanceFilter(eqx.Module):
         moments = self._converged_moments(configuration, payload, hysteresis)
         states = self.model.predict(configuration, hysteresis, moments)
         bends = bends_from_states(states)
-        count = bends.size
-        prior = self._bias_prior()
-        mean = jnp.concatenate(
-            [
-                payload[None],
-                jnp.zeros(count),
-                bends.reshape(-1),
-                jnp.zeros(count + len(prior.initial_std)),
-            ]
+        zeros = jnp.zeros(bends.size)
+        initial_std = self._initial_std(bends.size)
+        mean = ArmState(
+            payload=payload,
+            bend_biases=zeros,
+            bends=bends.reshape(-1),
+            bend_rates=zeros,
+            sensor_biases=jnp.zeros_like(initial_std.sensor_biases),
         )
         steps = self._history_length()
         return FilterState(
             mean=mean,
-            covariance=jnp.diag(self._initial_std(count, prior) ** 2),
+            covariance=jnp.diag(initial_std.packed() ** 2),
             moments=moments,
             hysteresis=hysteresis,
             past_bends=jnp.broadcast_to(bends, (steps, *bends.shape)),
             past_states=jnp.broadcast_to(states, (steps, *states.shape)),
             past_disturbance_bends=jnp.zeros((steps, *bends.shape)),
-            lags=tuple(sensor.initial_lag(bends) for sensor in self.sensors),
-            average_innovation=jnp.zeros(len(self.sensors)),
-            usual_residuals=tuple(
-                jnp.full(sensor.value_count, MAX_VALUE) for sensor in self.sensors
+            histories=tuple(
+                SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
+                for sensor in self.sensors
             ),
-            offsets=tuple(jnp.zeros(sensor.value_count) for sensor in self.sensors),
-            unseen_for=jnp.zeros(len(self.sensors)),
-            rejected_for=jnp.zeros(len(self.sensors)),
         )
 
     def _converged_moments(
@@ -208,26 +156,28 @@ class DisturbanceFilter(eqx.Module):
 
         return jax.lax.fori_loop(0, START_ITERATIONS, iterate, known)
 
-    def _initial_std(self, bends: int, prior: BiasPrior) -> Float[Array, " states"]:
+    def _initial_std(self, bends: int) -> ArmState:
         options = self.options
-        slow = [options.initial_payload_std * self.mass]
-        slow += [options.initial_bias_std] * bends
-        fast = [options.bend_noise] * bends + [options.rate_noise] * bends
-        slow_std = float(self.estimates) * jnp.array(slow)
-        return jnp.concatenate([slow_std, jnp.array(fast), prior.initial_std])
-
-    def _bias_prior(self) -> BiasPrior:
-        """Prior of the biases of all sensors, concatenated."""
-        priors = [sensor.bias_prior for sensor in self.sensors]
-        return BiasPrior(
-            jnp.concatenate([jnp.zeros(0), *(prior.initial_std for prior in priors)]),
-            jnp.concatenate([jnp.zeros(0), *(prior.drift for prior in priors)]),
+        is_estimated = float(self.estimates)
+        biases = [sensor.bias_prior.initial_std for sensor in self.sensors]
+        return ArmState(
+            payload=jnp.asarray(is_estimated * options.initial_payload_std * self.mass),
+            bend_biases=jnp.full(bends, is_estimated * options.initial_bias_std),
+            bends=jnp.full(bends, options.bend_noise),
+            bend_rates=jnp.full(bends, options.rate_noise),
+            sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
         )
 
     def _history_length(self) -> int:
         """Number of past control steps in the state, for delayed measurements."""
         latest = max((sensor.max_delay for sensor in self.sensors), default=0.0)
         return MIN_HISTORY + int(latest / self.period)
+
+    @property
+    def _order(self) -> StateOrder:
+        """Order of the state in vectors and matrices."""
+        counts = [len(sensor.bias_prior.initial_std) for sensor in self.sensors]
+        return StateOrder.of(self.modal_table.forces.shape[-1], counts)
 
     # ---- update
 
@@ -245,7 +195,7 @@ class DisturbanceFilter(eqx.Module):
             measurements: values of the sensors; NaN where missing.
         """
         moments = self.model.with_moments(
-            self.disturbances(state), configuration, state.hysteresis, state.moments
+            state.disturbances, configuration, state.hysteresis, state.moments
         )
         state = state._replace(moments=moments)
         states, tensions, by_payload = self._equilibrium(state, configuration)
@@ -254,7 +204,7 @@ class DisturbanceFilter(eqx.Module):
             expected = self._expected(state, tensions, by_payload, number)
             innovation = sensor.innovation(measurements, expected)
             state = self._updated(state, number, innovation, by_payload)
-        state = self._limited(state)
+        state = state._replace(mean=self._limited(state.mean))
         hysteresis = self.model.observe(configuration, state.hysteresis)
         return state._replace(hysteresis=hysteresis)
 
@@ -276,10 +226,9 @@ class DisturbanceFilter(eqx.Module):
             )
             return bends_from_states(states), (states, tensions)
 
-        payload = state.mean[0]
         one = jnp.ones(())
         _, by_payload, (states, tensions) = jax.jvp(
-            equilibrium, (payload,), (one,), has_aux=True
+            equilibrium, (state.mean.payload,), (one,), has_aux=True
         )
         return states, tensions, by_payload.reshape(-1)
 
@@ -290,51 +239,67 @@ class DisturbanceFilter(eqx.Module):
         by_payload: Float[Array, " bends"],
     ) -> FilterState:
         """Prediction step: the modal model over one control period."""
+        mean = state.mean
         equilibrium = bends_from_states(states)
-        bends = equilibrium.size
-        slow = 1 + bends
-        fast = 1 + 3 * bends
-        transition, inputs = self.modal_table.at(state.mean[0])
-        fading = (
-            jnp.ones(slow).at[1:].set(np.exp(-self.period / self.options.bias_memory))
-        )
-        by_slow_states = jnp.concatenate([by_payload[:, None], jnp.eye(bends)], axis=1)
-        jacobian = (
-            jnp.eye(len(state.mean))
-            .at[:slow, :slow]
-            .set(jnp.diag(fading))
-            .at[slow:fast, :slow]
-            .set(inputs @ by_slow_states * fading)
-            .at[slow:fast, slow:fast]
-            .set(transition)
-        )
-        vibration = transition @ state.mean[slow:fast]
+        transition, inputs = self.modal_table.at(mean.payload)
+        fading = np.exp(-self.period / self.options.bias_memory)
+        vibration = transition @ jnp.concatenate([mean.bends, mean.bend_rates])
         vibration = vibration + inputs @ equilibrium.reshape(-1)
-        noise = self.process_noise(bends, state.mean[0])
-        mean = jnp.concatenate(
-            [fading * state.mean[:slow], vibration, state.mean[fast:]]
+        bends, bend_rates = jnp.split(vibration, 2)
+        covariance = kalman.predict(
+            state.covariance,
+            self._transition(transition, inputs, by_payload, fading),
+            self._process_noise(mean),
         )
-        covariance = kalman.predict(state.mean, state.covariance, jacobian, noise)
+        mean = mean._replace(
+            bend_biases=fading * mean.bend_biases, bends=bends, bend_rates=bend_rates
+        )
         state = state._replace(mean=mean, covariance=covariance)
-        compared = self._bends(state) if self._sees_vibration() else equilibrium
-        caused = self._disturbance_bends(state, by_payload)
+        shape = equilibrium.shape
+        compared = bends.reshape(shape) if self._sees_vibration() else equilibrium
+        caused = _disturbance_bends(mean, by_payload)
         return state._replace(
             past_bends=_pushed(state.past_bends, compared),
             past_states=_pushed(state.past_states, states),
             past_disturbance_bends=_pushed(state.past_disturbance_bends, caused),
         )
 
-    def process_noise(
-        self, bends: int, payload: Float[Array, ""] | float
-    ) -> Float[Array, " states"]:
+    def _transition(
+        self,
+        transition: Float[Array, "vibration vibration"],
+        inputs: Float[Array, "vibration bends"],
+        by_payload: Float[Array, " bends"],
+        fading: float,
+    ) -> Float[Array, "states states"]:
+        """Derivative of the prediction step by the state."""
+        order = self._order
+        return (
+            jnp.eye(order.size)
+            .at[order.bend_biases, order.bend_biases]
+            .multiply(fading)
+            .at[order.vibration, order.payload]
+            .set((inputs @ by_payload)[:, None])
+            .at[order.vibration, order.bend_biases]
+            .set(inputs * fading)
+            .at[order.vibration, order.vibration]
+            .set(transition)
+        )
+
+    def _process_noise(self, mean: ArmState) -> Float[Array, " states"]:
         """Process noise of a control step: variances, larger with a payload."""
         options = self.options
-        bias_rate = options.bias_rate + options.loaded_bias_rate * payload / self.mass
-        payload_rate = jnp.asarray(options.payload_rate * self.mass)
-        slow = float(self.estimates) * jnp.stack([payload_rate, *[bias_rate] * bends])
-        fast = jnp.repeat(jnp.array([options.bend_noise, options.rate_noise]), bends)
-        drift = self._bias_prior().drift
-        return jnp.concatenate([slow, fast, drift]) ** 2 * self.period
+        is_estimated = float(self.estimates)
+        share = mean.payload / self.mass
+        bias_rate = options.bias_rate + options.loaded_bias_rate * share
+        drifts = [sensor.bias_prior.drift for sensor in self.sensors]
+        per_second = ArmState(
+            payload=jnp.asarray(is_estimated * options.payload_rate * self.mass),
+            bend_biases=jnp.full_like(mean.bend_biases, is_estimated * bias_rate),
+            bends=jnp.full_like(mean.bends, options.bend_noise),
+            bend_rates=jnp.full_like(mean.bend_rates, options.rate_noise),
+            sensor_biases=jnp.concatenate([jnp.zeros(0), *drifts]),
+        )
+        return per_second.packed() ** 2 * self.period
 
     def _expected(
         self,
@@ -344,15 +309,15 @@ class DisturbanceFilter(eqx.Module):
         number: int,
     ) -> ExpectedState:
         """Expected state, from which a sensor model predicts its measurement."""
-        caused = self._disturbance_bends(state, by_payload)
+        caused = _disturbance_bends(state.mean, by_payload)
         return ExpectedState(
-            bends=self._bends(state),
-            bend_biases=self.disturbances(state).bend_biases,
+            bends=state.mean.bends.reshape(-1, 2),
+            bend_biases=state.mean.bend_biases.reshape(-1, 2),
             tensions=tensions,
             past_bends=state.past_bends,
             past_states=state.past_states,
             bias_change=caused - state.past_disturbance_bends,
-            lag=state.lags[number],
+            lag=state.histories[number].lag,
         )
 
     def _updated(
@@ -367,6 +332,9 @@ class DisturbanceFilter(eqx.Module):
         A large innovation that another payload would explain is no outlier: then the
         payload's variance grows, and the measurement is used.
         """
+        order = self._order
+        histories = state.histories
+        history = histories[number]
         residual, jacobian, is_present = self._observation(
             state, number, innovation, by_payload
         )
@@ -374,44 +342,31 @@ class DisturbanceFilter(eqx.Module):
             state.covariance, jacobian, innovation.std
         )
         per_kg = jnp.where(is_present, innovation.jacobian @ by_payload, 0.0)
-        change = self._payload_change(state, residual, covariance, per_kg)
+        change = self._payload_change(state.mean, residual, covariance, per_kg)
         unexplained = residual - per_kg * change
-        size = _gate_distance(residual, covariance, is_present)
-        unexplained_size = _gate_distance(unexplained, covariance, is_present)
-        smallest = jnp.minimum(size, unexplained_size)
-        average = self._average_innovation(state, number, smallest, is_present)
-        is_outlier = jnp.maximum(average, smallest) > GATE
-        # with its offset: a sensor that is too far off stays rejected
-        raw = jnp.where(is_present, unexplained + state.offsets[number], 0.0)
-        is_outlier |= jnp.any(jnp.abs(raw) > innovation.max_residual)
-        history = self._history(state, number, innovation, unexplained, is_present)
-        is_outlier |= history.has_changed
-        remaining = jnp.maximum(state.rejected_for[number] - self.period, 0.0)
-        rejected_for = jnp.where(is_outlier, REJECTION_TIME, remaining)
-        is_used = rejected_for <= 0.0
-        variance = jnp.where((size > GATE) & is_used, change, 0.0) ** 2
+        is_large = is_beyond_gate(residual, covariance, is_present)
+        is_outlier = is_large & is_beyond_gate(unexplained, covariance, is_present)
+        compared = Compared(
+            raw=unexplained + history.offset,
+            by_biases=innovation.jacobian @ state.mean.bend_biases,
+            is_present=is_present,
+            innovation=innovation,
+        )
+        history = judged(history, compared, is_outlier, self.period)
+        is_used = history.rejected_for <= 0.0
+        variance = jnp.where(is_large & is_used, change, 0.0) ** 2
+        by_weight = jacobian[:, order.payload]
         mean, new_covariance = kalman.update(
-            state.mean,
-            state.covariance.at[0, 0].add(variance),
+            state.mean.packed(),
+            state.covariance.at[order.payload, order.payload].add(variance),
             residual,
             jnp.where(is_used, jacobian, 0.0),
-            covariance + variance * jnp.outer(jacobian[:, 0], jacobian[:, 0]),
+            covariance + variance * by_weight @ by_weight.T,
         )
-        lags = list(state.lags)
-        lags[number] = innovation.lag
-        usual_residuals = list(state.usual_residuals)
-        usual_residuals[number] = history.usual
-        offsets = list(state.offsets)
-        offsets[number] = history.offset
         return state._replace(
-            mean=mean,
+            mean=order.unpacked(mean),
             covariance=(new_covariance + new_covariance.T) / 2.0,
-            lags=tuple(lags),
-            average_innovation=state.average_innovation.at[number].set(average),
-            usual_residuals=tuple(usual_residuals),
-            offsets=tuple(offsets),
-            unseen_for=state.unseen_for.at[number].set(history.unseen_for),
-            rejected_for=state.rejected_for.at[number].set(rejected_for),
+            histories=(*histories[:number], history, *histories[number + 1 :]),
         )
 
     def _observation(
@@ -422,33 +377,28 @@ class DisturbanceFilter(eqx.Module):
         by_payload: Float[Array, " bends"],
     ) -> tuple[Array, Array, Bool[Array, " values"]]:
         """Residual and its Jacobian by the state; zero where values are missing."""
-        sensor = self.sensors[number]
+        order = self._order
         residual = innovation.residual
         is_present = jnp.abs(residual) < MAX_VALUE  # false for NaN
-        bends = by_payload.size
+        jacobian = jnp.zeros((len(residual), order.size))
         # measurements depend on the bend biases at equilibrium, or on the vibration
-        first = 1 if sensor.measures_equilibrium else 1 + bends
-        jacobian = jnp.zeros((len(residual), len(state.mean)))
-        jacobian = jacobian.at[:, first : first + bends].set(innovation.jacobian)
-        if sensor.measures_equilibrium:
-            jacobian = jacobian.at[:, 0].set(innovation.jacobian @ by_payload)
-        biases = self.biases_of(number, bends)
+        if self.sensors[number].measures_equilibrium:
+            per_kg = innovation.jacobian @ by_payload
+            jacobian = jacobian.at[:, order.payload].set(per_kg[:, None])
+            jacobian = jacobian.at[:, order.bend_biases].set(innovation.jacobian)
+        else:
+            jacobian = jacobian.at[:, order.bends].set(innovation.jacobian)
+        biases = order.sensor_biases[number]
         if biases.start < biases.stop:
             jacobian = jacobian.at[:, biases].set(jnp.eye(len(residual)))
-            residual = residual - state.mean[biases]
-        residual = residual - state.offsets[number]
+            residual = residual - state.mean.packed()[biases]
+        residual = residual - state.histories[number].offset
         residual = jnp.where(is_present, residual, 0.0)
         return residual, jnp.where(is_present[:, None], jacobian, 0.0), is_present
 
-    def biases_of(self, number: int, bends: int) -> slice:
-        """Slice of the state with the biases of a sensor."""
-        lengths = [len(sensor.bias_prior.initial_std) for sensor in self.sensors]
-        start = 1 + 3 * bends + sum(lengths[:number])
-        return slice(start, start + lengths[number])
-
     def _payload_change(
         self,
-        state: FilterState,
+        mean: ArmState,
         residual: Float[Array, " values"],
         covariance: Float[Array, "values values"],
         per_kg: Float[Array, " values"],
@@ -458,115 +408,42 @@ class DisturbanceFilter(eqx.Module):
             return jnp.zeros(())
         weights = jnp.linalg.solve(covariance, per_kg)
         change = (weights @ residual) / (weights @ per_kg + 1.0 / self.mass**2)
-        payload = state.mean[0]
-        return jnp.clip(
-            change, -payload, self.options.max_payload * self.mass - payload
-        )
-
-    def _average_innovation(
-        self,
-        state: FilterState,
-        number: int,
-        size: Float[Array, ""],
-        is_present: Bool[Array, " values"],
-    ) -> Float[Array, ""]:
-        """Moving average of a sensor's innovations, in standard deviations."""
-        share = min(self.period / AVERAGING_TIME, 1.0)
-        weight = jnp.where(is_present.any(), share, 0.0)
-        average = state.average_innovation[number]
-        return average + weight * (size - average)
-
-    def _history(
-        self,
-        state: FilterState,
-        number: int,
-        innovation: Innovation,
-        unexplained: Float[Array, " values"],
-        is_present: Bool[Array, " values"],
-    ) -> _History:
-        """Compare a sensor with its own past, by its residual against the encoders.
-
-        A residual that leaves its slow average shows a fault: drift, wrong latency or a
-        jump. The bend biases count as residual, so a fault that moves them shows, too.
-        After an external force the average follows. Its change while the sensor is
-        rejected becomes an offset, so that a jump moves the estimate by little more
-        than `max_change`, whatever its size. A sensor that agrees with the encoders
-        again, as after a repair, has no offset.
-        """
-        elapsed = state.unseen_for[number] + self.period
-        before = state.usual_residuals[number]
-        biases = state.mean[1 : 1 + innovation.jacobian.shape[-1]]
-        residual = unexplained + state.offsets[number] + innovation.jacobian @ biases
-        start = jnp.where(before == MAX_VALUE, residual, before)
-        share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
-        change = jnp.where(is_present, share * (residual - start), 0.0)
-        usual = start + change
-        deviation = jnp.where(is_present, residual - usual, 0.0)
-        has_changed = jnp.any(jnp.abs(deviation) > innovation.max_change)
-        fading = np.exp(-self.period / OFFSET_MEMORY)
-        offset = fading * state.offsets[number] + jnp.where(has_changed, change, 0.0)
-        agrees = (jnp.abs(residual) < innovation.max_change) | ~is_present
-        offset = jnp.where(agrees.all() & is_present.any(), 0.0, offset)
-        return _History(
-            usual=jnp.where(is_present, usual, before),
-            offset=offset,
-            unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
-            has_changed=has_changed,
-        )
+        largest = self.options.max_payload * self.mass
+        return jnp.clip(change, -mean.payload, largest - mean.payload)
 
     def is_unused(self, state: FilterState) -> Bool[Array, " sensors"]:
         """Whether each sensor is rejected, or has given no measurement for too long."""
-        longest = jnp.array([sensor.max_silence for sensor in self.sensors])
-        return (state.rejected_for > 0.0) | (state.unseen_for > longest)
+        return jnp.stack(
+            [
+                (history.rejected_for > 0.0) | (history.unseen_for > sensor.max_silence)
+                for sensor, history in zip(self.sensors, state.histories, strict=True)
+            ]
+        )
 
-    def _limited(self, state: FilterState) -> FilterState:
+    def _limited(self, mean: ArmState) -> ArmState:
         """Payload, bend biases and external force within their limits."""
         options = self.options
-        payload = jnp.clip(state.mean[0], 0.0, options.max_payload * self.mass)
-        biases = self.disturbances(state).bend_biases
-        biases = limit_lengths(biases, options.max_bend_bias).reshape(-1)
-        force = jnp.maximum(self.external_force(biases), 1e-9)
+        payload = jnp.clip(mean.payload, 0.0, options.max_payload * self.mass)
+        pairs = mean.bend_biases.reshape(-1, 2)
+        biases = limit_lengths(pairs, options.max_bend_bias).reshape(-1)
+        force = jnp.maximum(self.external_force(biases), 1e-9)  # no division by zero
         biases = biases * jnp.minimum(1.0, self.max_force / force)
-        rest = state.mean[1 + biases.size :]
-        return state._replace(mean=jnp.concatenate([payload[None], biases, rest]))
-
-    # ---- parts of the state
-
-    def disturbances(self, state: FilterState) -> Disturbances:
-        """Payload and bend biases, with the moments of the payload."""
-        bends = state.past_bends[0].size
-        biases = state.mean[1 : 1 + bends].reshape(-1, 2)
-        moments = state.moments.with_payload(state.mean[0])
-        return moments._replace(bend_biases=biases)
+        return mean._replace(payload=payload, bend_biases=biases)
 
     def external_force(self, bend_biases: Float[Array, " bends"]) -> Float[Array, ""]:
         """Force at the tip that would cause the bend biases [N]."""
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
-
-    def _bends(self, state: FilterState) -> Float[Array, "modules 2"]:
-        bends = state.past_bends[0].size
-        return state.mean[1 + bends : 1 + 2 * bends].reshape(-1, 2)
-
-    def _disturbance_bends(
-        self, state: FilterState, by_payload: Float[Array, " bends"]
-    ) -> Float[Array, "modules 2"]:
-        """Bends due to payload and bend biases [rad]."""
-        by_weight = (state.mean[0] * by_payload).reshape(-1, 2)
-        return self.disturbances(state).bend_biases + by_weight
 
     def _sees_vibration(self) -> bool:
         """Whether the vibration is observable."""
         return any(not sensor.measures_equilibrium for sensor in self.sensors)
 
 
-def _gate_distance(
-    residual: Float[Array, " values"],
-    covariance: Float[Array, "values values"],
-    is_present: Bool[Array, " values"],
-) -> Float[Array, ""]:
-    """Normalized innovation, limited so that its average recovers quickly."""
-    size = kalman.normalized_innovation(residual, covariance, is_present)
-    return jnp.minimum(size, 2.0 * GATE)
+def _disturbance_bends(
+    mean: ArmState, by_payload: Float[Array, " bends"]
+) -> Float[Array, "modules 2"]:
+    """Bends due to payload and bend biases [rad]."""
+    return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
 
 
 def _pushed(

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.forward_model import Memory
 
 
 class Estimate(NamedTuple):
@@ -19,6 +20,9 @@ class Estimate(NamedTuple):
         covariance: covariance of the filter's state, if the estimator has one.
         external_force: force at the tip that would cause the bend biases [N].
         rejected: sensor name -> whether its measurements are rejected now.
+        hysteresis: memory of the forward model after this reading
+            (`ForwardModel.observe`), which the planner takes; None if the estimator does
+            not follow it.
         memory: memory of the estimator for its next update.
     """
 
@@ -27,6 +31,7 @@ class Estimate(NamedTuple):
     covariance: Float[Array, "states states"] | None = None
     external_force: Float[Array, ""] | None = None
     rejected: Mapping[str, Array] = {}
+    hysteresis: Memory = None
     memory: Any = ()
 
     @classmethod
@@ -35,6 +40,7 @@ class Estimate(NamedTuple):
         configuration: Float[Array | np.ndarray, "modules 3"],
         payload: float | Array = 0.0,
         bend_biases: Float[Array | np.ndarray, "modules 2"] | None = None,
+        hysteresis: Memory = None,
         memory: Any = (),
     ) -> "Estimate":
         """Build an estimate from arrays.
@@ -44,6 +50,7 @@ class Estimate(NamedTuple):
                 (modules, 3).
             payload: mass at the tip [kg].
             bend_biases: bends beside the predicted ones [rad]; zero if None.
+            hysteresis: memory of the forward model after this reading.
             memory: memory of the estimator for its next update.
         """
         if bend_biases is None:
@@ -52,7 +59,7 @@ class Estimate(NamedTuple):
             jnp.asarray(payload, jnp.float32), jnp.asarray(bend_biases, jnp.float32)
         )
         configuration = jnp.asarray(configuration, jnp.float32)
-        return cls(configuration, disturbances, memory=memory)
+        return cls(configuration, disturbances, hysteresis=hysteresis, memory=memory)
 
     @property
     def payload(self) -> float:

@@ -1,12 +1,10 @@
 """Interface of state estimators, and an estimator that uses encoders alone."""
 
-import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
@@ -15,10 +13,13 @@ from s2c2a.compilation import compiled
 from s2c2a.components import Component
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
-from s2c2a.estimation.configuration_maps import ConfigurationMap
+from s2c2a.estimation.configuration_maps import (
+    ConfigurationMap,
+    Configurations,
+    Measured,
+)
 from s2c2a.estimation.estimate import Estimate
-from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.spaces import Actions, Reading
 from s2c2a.training import Trained, TrainingData
 
@@ -88,10 +89,11 @@ OPTIONS = {
 
 
 class StateEstimator(ABC):
-    """Estimates configuration, payload and bend biases from readings.
+    """Estimates configuration, payload, bend biases and hysteresis from readings.
 
-    The estimate contains the memory between updates. The estimator compiles nothing
-    after the first update.
+    It alone advances the hysteresis of the forward model, once for each reading. The
+    estimate contains the memory between updates. The estimator compiles nothing after
+    the first update.
     """
 
     @property
@@ -153,14 +155,6 @@ class EstimatorOptions(Component, ABC):
             settings: settings of the run.
         """
 
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """Arm for forward model and controller; by default the same arm."""
-        return arm
-
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """Arm for the training of networks; by default the same arm."""
-        return arm
-
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """Untrained networks of the estimator, by name; by default none."""
         return {}
@@ -196,39 +190,60 @@ class EstimatorOptions(Component, ABC):
 class EncoderEstimator(StateEstimator):
     """Configurations from a map of the reading, and a payload that the user states.
 
-    It has no memory.
+    Its only memory is the hysteresis of the forward model.
     """
 
-    def __init__(self, configuration_map: ConfigurationMap, payload: float = 0.0):
-        """Compile the map.
+    def __init__(
+        self,
+        configuration_map: ConfigurationMap,
+        model: ForwardModel | None = None,
+        payload: float = 0.0,
+    ):
+        """Build the estimator; it compiles when first used.
 
         Args:
             configuration_map: from readings to configurations.
+            model: forward model whose hysteresis it follows; None for one without
+                memory.
             payload: mass at the tip [kg].
         """
         self._map = configuration_map
         # Equinox takes as long to look a method up as the map takes to run
         self._inputs = configuration_map.inputs
-        self._configuration = compiled(operator.call, configuration_map)
-        self._payload = jnp.asarray(payload, jnp.float32)
-        self._knows_payload = payload > 0.0
+        self._sensed = compiled(_sensed, configuration_map, model)
+        self._payload = payload
 
     @property
     def sensors(self) -> tuple[str, ...]:
         return self._map.sensors
 
     def start(self, reading: Reading) -> Estimate:
-        configuration = self._configuration(self._inputs(reading))
-        if not self._knows_payload:
-            return Estimate(configuration)
-        biases = jnp.zeros((len(configuration), 2))
-        return Estimate(configuration, Disturbances(self._payload, biases))
+        configuration, hysteresis = self._sensed(self._inputs(reading), None)
+        if not self._payload:
+            return Estimate(configuration, hysteresis=hysteresis)
+        return Estimate.of(configuration, self._payload, hysteresis=hysteresis)
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
-        configuration = self._configuration(self._inputs(reading))
-        return estimate._replace(configuration=configuration)
+        inputs = self._inputs(reading)
+        configuration, hysteresis = self._sensed(inputs, estimate.hysteresis)
+        return estimate._replace(configuration=configuration, hysteresis=hysteresis)
+
+
+def _sensed(
+    configuration_map: ConfigurationMap,
+    model: ForwardModel | None,
+    inputs: Measured,
+    hysteresis: Memory,
+) -> tuple[Configurations, Memory]:
+    """The configuration, and the hysteresis after it; None before: the arm is at rest."""
+    configuration = configuration_map(inputs)
+    if model is None:
+        return configuration, ()
+    if hysteresis is None:
+        return configuration, model.start(configuration)
+    return configuration, model.observe(configuration, hysteresis)
 
 
 @dataclass(frozen=True)
@@ -255,4 +270,4 @@ class EncoderOnly(EstimatorOptions):
                 f"a known payload of {settings.known_payload:g} kg was given, and the "
                 "forward model of this recipe ignores payloads; take the recipe 'best'"
             )
-        return EncoderEstimator(configuration_map, settings.known_payload)
+        return EncoderEstimator(configuration_map, model, settings.known_payload)

@@ -6,7 +6,6 @@ from jaxtyping import Array, Bool, Float
 
 
 def predict(
-    mean: Float[Array | np.ndarray, " n"],
     covariance: Float[Array | np.ndarray, "n n"],
     transition: Float[Array | np.ndarray, "n n"],
     process_noise: Float[Array | np.ndarray, " n"],
@@ -16,7 +15,6 @@ def predict(
     The caller predicts the mean, since the motion may be nonlinear.
 
     Args:
-        mean: mean of the state; only its size matters.
         covariance: P.
         transition: F, derivative of the motion by the state.
         process_noise: diagonal of Q.

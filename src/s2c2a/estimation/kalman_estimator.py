@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,15 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.sensors import Sensors
 from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap
-from s2c2a.estimation.disturbance_filter import (
-    DisturbanceFilter,
-    FilterOptions,
-    FilterState,
-)
+from s2c2a.estimation.disturbance_filter import DisturbanceFilter, FilterOptions
 from s2c2a.estimation.estimate import Estimate
 from s2c2a.estimation.estimator import (
     EncoderEstimator,
@@ -26,6 +22,7 @@ from s2c2a.estimation.estimator import (
     SensorProgress,
     StateEstimator,
 )
+from s2c2a.estimation.filter_state import FilterState
 from s2c2a.estimation.measurements import MeasurementReader
 from s2c2a.estimation.modal_model import (
     ModalFactors,
@@ -99,7 +96,8 @@ class KalmanEstimator(StateEstimator):
     def _named(self, result: tuple[Estimate, Array]) -> Estimate:
         estimate, rejected = result
         flags = dict(zip(self._names, np.asarray(rejected), strict=True))
-        return estimate._replace(rejected=flags)
+        hysteresis = estimate.memory.hysteresis
+        return estimate._replace(rejected=flags, hysteresis=hysteresis)
 
 
 def _start(
@@ -132,7 +130,7 @@ def _estimate(
     state: FilterState,
 ) -> tuple[Estimate, Array]:
     """The estimate, and which sensors are not used."""
-    disturbances = disturbance_filter.disturbances(state)
+    disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)
     estimate = Estimate(
         configuration,
@@ -145,38 +143,13 @@ def _estimate(
 
 
 @dataclass(frozen=True)
-class KalmanFilter(EstimatorOptions):
+class KalmanFilter(FilterOptions, EstimatorOptions):
     """Options of the Kalman filter (`FilterOptions`).
 
     The planner uses the configurations of the encoders. The filter estimates payload
     and bend biases from all other sensors of the arm file. Without other sensors
     nothing is estimated.
-
-    Attributes:
-        initial_payload_std: standard deviation of the initial payload, in parts of the
-            arm's mass.
-        initial_bias_std: standard deviation of the initial bend biases [rad].
-        payload_rate: standard deviation of the payload's change in one second, in parts
-            of the arm's mass.
-        bias_rate: standard deviation of the bend biases' change in one second [rad].
-        loaded_bias_rate: increase of `bias_rate` at a payload of the arm's mass [rad].
-        bias_memory: time constant of the decay of unobserved bend biases [s].
-        bend_noise: process noise of the bends in one second [rad].
-        rate_noise: process noise of the bend rates in one second [rad/s].
-        max_payload: largest estimated payload, in parts of the arm's mass.
-        max_bend_bias: largest estimated bend bias of a module [rad].
     """
-
-    initial_payload_std: float = 0.4
-    initial_bias_std: float = 0.02
-    payload_rate: float = 0.007
-    bias_rate: float = 0.003
-    loaded_bias_rate: float = 0.006
-    bias_memory: float = 5.0
-    bend_noise: float = 0.04
-    rate_noise: float = 1.0
-    max_payload: float = 3.0
-    max_bend_bias: float = 0.4
 
     supports = frozenset(
         {"known_payload", "disturbance_estimation", "max_compensated_force"}
@@ -193,14 +166,14 @@ class KalmanFilter(EstimatorOptions):
         """See `EstimatorOptions`: without other sensors, the encoders alone."""
         sensors = sensor_models_of(arm, model, networks)
         if not sensors:
-            return EncoderEstimator(configuration_map, settings.known_payload)
+            return EncoderEstimator(configuration_map, model, settings.known_payload)
         factors = networks.get(MODAL_MODEL, ModalFactors.nominal())
         max_force = settings.max_compensated_force
         disturbance_filter = DisturbanceFilter(
             model=model,
             modal_table=ModalTable.of(arm, factors),
             sensors=sensors,
-            options=self.filter_options(),
+            options=self,
             mass=sum(module.mass for module in arm.modules),
             period=arm.control_period,
             estimates=settings.disturbance_estimation,
@@ -209,25 +182,6 @@ class KalmanFilter(EstimatorOptions):
         return KalmanEstimator(
             arm, configuration_map, disturbance_filter, settings.known_payload
         )
-
-    def filter_options(self) -> FilterOptions:
-        """The options of the filter."""
-        return FilterOptions(*(getattr(self, name) for name in FilterOptions._fields))
-
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """See `EstimatorOptions`: the arm with its encoders alone."""
-        without_currents = {"current_noise": None, "current_friction": 0.0}
-        changes = {
-            "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
-            "sensors": Sensors(),
-            "motor": arm.motor.model_copy(update=without_currents),
-        }
-        return arm.model_copy(update=changes)
-
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """See `EstimatorOptions`: with encoders and learned sensors."""
-        sensors = {"sensors": arm.sensors.learned}
-        return self.planning_arm(arm).model_copy(update=sensors)
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """See `EstimatorOptions`: modal factors and sensor networks."""
@@ -242,7 +196,21 @@ class KalmanFilter(EstimatorOptions):
     def train_sensors(
         self, recording: Recording, key: PRNGKeyArray, progress: SensorProgress
     ) -> dict[str, Trained]:
-        return train_sensors(recording, key, progress)
+        states = jnp.asarray(recording.sensor("states"), jnp.float32)
+        bends = np.asarray(bends_from_states(states))
+        arm = recording.arm
+        trained = {}
+        for name, shape in arm.sensors.learned_shapes(arm.module_count).items():
+            if name not in recording.sensors:
+                continue
+            values = recording.sensor(name)
+            if values.shape[2:] != shape:
+                continue
+            samples = SensorSamples.of(bends, values, recording.lengths)
+            trained[f"{PREFIX}{name}"] = train_sensor(
+                arm, samples, key, partial(progress, name)
+            )
+        return trained
 
 
 def _trained_modal_model(
@@ -257,34 +225,3 @@ def _trained_modal_model(
     percent = 100.0 * remaining / without if without > 0 else 100.0
     curve = np.array([[0.0, without, without], [1.0, remaining, remaining]], np.float32)
     return Trained(factors, curve, (percent, 0.0))
-
-
-def train_sensors(
-    recording: Recording,
-    key: PRNGKeyArray,
-    progress: SensorProgress,
-) -> dict[str, Trained]:
-    """Train the networks of all learned sensors in a recording, by name.
-
-    Raises:
-        TrainingError: there are too few samples of a sensor.
-    """
-    states = jnp.asarray(recording.sensor("states"), jnp.float32)
-    bends = np.asarray(bends_from_states(states))
-    arm = recording.arm
-    trained = {}
-    for name, shape in arm.sensors.learned_shapes(arm.module_count).items():
-        if name not in recording.sensors:
-            continue
-        values = recording.sensor(name)
-        if values.shape[2:] != shape:
-            continue
-
-        def sensor_progress(
-            epoch: int, epochs: int, loss: float, name: str = name
-        ) -> None:
-            progress(name, epoch, epochs, loss)
-
-        samples = SensorSamples.of(bends, values, recording.lengths)
-        trained[f"{PREFIX}{name}"] = train_sensor(arm, samples, key, sensor_progress)
-    return trained

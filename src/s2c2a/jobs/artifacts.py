@@ -185,7 +185,7 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     @classmethod
     def of_recipe(cls, arm: ArmSpec, recipe: Recipe, seed: int) -> "NetworksArtifact":
         """Networks of the paper's strategy, those that runs on this arm use."""
-        return cls(recipe.training_arm(arm), recipe, seed)
+        return cls(recipe.seen_arm(arm), recipe, seed)
 
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:

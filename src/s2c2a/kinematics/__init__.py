@@ -5,6 +5,7 @@ Pure JAX, batched and differentiable.
 
 from s2c2a.arm.geometry import center_line
 from s2c2a.kinematics.bends import (
+    bends_from_cables,
     bends_from_configurations,
     configurations_from_bends,
     limit_lengths,

@@ -51,6 +51,20 @@ def configurations_from_bends(
     return jnp.concatenate([lateral, axial[..., None]], axis=-1)
 
 
+def bends_from_cables(
+    inverses: Float[Array, "modules 2 cables"],
+    cables: Float[Numbers, "*batch modules cables"],
+) -> Float[Array, "*batch modules 2"]:
+    """Return the bends that cables hold, which common motion does not change.
+
+    Args:
+        inverses: of each module's cable directions (`ArmGeometry.bend_matrices`), in
+            any unit.
+        cables: displacements, tensions or shares, in the unit of the inverses.
+    """
+    return jnp.einsum("mkc,...mc->...mk", inverses, cables)
+
+
 def bends_from_configurations(
     configurations: Float[Numbers, "*batch 3"],
 ) -> Float[Array, "*batch 2"]:

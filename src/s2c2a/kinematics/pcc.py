@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_module
-from s2c2a.kinematics.bends import Numbers
+from s2c2a.kinematics.bends import Numbers, bends_from_cables
 
 
 class PCC(eqx.Module):
@@ -66,7 +66,7 @@ class PCC(eqx.Module):
 
         Common motion of evenly spread cables has no influence.
         """
-        return jnp.einsum("mkc,...mc->...mk", self.to_bends, actions - self.neutral)
+        return bends_from_cables(self.to_bends, actions - self.neutral)
 
     def actions(
         self, bends: Float[Numbers, "*batch modules 2"]

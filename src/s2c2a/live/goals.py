@@ -127,6 +127,6 @@ class Disturbances:
         geometry = self._geometry
         scale = geometry.action_scale[:, None]
         actions = (cables - geometry.action_neutral) / scale
-        bends = np.einsum("mkc,mc->mk", geometry.bend_matrices, actions)
+        bends = geometry.bends_of(actions)
         change = mixing @ bends - bends
         return cables + scale * np.einsum("mck,mk->mc", geometry.cable_matrices, change)

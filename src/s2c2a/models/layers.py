@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
+from s2c2a.kinematics import bends_from_cables
 from s2c2a.training.fit import Fixed, FromArm
 
 MAX_UNROLLED = 8  # modules
@@ -291,7 +292,7 @@ class SumAndRange(FromArm):
         if self.evenly_three:
             squashed = jnp.tanh(raw)
             return (3.0 * squashed - jnp.sum(squashed, axis=-1, keepdims=True)) / 4.0
-        desired = jnp.einsum("mkc,...mc->...mk", self.pseudo_inverses, raw)
+        desired = bends_from_cables(self.pseudo_inverses, raw)
         return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(desired))
 
     def normalized(

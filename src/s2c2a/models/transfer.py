@@ -158,7 +158,7 @@ def babbling_data(arm: ArmSpec, options: CollectOptions) -> TrainingData:
         actions.append(episode)
     stacked = np.stack(actions)
     displacements = stacked / geometry.cable_radii[:, None]
-    bends = np.einsum("mkn,...mn->...mk", geometry.bend_matrices, displacements)
+    bends = geometry.bends_of(displacements)
     sensed = np.asarray(configurations_from_bends(jnp.asarray(bends, jnp.float32)))
     states = np.zeros((*sensed.shape[:-1], 6))
     return TrainingData(arm, sensed, stacked, states)

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics import bends_from_configurations
+from s2c2a.kinematics import bends_from_cables, bends_from_configurations
 from s2c2a.training.fit import FromArm
 
 TAUT = 0.5  # typical share of cables that are taut
@@ -75,4 +75,4 @@ class Trunk(FromArm):
         self, displacements: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules 2"]:
         """Bends of cable displacements [rad], shape (*batch, modules, 2)."""
-        return jnp.einsum("mkn,...mn->...mk", self.inverses, displacements)
+        return bends_from_cables(self.inverses, displacements)

@@ -151,7 +151,7 @@ class Plan(NamedTuple):
     Attributes:
         configurations: planned, C_0 of the next step, shape (modules, 3), module
             frames.
-        memory: hysteresis of the forward model.
+        memory: hysteresis of the forward model, from the estimate.
         search: memory of the fallback search.
         disturbances: that the plan counts on, with payload moments; None for none.
     """
@@ -218,10 +218,13 @@ class Step(NamedTuple):
         return cls(arm, model, solver, terms, guides, fallback, prepared, options)
 
     def started(
-        self, sensed: Configurations, disturbances: Disturbances | None = None
+        self,
+        sensed: Configurations,
+        disturbances: Disturbances | None = None,
+        hysteresis: Memory = None,
     ) -> Plan:
-        """The plan of an arm at rest."""
-        memory = self.model.start(sensed)
+        """The plan of an arm at rest; arguments as in `next_plan`."""
+        memory = self.model.start(sensed) if hysteresis is None else hysteresis
         if disturbances is not None:
             none = Disturbances.none(len(sensed))
             settled = disturbances._replace(
@@ -247,17 +250,29 @@ class Step(NamedTuple):
         sensed: Configurations,
         goal: Goal,
         disturbances: Disturbances | None = None,
+        hysteresis: Memory = None,
     ) -> Plan:
         """The plan of the next control step.
 
         Readings and goals that are not finite leave the plan unchanged.
+
+        Args:
+            plan: of the last control step.
+            sensed: present configurations.
+            goal: for the next state.
+            disturbances: estimated; None for none.
+            hysteresis: of the forward model after the present reading, as estimated;
+                None without a state estimator: then the sensed configurations advance
+                that of the last plan.
         """
         if disturbances is not None and plan.disturbances is not None:
             disturbances = self._with_moments(
                 disturbances, sensed, plan.memory, plan.disturbances
             )
             disturbances = select_if_finite(disturbances, plan.disturbances)
-        memory = select_if_finite(self.model.observe(sensed, plan.memory), plan.memory)
+        if hysteresis is None:
+            hysteresis = self.model.observe(sensed, plan.memory)
+        memory = select_if_finite(hysteresis, plan.memory)
         last = Plan(plan.configurations, memory, plan.search, disturbances)
         problem = self.problem(last, goal)
         planned = problem.within_limits(self.solver.solve(problem))
@@ -354,13 +369,14 @@ class Planner:
             raise TargetError(
                 "the estimated configurations are not finite; read the sensors again"
             )
-        return self._start(_single(estimate.configuration), estimate.disturbances)
+        configuration = _single(estimate.configuration)
+        return self._start(configuration, estimate.disturbances, estimate.hysteresis)
 
     def plan(self, plan: Plan, estimate: Estimate, goal: Goal) -> Plan:
         """The next plan.
 
-        A configuration that is not finite is ignored, since it would stay in the memory
-        of the forward model.
+        A configuration or hysteresis that is not finite is ignored, since it would stay
+        in the plan.
 
         Args:
             plan: the last plan.
@@ -368,7 +384,9 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        return self._next(plan, configuration, goal, estimate.disturbances)
+        return self._next(
+            plan, configuration, goal, estimate.disturbances, estimate.hysteresis
+        )
 
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""

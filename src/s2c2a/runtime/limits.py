@@ -116,7 +116,7 @@ class CommandLimits:
     def change_sizes(self, change: Actions) -> Float[np.ndarray, "*batch modules 1"]:
         """Return sizes of changes as fractions of the action range of each module."""
         parts = change * self._inverse_scales
-        bends = (self.geometry.bend_matrices @ parts[..., None])[..., 0]
+        bends = self.geometry.bends_of(parts)
         squared_bends = (bends**2).sum(axis=-1, keepdims=True)
         squared_cables = (parts**2).max(axis=-1, keepdims=True)
         return np.sqrt(np.maximum(squared_bends, squared_cables))

@@ -165,7 +165,9 @@ class OscillationMonitor:
         self._goal.update(self._goal_angles(goal), np.inf)
         goal_amplitude = GOAL_SHARE * float(self._goal.amplitudes.max())
         threshold = max(MIN_AMPLITUDE, goal_amplitude)
-        self._commands.update(self._command_bends(command), threshold)
+        self._commands.update(
+            self._geometry.commanded_bends(command).reshape(-1), threshold
+        )
         found = _vibration("commands", self._commands, MIN_DURATION)
         signals = {
             **self._sensed_bends(reading),
@@ -207,13 +209,6 @@ class OscillationMonitor:
             return {}
         return {"camera_positions": self._last_positions}
 
-    def _command_bends(self, command: Actions) -> Channels:
-        """Bends that a command requests [rad], one module after another."""
-        geometry = self._geometry
-        parts = (command - geometry.action_neutral) / geometry.action_scale[:, None]
-        shares = np.einsum("mkn,mn->mk", geometry.bend_matrices, parts)
-        return (shares * geometry.action_bends[:, None]).reshape(-1)
-
     def _sensed_bends(self, reading: Reading) -> dict[str, np.ndarray]:
         """Bends that encoders and bend sensors measure [rad], by sensor."""
         signals = {}
@@ -221,8 +216,7 @@ class OscillationMonitor:
         cables = reading.numbers("cables", (modules, self._arm.cable_count))
         if cables is not None:
             angles = cables / self._geometry.cable_radii[:, None]
-            bends = np.einsum("mkn,mn->mk", self._geometry.bend_matrices, angles)
-            signals["cables"] = bends.reshape(-1)
+            signals["cables"] = self._geometry.bends_of(angles).reshape(-1)
         axes = reading.numbers("configurations", (modules, 3))
         if axes is not None:
             signals["configurations"] = axes[:, :2].reshape(-1)

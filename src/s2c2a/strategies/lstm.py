@@ -18,7 +18,11 @@ from s2c2a.compilation import compiled
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import Estimate
-from s2c2a.kinematics import configurations_from_states, limit_lengths
+from s2c2a.kinematics import (
+    bends_from_cables,
+    configurations_from_states,
+    limit_lengths,
+)
 from s2c2a.models.actions import LSTMOptions, TipHistory, TipLSTM
 from s2c2a.models.layers import HEADROOM
 from s2c2a.planning import Goal
@@ -235,7 +239,7 @@ class _Policy(eqx.Module):
         positions = _pushed(memory.history.positions, tip)
         history = TipHistory(positions, memory.history.actions)
         unlimited = self.network.unlimited(desired, history)
-        bends = jnp.einsum("mkc,mc->mk", layer.pseudo_inverses, unlimited)
+        bends = bends_from_cables(layer.pseudo_inverses, unlimited)
         change = bends * self.bend_units - memory.bends
         bends = memory.bends + limit_lengths(change, self.longest_step)
         scaled = jnp.einsum("mck,mk->mc", layer.matrices, bends / self.bend_units)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import jax
 
@@ -42,19 +43,14 @@ def pretrain_s2c2a(
         StrategyError: an arm has another number of modules.
         TrainingError: the forward model has no prior, or training failed.
     """
-    planning_arm = recipe.planning_arm(arm)
+    seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
         _check_modules(recording.arm, arm)
-        arms.append(replace(training_data(recording, recipe), arm=planning_arm))
+        arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-
-    def c2s_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2S", epoch, epochs, loss)
-
-    def c2a_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2A", epoch, epochs, loss)
-
+    c2s_progress = partial(progress, "C2S")
+    c2a_progress = partial(progress, "C2A")
     prior = recipe.c2s.pretrain(arms, recipe.c2s_fit, c2s_key, c2s_progress)
     some = _every_nth_episode(pooled(arms), recipe.episodes)
     c2a = recipe.c2a.train(

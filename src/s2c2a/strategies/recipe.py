@@ -89,6 +89,8 @@ class Recipe(Options):
             of axes, for these tasks.
         unit_length: whether sensed configurations are scaled to unit length, whatever
             mixes them.
+        encoders_alone: whether forward model and controller see the encoders alone;
+            otherwise they see what the arm file names as `sensing`.
     """
 
     name: str
@@ -105,6 +107,7 @@ class Recipe(Options):
     integral_gain: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     unit_length: bool = False
+    encoders_alone: bool = False
     active: bool = False
 
     limits: ClassVar[Ranges] = {
@@ -200,10 +203,10 @@ class Recipe(Options):
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
         """All networks before training, by name."""
-        planning_arm = self.planning_arm(arm)
+        seen_arm = self.seen_arm(arm)
         return {
-            "C2S": self.c2s.untrained(planning_arm, key),
-            "C2A": self.c2a.untrained(planning_arm, key),
+            "C2S": self.c2s.untrained(seen_arm, key),
+            "C2A": self.c2a.untrained(seen_arm, key),
             **self.estimator_options.untrained(arm, key),
         }
 
@@ -214,17 +217,24 @@ class Recipe(Options):
                 return weight
         return 1.0
 
-    def planning_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as forward model and controller see it."""
-        return self.estimator_options.planning_arm(arm)
+    def seen_arm(self, arm: ArmSpec) -> ArmSpec:
+        """The arm as its networks see it, in training and planning.
 
-    def training_arm(self, arm: ArmSpec) -> ArmSpec:
-        """The arm as its networks are trained."""
-        return self.estimator_options.training_arm(arm)
+        With `encoders_alone` it has encoders and the sensors that are learned.
+        """
+        if not self.encoders_alone:
+            return arm
+        without_currents = {"current_noise": None, "current_friction": 0.0}
+        changes = {
+            "sensing": "encoders" if arm.sensing == "true" else arm.sensing,
+            "sensors": arm.sensors.learned,
+            "motor": arm.motor.model_copy(update=without_currents),
+        }
+        return arm.model_copy(update=changes)
 
     def configuration_map(self, arm: ArmSpec) -> ConfigurationMap:
         """The map from the arm's readings to the configurations of this recipe."""
-        configuration_map = configuration_map_for(self.planning_arm(arm))
+        configuration_map = configuration_map_for(self.seen_arm(arm))
         if self.unit_length:
             return UnitLengthMap(configuration_map)
         return configuration_map
@@ -266,6 +276,7 @@ _BEST = Recipe(
     integral_gain=0.2,
     axis_weights=(("hold-", 3.0),),
     unit_length=True,
+    encoders_alone=True,
 )
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
 _BEST_ACTIVE = replace(_BEST, name="best-active", active=True)

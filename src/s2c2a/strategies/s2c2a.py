@@ -53,7 +53,7 @@ class S2C2A(StrategyOptions):
     )
 
     def training_arm(self, arm: ArmSpec, recipe: Recipe) -> ArmSpec:
-        return recipe.training_arm(arm)
+        return recipe.seen_arm(arm)
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         return recipe.collect_options(seed)
@@ -126,12 +126,8 @@ def train_s2c2a(
     c2s_key, c2a_key = jax.random.split(key)
     sensor_key = jax.random.fold_in(key, SENSOR_KEY)
 
-    def c2s_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2S", epoch, epochs, loss)
-
-    def c2a_progress(epoch: int, epochs: int, loss: float) -> None:
-        progress("C2A", epoch, epochs, loss)
-
+    c2s_progress = partial(progress, "C2S")
+    c2a_progress = partial(progress, "C2A")
     estimator = recipe.estimator_options
     # first: a recording may hold too few samples of a sensor
     sensors = estimator.train_sensors(recording, sensor_key, progress)
@@ -175,7 +171,7 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
             "this recording lacks sensed configurations in some rows; record again with "
             "all sensors on"
         )
-    arm = recipe.planning_arm(recording.arm)
+    arm = recipe.seen_arm(recording.arm)
     return TrainingData(
         arm,
         sensed,
@@ -250,7 +246,7 @@ def s2c2a_strategy(
     arm = networks.arm
     recipe = networks.recipe
     planner = Planner(
-        recipe.planning_arm(arm), networks.c2s, _planner_options(networks, guard)
+        recipe.seen_arm(arm), networks.c2s, _planner_options(networks, guard)
     )
     controller: Controller = recipe.c2a.controller(networks.c2a)
     if recipe.integral_gain:
@@ -292,7 +288,7 @@ def s2c2a_batch_planner(
         guard: which points are kept out of obstacles.
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
-    arm = networks.recipe.planning_arm(networks.arm)
+    arm = networks.recipe.seen_arm(networks.arm)
     return BatchPlanner(arm, networks.c2s, _planner_options(networks, guard), **sizes)
 
 

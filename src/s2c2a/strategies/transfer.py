@@ -46,8 +46,8 @@ def transferred(
         TrainingError: the forward model does not transfer.
     """
     recipe = networks.recipe
-    old = recipe.planning_arm(networks.arm)
-    new = recipe.planning_arm(arm)
+    old = recipe.seen_arm(networks.arm)
+    new = recipe.seen_arm(arm)
     check_same_make(old, new)
     babbling = recipe.collect_options(seed)
     c2s = recipe.c2s.adapted(networks.c2s, old, new, babbling, jax.random.key(seed))
@@ -104,7 +104,7 @@ def check_same_training(networks: TrainedNetworks, recipe: Recipe) -> None:
     wanted = recipe.by_class
     differing = [
         name
-        for name in ("c2s", "c2a", "unit_length")
+        for name in ("c2s", "c2a", "unit_length", "encoders_alone")
         if getattr(start, name) != getattr(wanted, name)
     ]
     if start.estimator.name != recipe.estimator.name:

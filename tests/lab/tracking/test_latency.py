@@ -5,7 +5,6 @@ from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.lab.tracking.latency import (
     LatencyError,
     MotionRecord,
-    bends_of,
     find_latency,
     play,
 )
@@ -66,12 +65,6 @@ def test_the_latency_is_not_the_lag_of_the_arm(latency):
     found = find_latency(ARM, record_of(latency))
     assert abs(found.seconds - latency) < 0.003
     assert found.std < 0.005
-
-
-def test_bends_of_cables_are_those_that_moved_them(record):
-    bends = bends_of(ARM, record.cables)
-    assert np.allclose(bends[:, 1:], 0.0, atol=1e-12)
-    assert np.allclose(bends[0, 0], 0.0, atol=1e-12)
 
 
 def test_a_reversal_passes_after_the_backlash_only():

@@ -26,7 +26,7 @@ from s2c2a.lab.tracking.calibration import (
 )
 from s2c2a.lab.tracking.clock import ExposureClock
 from s2c2a.lab.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
-from s2c2a.lab.tracking.latency import Latency, MotionRecord, bends_of, find_latency
+from s2c2a.lab.tracking.latency import Latency, MotionRecord, find_latency
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
 from s2c2a.runtime.limits import CommandLimiter
@@ -409,7 +409,7 @@ def measure_frames(
 def _held_poses(arm: ArmSpec, log: MotionLog, ends: ModuleEnds) -> HeldPoses:
     cables = np.mean(log.cables, axis=0)
     return HeldPoses(
-        bends_of(arm, cables),
+        ArmGeometry.of(arm).commanded_bends(cables),
         _mean_of(ends.base, log.frames) if ends.base else Pose.identity(),
         tuple(_mean_of(name, log.frames) for name in ends.ends),
     )

@@ -126,21 +126,6 @@ def _fitted(arm: ArmSpec, record: MotionRecord, module: int, ends: slice) -> Lat
     return Latency(float(values[0]), std, fit.explained(values), tuple(modes.tolist()))
 
 
-def bends_of(
-    arm: ArmSpec, cables: Float[np.ndarray, "*batch modules cables"]
-) -> Float[np.ndarray, "*batch modules 2"]:
-    """Return the bends of modules without losses [rad] that cables command.
-
-    Args:
-        arm: geometry.
-        cables: displacements [m], or tensions [N].
-    """
-    geometry = ArmGeometry.of(arm)
-    shares = (cables - geometry.action_neutral) / geometry.action_scale[:, None]
-    bends = np.einsum("mkc,...mc->...mk", geometry.bend_matrices, shares)
-    return bends * geometry.action_bends[:, None]
-
-
 def _moving_module(arm: ArmSpec, record: MotionRecord) -> int:
     """Index of the module that moves most."""
     if len(record.times) < MIN_FRAMES or not np.isfinite(record.cables).all():
@@ -148,7 +133,9 @@ def _moving_module(arm: ArmSpec, record: MotionRecord) -> int:
             f"{len(record.times)} servo readings, or missing ones among them; give at "
             f"least {MIN_FRAMES} complete readings"
         )
-    deviations = np.linalg.norm(bends_of(arm, record.cables).std(axis=0), axis=-1)
+    deviations = np.linalg.norm(
+        ArmGeometry.of(arm).commanded_bends(record.cables).std(axis=0), axis=-1
+    )
     module = int(deviations.argmax())
     if deviations[module] < MIN_BEND:
         raise LatencyError(

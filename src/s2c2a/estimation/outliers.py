@@ -1,0 +1,167 @@
+"""Rules by which the filter rejects a sensor, one function each.
+
+1. A measurement beyond the gate, which no other payload explains, is an outlier.
+2. A residual beyond the sensor's range is a fault.
+3. A residual that leaves its slow average shows drift, wrong latency or a jump.
+4. A sensor with one of these stays rejected for a while.
+5. What changed meanwhile becomes an offset, so that a jump moves the arm only a little.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from s2c2a.estimation import kalman
+from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
+
+# standard deviations; Gaussian noise exceeds it once in 5e8 measurements, so what does is
+# another cause than noise
+GATE = 6.0
+# s, of a sensor after an outlier; chosen: several measurements of every sensor, so that
+# one good measurement among wrong ones is not used
+REJECTION_TIME = 0.5
+# s, time constant of the usual residual; chosen: longer than vibrations of the arm, and
+# shorter than an external force lasts, which the average must follow
+SLOW_AVERAGING_TIME = 2.0
+# s, time constant of an offset, after which it counts as true; chosen: long compared with
+# a motion, for bend biases then take over what the offset held
+OFFSET_MEMORY = 60.0
+# of any measurement, in any unit: its square is far from overflow in single precision
+MAX_VALUE = 1e6
+
+
+class SensorHistory(NamedTuple):
+    """A sensor's past.
+
+    Attributes:
+        usual: slow average of its residual against encoders and payload; `MAX_VALUE`
+            before the first measurement.
+        offset: change of that average while the sensor was rejected; it is subtracted
+            from measurements.
+        unseen_for: time since the last measurement [s].
+        rejected_for: remaining time of rejection [s].
+        lag: memory of its hysteresis (`SensorModel.initial_lag`).
+    """
+
+    usual: Float[Array, " values"]
+    offset: Float[Array, " values"]
+    unseen_for: Float[Array, ""]
+    rejected_for: Float[Array, ""]
+    lag: Array | np.ndarray
+
+    @classmethod
+    def none(cls, values: int, lag: Array | np.ndarray = EMPTY) -> "SensorHistory":
+        """The past of a sensor that has not measured yet."""
+        # with its type: a weak one would change at the first update, and compile anew
+        usual = jnp.full(values, MAX_VALUE, jnp.float32)
+        return cls(usual, jnp.zeros(values), jnp.zeros(()), jnp.zeros(()), lag)
+
+
+class Compared(NamedTuple):
+    """A measurement compared with what encoders and payload let one expect.
+
+    Attributes:
+        raw: residual that no other payload explains, with the sensor's offset.
+        by_biases: the part of the prediction that is due to bend biases; they count as
+            residual in rule 3, so that a fault that moves them shows, too.
+        is_present: which values were measured.
+        innovation: of the sensor model, with the limits of its residual.
+    """
+
+    raw: Float[Array, " values"]
+    by_biases: Float[Array, " values"]
+    is_present: Bool[Array, " values"]
+    innovation: Innovation
+
+
+def is_beyond_gate(
+    residual: Float[Array, " values"],
+    covariance: Float[Array, "values values"],
+    is_present: Bool[Array, " values"],
+) -> Bool[Array, ""]:
+    """Rule 1: the normalized innovation exceeds the gate."""
+    return kalman.normalized_innovation(residual, covariance, is_present) > GATE
+
+
+def is_beyond_range(compared: Compared) -> Bool[Array, ""]:
+    """Rule 2: a residual, with its offset, exceeds the range of the sensor.
+
+    With its offset: a sensor that is too far off stays rejected.
+    """
+    raw = jnp.where(compared.is_present, compared.raw, 0.0)
+    return jnp.any(jnp.abs(raw) > compared.innovation.max_residual)
+
+
+def has_left_average(
+    residual: Float[Array, " values"],
+    usual: Float[Array, " values"],
+    compared: Compared,
+) -> Bool[Array, ""]:
+    """Rule 3: the residual has left its slow average.
+
+    After an external force the average follows.
+    """
+    deviation = jnp.where(compared.is_present, residual - usual, 0.0)
+    return jnp.any(jnp.abs(deviation) > compared.innovation.max_change)
+
+
+def remaining_rejection(
+    history: SensorHistory, is_outlier: Bool[Array, ""], period: float
+) -> Float[Array, ""]:
+    """Rule 4: an outlier rejects its sensor for `REJECTION_TIME` [s]."""
+    remaining = jnp.maximum(history.rejected_for - period, 0.0)
+    return jnp.where(is_outlier, REJECTION_TIME, remaining)
+
+
+def next_offset(
+    history: SensorHistory,
+    residual: Float[Array, " values"],
+    change: Float[Array, " values"],
+    compared: Compared,
+    period: float,
+) -> Float[Array, " values"]:
+    """Rule 5: the offset takes up the change of the average of a rejected sensor.
+
+    A jump then moves the estimate by little more than `max_change`, whatever its size.
+    A sensor that agrees with the encoders again, as after a repair, has no offset.
+    """
+    is_present = compared.is_present
+    offset = np.exp(-period / OFFSET_MEMORY) * history.offset + change
+    is_close = jnp.abs(residual) < compared.innovation.max_change
+    agrees = (is_close | ~is_present).all() & is_present.any()
+    return jnp.where(agrees, 0.0, offset)
+
+
+def judged(
+    history: SensorHistory,
+    compared: Compared,
+    is_outlier: Bool[Array, ""],
+    period: float,
+) -> SensorHistory:
+    """The sensor's past after a measurement: all rules, one after the other.
+
+    Args:
+        history: before the measurement.
+        compared: the measurement.
+        is_outlier: whether it is beyond the gate, and no payload explains it.
+        period: control period [s].
+    """
+    is_present = compared.is_present
+    elapsed = history.unseen_for + period
+    residual = compared.raw + compared.by_biases
+    start = jnp.where(history.usual == MAX_VALUE, residual, history.usual)
+    share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
+    change = jnp.where(is_present, share * (residual - start), 0.0)
+    usual = start + change
+    has_left = has_left_average(residual, usual, compared)
+    is_outlier = is_outlier | is_beyond_range(compared) | has_left
+    shifted = jnp.where(has_left, change, 0.0)
+    return SensorHistory(
+        usual=jnp.where(is_present, usual, history.usual),
+        offset=next_offset(history, residual, shifted, compared, period),
+        unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
+        rejected_for=remaining_rejection(history, is_outlier, period),
+        lag=compared.innovation.lag,
+    )

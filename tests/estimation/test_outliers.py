@@ -1,0 +1,112 @@
+"""The rules by which the filter rejects a sensor, one after the other."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.estimation.outliers import (
+    GATE,
+    MAX_VALUE,
+    OFFSET_MEMORY,
+    REJECTION_TIME,
+    SLOW_AVERAGING_TIME,
+    Compared,
+    SensorHistory,
+    has_left_average,
+    is_beyond_gate,
+    is_beyond_range,
+    judged,
+    next_offset,
+    remaining_rejection,
+)
+from s2c2a.estimation.sensor_models import Innovation
+
+PERIOD = 0.1
+PRESENT = jnp.array([True, True])
+HEARD = SensorHistory.none(2)._replace(usual=jnp.zeros(2))
+TRUE = jnp.asarray(True)
+FALSE = jnp.asarray(False)
+
+
+def compared(residual, by_biases=(0.0, 0.0), present=PRESENT, **limits):
+    residual = jnp.asarray(residual, jnp.float32)
+    innovation = Innovation(residual, jnp.zeros((2, 6)), jnp.ones(2), **limits)
+    return Compared(residual, jnp.asarray(by_biases), present, innovation)
+
+
+@pytest.mark.parametrize(("factor", "is_outlier"), [(0.99, False), (1.01, True)])
+def test_rule_1_an_innovation_beyond_the_gate_is_an_outlier(factor, is_outlier):
+    std = np.array([0.5, 2.0])
+    residual = jnp.asarray(factor * GATE * std)
+    assert bool(is_beyond_gate(residual, jnp.diag(std**2), PRESENT)) is is_outlier
+
+
+def test_rule_1_missing_values_do_not_dilute_an_outlier():
+    residual = jnp.array([1.01 * GATE, 0.0])
+    one = jnp.array([True, False])
+    assert is_beyond_gate(residual, jnp.eye(2), one)
+    assert not is_beyond_gate(residual, jnp.eye(2), PRESENT)
+
+
+def test_rule_2_a_residual_beyond_the_range_of_the_sensor_is_a_fault():
+    assert is_beyond_range(compared([0.0, -1.1], max_residual=1.0))
+    assert not is_beyond_range(compared([0.0, -0.9], max_residual=1.0))
+    missing = jnp.array([True, False])
+    assert not is_beyond_range(compared([0.0, 9.0], present=missing, max_residual=1.0))
+
+
+def test_rule_3_a_residual_that_leaves_its_average_is_a_fault():
+    usual = jnp.array([0.5, 0.0])
+    for residual, is_fault in ([0.6, 0.0], False), ([0.9, 0.0], True):
+        values = compared(residual, max_change=0.3)
+        assert bool(has_left_average(values.raw, usual, values)) is is_fault
+
+
+def test_rule_3_bend_biases_that_hide_a_fault_count_as_residual():
+    hidden = compared([0.0, 0.0], by_biases=[0.0, 1.0], max_change=0.3)
+    assert float(judged(HEARD, hidden, FALSE, PERIOD).rejected_for) > 0.0
+
+
+def test_rule_4_an_outlier_rejects_its_sensor_for_a_while():
+    rejected = remaining_rejection(HEARD, TRUE, PERIOD)
+    assert float(rejected) == pytest.approx(REJECTION_TIME)
+    later = remaining_rejection(HEARD._replace(rejected_for=rejected), FALSE, PERIOD)
+    assert float(later) == pytest.approx(REJECTION_TIME - PERIOD)
+    assert float(remaining_rejection(HEARD, FALSE, PERIOD)) == 0.0
+
+
+def test_rule_5_the_change_while_rejected_becomes_an_offset_that_fades():
+    far = compared([2.0, 2.0], max_change=0.3)
+    offset = next_offset(HEARD, far.raw, jnp.ones(2), far, PERIOD)
+    np.testing.assert_allclose(offset, 1.0)
+    history = HEARD._replace(offset=offset)
+    faded = next_offset(history, far.raw, jnp.zeros(2), far, OFFSET_MEMORY)
+    np.testing.assert_allclose(faded, np.exp(-1.0), rtol=1e-6)
+
+
+def test_rule_5_a_sensor_that_agrees_again_has_no_offset():
+    near = compared([0.1, 0.0], max_change=0.3)
+    history = HEARD._replace(offset=jnp.ones(2))
+    offset = next_offset(history, near.raw, jnp.zeros(2), near, PERIOD)
+    np.testing.assert_array_equal(offset, 0.0)
+
+
+def test_the_first_measurement_is_its_own_average():
+    first = judged(SensorHistory.none(2), compared([3.0, 3.0]), FALSE, PERIOD)
+    np.testing.assert_allclose(first.usual, 3.0)
+    assert float(first.rejected_for) == 0.0
+
+
+def test_the_average_follows_a_lasting_residual_by_the_time_since_the_last_one():
+    after_silence = HEARD._replace(unseen_for=jnp.asarray(SLOW_AVERAGING_TIME / 2))
+    history = judged(after_silence, compared([1.0, 1.0]), FALSE, 0.0)
+    np.testing.assert_allclose(history.usual, 0.5, rtol=1e-6)
+    assert float(history.unseen_for) == 0.0
+
+
+def test_a_missing_measurement_changes_nothing_but_the_time_without_it():
+    missing = compared([0.0, 0.0], present=~PRESENT, max_change=0.3)
+    history = judged(SensorHistory.none(2), missing, FALSE, PERIOD)
+    np.testing.assert_array_equal(history.usual, MAX_VALUE)
+    assert float(history.unseen_for) == pytest.approx(PERIOD)
+    assert float(history.rejected_for) == 0.0
