@@ -87,8 +87,8 @@ print(states_from_bends(bends, np.full(3, 0.2)))  # ends and axes, shape (module
         "the interface of every arm, and the simulated arm",
         """
 A `Robot` is an arm that takes actions and returns readings, simulated or real.
-`SimulatedRobot` runs in MuJoCo with a clock of its own. `check_robot` tests a class of
-yours against the interface contract; [Your robot and your own
+`SimulatedRobot` runs in MuJoCo with a clock of its own. `runtime.check_robot` tests a
+class of yours against the interface contract; [Your robot and your own
 parts](../../guides/extending.md) shows how to write one.
 """,
         """
