@@ -481,7 +481,6 @@ def _has_returned_within_limits(robot):
     geometry = ArmGeometry.of(robot.arm)
     scale = np.abs(geometry.action_scale)[:, None] / geometry.action_bends[:, None]
     path = np.array(robot.commands[AT_REST - 2 :]) / scale  # [rad]
-    path[0] = path[1]  # after the largest actions, which were only tried
     changes = np.diff(path, axis=0)
     accelerations = np.diff(changes, axis=0)
     return (

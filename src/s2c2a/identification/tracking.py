@@ -6,7 +6,6 @@ largest speed and acceleration.
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -45,21 +44,6 @@ SETTLING_TIME = 2.0  # s; vibration decays
 AVERAGING_TIME = 1.0  # s
 MIN_HELD_FRAMES = 10
 Progress = Callable[[int, int], None]
-
-
-@dataclass
-class MotionLog:
-    """Sound readings of a motion, on the clock of the tracker.
-
-    Attributes:
-        times: of the readings [s].
-        cables: of the readings [m or N].
-        first_frame: number of frames before the log.
-    """
-
-    times: list[float] = field(default_factory=list)
-    cables: list[np.ndarray] = field(default_factory=list)
-    first_frame: int = 0
 
 
 class FrameClock(Clock):
@@ -109,10 +93,11 @@ class FrameClock(Clock):
 
 
 class TrackedPlayer(Player):
-    """Plays bends, and logs readings and frames.
+    """Plays bends, and logs sound readings and frames.
 
     Attributes:
-        log: readings of all steps since it was replaced.
+        times: of the readings since the log began, on the clock of the tracker [s].
+        cables: of the readings [m or N].
     """
 
     def __init__(self, arm: ArmSpec, clock: FrameClock):
@@ -123,23 +108,25 @@ class TrackedPlayer(Player):
             clock: of the control loop.
         """
         super().__init__(arm, ("cables",))
-        self.log = MotionLog()
         self._clock = clock
+        self.begin_log()
 
     @property
     def frames(self) -> list[PoseFrame]:
         """New frames since the log began."""
-        return self._clock.frames[self.log.first_frame :]
+        return self._clock.frames[self._first_frame :]
 
     def begin_log(self) -> None:
         """Begin a new log."""
-        self.log = MotionLog(first_frame=len(self._clock.frames))
+        self.times: list[float] = []
+        self.cables: list[np.ndarray] = []
+        self._first_frame = len(self._clock.frames)
 
     def estimate(self, reading: Reading, last_command: Actions) -> Reading:
         """The reading itself, which is logged."""
         # servos are asked one by one
-        self.log.times.append((self._clock.woke + self._clock.now()) / 2)
-        self.log.cables.append(reading["cables"])
+        self.times.append((self._clock.woke + self._clock.now()) / 2)
+        self.cables.append(reading["cables"])
         return super().estimate(reading, last_command)
 
     def action(self, bends: Float[np.ndarray, "modules 2"]) -> Actions:
@@ -182,7 +169,7 @@ def play_motion(
         clock: by default the wall clock, or a `StepClock` for a simulation.
 
     Returns:
-        The player, with its log.
+        The player, with what it logged.
 
     Raises:
         TrackingError: poses of a body do not arrive; the arm does not move.
@@ -297,8 +284,8 @@ def _record(player: TrackedPlayer, ends: ModuleEnds) -> MotionRecord:
     # as in the control loop, the latency is that of frames that are not delayed
     clock = ExposureClock()
     return MotionRecord(
-        np.array(player.log.times),
-        np.array(player.log.cables),
+        np.array(player.times),
+        np.array(player.cables),
         np.array(
             [clock.exposure(one.arrival_time, one.source_time) for one in player.frames]
         ),
@@ -376,7 +363,7 @@ def measure_frames(
 def _held_poses(arm: ArmSpec, player: TrackedPlayer, ends: ModuleEnds) -> HeldPoses:
     frames = player.frames
     return HeldPoses(
-        bends_of(arm, np.mean(player.log.cables, axis=0)),
+        bends_of(arm, np.mean(player.cables, axis=0)),
         _mean_of(ends.base, frames) if ends.base else Pose.identity(),
         tuple(_mean_of(name, frames) for name in ends.ends),
     )

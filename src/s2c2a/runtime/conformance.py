@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.emergency import EMERGENCY_STOP
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.runtime.loop import Loop
@@ -211,7 +211,7 @@ class _InspectedRobot(Robot):
             self._attempt(action)
         except ActionError:
             return
-        except S2C2AError:
+        except EmergencyStopError:
             raise
         except Exception as error:
             raise _violation(

@@ -206,7 +206,8 @@ class Loop:
                     self._commanded_at = np.inf
                     self._checked_driver.start(reading)
                 sent = self._control_step(reading, self._goal(request))
-                diagnostics = self._diagnostics()
+                diagnostics = self._checked_driver.diagnostics()
+                diagnostics["feedback"] = np.asarray(self.feedback.share)
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
             diagnostics, self._tick_time, delay, self.fault, self.vibration,
@@ -394,12 +395,6 @@ class Loop:
         if self._limiter.changed(desired):
             driver.sent(command)
         return sent
-
-    def _diagnostics(self) -> dict[str, np.ndarray]:
-        """The controller's telemetry, and the share of the feedback."""
-        columns = self._checked_driver.diagnostics()
-        columns["feedback"] = np.asarray(self.feedback.share)
-        return columns
 
     def _monitor_vibration(
         self, desired: Actions, reading: Reading, goal: Goal
