@@ -366,7 +366,7 @@ class BringUp:
         watch = MotionWatch(TIMEOUT, overdue)
         still_since = time.monotonic()
         positions = last = self._positions(ids)
-        while time.monotonic() - still_since < STILL_TIME:
+        while True:
             watch.check()  # not every servo has a watchdog that stops it
             self._lead(displacements, positions, winches)
             time.sleep(self._poll_period)
@@ -374,6 +374,8 @@ class BringUp:
             if (np.abs(positions - last) > STILL_TICKS).any():
                 still_since = time.monotonic()
                 last = positions
+            elif time.monotonic() - still_since >= STILL_TIME:
+                return
 
     def _lead(
         self, targets: Mapping[int, float], positions: np.ndarray, winches: Winches
