@@ -1,0 +1,420 @@
+"""Motions of an arm that calibrate its tracker: latency and frames.
+
+The control loop plays them, with more control steps a second than otherwise and the same
+largest speed and acceleration.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import RobotError
+from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
+from s2c2a.lab.tracking.calibration import (
+    FrameResidual,
+    TrackingCalibration,
+    calibration_path,
+    load_or_empty,
+    save_tracking_calibration,
+)
+from s2c2a.lab.tracking.clock import ExposureClock
+from s2c2a.lab.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
+from s2c2a.lab.tracking.latency import Latency, MotionRecord, bends_of, find_latency
+from s2c2a.robots import Robot
+from s2c2a.runtime import Clock, Loop, Patience, Player, StepClock, WallClock, play
+from s2c2a.runtime.limits import arm_at
+from s2c2a.spaces import Actions, Reading
+
+COMMAND_RATE = 50.0  # Hz
+FAULT_PATIENCE = 0.5  # s, for which the arm is held before it goes to rest
+POLL_PERIOD = 0.002  # s
+FIRST_POSES = 5.0  # s in which the first poses must come
+CHIRP_DURATION = 40.0  # s
+CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
+CHIRP_BEND_DEG = 12.0
+LIMIT_SHARE = 0.7  # of speed and acceleration limits, so that no command is shortened
+RAMP = 1.0  # s
+HELD_BEND_DEG = 15.0
+OVERSHOOT = 1.3
+SETTLING_TIME = 2.0  # s; vibration decays
+AVERAGING_TIME = 1.0  # s
+MIN_HELD_FRAMES = 10
+Progress = Callable[[int, int], None]
+
+
+class FrameClock(Clock):
+    """A clock that collects the frames of a tracker while the control loop waits.
+
+    Attributes:
+        frames: all new ones.
+        woke: end of the last wait [s], when the robot is read.
+    """
+
+    def __init__(self, tracker: Tracker, clock: Clock):
+        """A clock without frames.
+
+        Args:
+            tracker: started; its arrival times are on the same clock.
+            clock: that tells the time.
+        """
+        self._tracker = tracker
+        self._clock = clock
+        self._last: PoseFrame | None = None
+        self.frames: list[PoseFrame] = []
+        self.woke = clock.now()
+
+    def now(self) -> float:
+        """See `Clock`."""
+        return self._clock.now()
+
+    def with_sleep(self) -> float:
+        """See `Clock`."""
+        return self._clock.with_sleep()
+
+    def wait_until(self, moment: float) -> None:
+        """Wait, and look for new frames meanwhile."""
+        self._look()
+        while (now := self.now()) < moment:
+            self._clock.wait_until(min(now + POLL_PERIOD, moment))
+            self._look()
+        self.woke = self.now()
+
+    def _look(self) -> None:
+        frame = self._tracker.latest()
+        if frame is None:
+            return
+        if self._last is None or not frame.is_same(self._last):
+            self.frames.append(frame)
+        self._last = frame
+
+
+class TrackedPlayer(Player):
+    """Plays bends, and logs sound readings and frames.
+
+    Attributes:
+        times: of the readings since the log began, on the clock of the tracker [s].
+        cables: of the readings [m or N].
+    """
+
+    def __init__(self, arm: ArmSpec, clock: FrameClock):
+        """A player without a motion (`play_motion`).
+
+        Args:
+            arm: at the rate of the commands.
+            clock: of the control loop.
+        """
+        super().__init__(arm, ("cables",))
+        self._clock = clock
+        self.begin_log()
+
+    @property
+    def frames(self) -> list[PoseFrame]:
+        """New frames since the log began."""
+        return self._clock.frames[self._first_frame :]
+
+    def begin_log(self) -> None:
+        """Begin a new log."""
+        self.times: list[float] = []
+        self.cables: list[np.ndarray] = []
+        self._first_frame = len(self._clock.frames)
+
+    def estimate(self, reading: Reading, last_command: Actions) -> Reading:
+        """The reading itself, which is logged."""
+        # servos are asked one by one
+        self.times.append((self._clock.woke + self._clock.now()) / 2)
+        self.cables.append(reading["cables"])
+        return super().estimate(reading, last_command)
+
+    def action(self, bends: Float[np.ndarray, "modules 2"]) -> Actions:
+        """Return the command for bends [rad].
+
+        Raises:
+            RobotError: the cables do not reach these bends.
+        """
+        geometry = self._geometry
+        target = geometry.actions_at(bends / geometry.action_bends[:, None])
+        tolerance = 1e-6 * np.abs(geometry.action_scale)[:, None]
+        is_low = target < geometry.action_low - tolerance
+        is_high = target > geometry.action_high + tolerance
+        modules = np.flatnonzero((is_low | is_high).any(axis=-1))
+        if modules.size:
+            module = int(modules[0])
+            wanted = np.rad2deg(np.linalg.norm(bends[module]))
+            limit = np.rad2deg(geometry.action_bends[module])
+            raise RobotError(
+                f"module {module + 1} shall bend by {wanted:.0f} deg, but the range of "
+                f"its cables ends at {limit:.0f} deg; correct cable.travel or "
+                "bend_limit_deg in the arm file"
+            )
+        # the last digits may be beyond a limit, and would never be reached
+        return np.clip(target, geometry.action_low, geometry.action_high)
+
+
+def play_motion(
+    robot: Robot,
+    tracker: Tracker,
+    motion: Callable[[TrackedPlayer], Iterable[Actions]],
+    clock: Clock | None = None,
+) -> TrackedPlayer:
+    """Start the tracker, play a motion on the control loop, and return to rest.
+
+    Args:
+        robot: that moves.
+        tracker: of its module ends.
+        motion: the commands of a player.
+        clock: by default the wall clock, or a `StepClock` for a simulation.
+
+    Returns:
+        The player, with what it logged.
+
+    Raises:
+        TrackingError: poses of a body do not arrive; the arm does not move.
+        RobotError: the robot has a lasting fault, or the program stood still.
+        EmergencyStopError: the emergency stop was triggered.
+    """
+    clock = clock or (StepClock() if robot.own_time else WallClock())
+    with tracker:
+        # the tracker of a simulation has no frame before its time advances
+        if not robot.own_time:
+            _await_poses(tracker, ModuleEnds.of_arm(robot.arm))
+        frames = FrameClock(tracker, clock)
+        player = TrackedPlayer(arm_at(robot.arm, COMMAND_RATE), frames)
+        player.motion = motion(player)
+        patience = Patience.of(COMMAND_RATE, unsound=FAULT_PATIENCE)
+        with Loop(
+            robot,
+            player,
+            frames,
+            patience=patience,
+            monitors_vibration=False,
+            rate=COMMAND_RATE,
+        ) as loop:
+            for _ in play(loop, player):
+                pass
+    return player
+
+
+def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
+    end = time.monotonic() + FIRST_POSES
+    while problem := ends.find_missing(tracker):
+        if time.monotonic() > end:
+            raise TrackingError(
+                f"{problem} ({FIRST_POSES:g} s); correct it (docs/guides/tracking.md)"
+            )
+        time.sleep(POLL_PERIOD)
+
+
+def chirp(
+    arm: ArmSpec,
+    duration: float = CHIRP_DURATION,
+    frequencies: tuple[float, float] = CHIRP_FREQUENCIES,
+) -> Float[np.ndarray, " steps"]:
+    """Return the bend of an exponential chirp at the command rate [rad].
+
+    The amplitude falls where the limits of speed (as 1 / f) and acceleration (as
+    1 / f^2) of the arm require it, so that the arm moves as fast as it may: the error
+    of a latency is that of a position over the speed.
+
+    Args:
+        arm: limits of its commands.
+        duration: of the chirp [s].
+        frequencies: first and last one [Hz].
+    """
+    times = np.arange(0.0, duration, 1 / COMMAND_RATE)
+    first, last = frequencies
+    growth = np.log(last / first) / duration
+    omega = 2 * np.pi * first * np.exp(growth * times)
+    phase = (omega - omega[0]) / growth
+    geometry = ArmGeometry.of(arm)
+    speed = LIMIT_SHARE * geometry.step_limit * arm.control_rate
+    acceleration = LIMIT_SHARE * geometry.acceleration_limit * arm.control_rate**2
+    largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[0] / 2)
+    largest = min(largest, geometry.action_bends[0])
+    amplitude = np.minimum(largest, np.minimum(speed / omega, acceleration / omega**2))
+    ramp = np.clip(np.minimum(times, duration - times) / RAMP, 0.0, 1.0)
+    return ramp * amplitude * np.sin(phase)
+
+
+def measure_latency(
+    robot: Robot,
+    tracker: Tracker,
+    duration: float = CHIRP_DURATION,
+    progress: Progress = lambda done, total: None,
+) -> Latency:
+    """Move the base module of an arm in a chirp, and find the latency of a tracker.
+
+    The base module moves every end. It bends across its first cable: with three
+    cables, both directions are then equally stiff.
+
+    Raises:
+        TrackingError: no poses arrive, or they do not determine the latency.
+        RobotError: the robot has a lasting fault; it goes to rest.
+        EmergencyStopError: the emergency stop was triggered.
+    """
+    bends = chirp(robot.arm, duration)
+    first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
+    direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
+
+    def motion(player: TrackedPlayer) -> Iterator[Actions]:
+        target = np.zeros((robot.arm.module_count, 2))
+        for done, bend in enumerate(bends, 1):
+            target[0] = bend * direction
+            yield player.action(target)
+            progress(done, len(bends))
+
+    player = play_motion(robot, tracker, motion)
+    record = _record(player, ModuleEnds.of_arm(robot.arm))
+    return find_latency(robot.arm, record)
+
+
+def _record(player: TrackedPlayer, ends: ModuleEnds) -> MotionRecord:
+    names = [name for name in ends.ends if name]
+    missing = np.full(3, np.nan)
+    positions = [
+        [
+            frame.poses[name].position if name in frame.poses else missing
+            for name in names
+        ]
+        for frame in player.frames
+    ]
+    # as in the control loop, the latency is that of frames that are not delayed
+    clock = ExposureClock()
+    return MotionRecord(
+        np.array(player.times),
+        np.array(player.cables),
+        np.array(
+            [clock.exposure(one.arrival_time, one.source_time) for one in player.frames]
+        ),
+        np.array(positions).reshape(-1, len(names), 3),
+    )
+
+
+def held_bends(arm: ArmSpec) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return bends to hold, and those to pass on the way [rad], shape (modules, 2).
+
+    Every module bends alone along both axes, to either side, in two passes. Friction
+    and backlash keep a part of the last motion. So that this averages out, the first
+    pass begins with all modules returning to rest from positive bends, and the second
+    one, in which signs are reversed and bends are passed before they are held, from
+    negative ones.
+    """
+    geometry = ArmGeometry.of(arm)
+    sizes = np.minimum(np.deg2rad(HELD_BEND_DEG), geometry.bend_limits / 2)
+    # cables may be shorter than the module can bend
+    sizes = np.minimum(sizes, geometry.action_bends / OVERSHOOT)
+    all_bent = np.sqrt(0.5) * np.stack([sizes, sizes], axis=1)
+    targets = []
+    for sign, overshoot in ((1.0, 1.0), (-1.0, OVERSHOOT)):
+        targets.append((np.zeros_like(all_bent), sign * all_bent))
+        for bend in sign * _single_bends(sizes):
+            targets.append((bend, overshoot * bend))
+    return targets
+
+
+def _single_bends(sizes: np.ndarray) -> Float[np.ndarray, "n modules 2"]:
+    """Bends of one module and axis at a time, positive, then negative."""
+    modules = len(sizes)
+    bends = np.zeros((modules, 2, 2, modules, 2))
+    for module, size in enumerate(sizes):
+        for axis in range(2):
+            bends[module, axis, 0, module, axis] = size
+            bends[module, axis, 1, module, axis] = -size
+    return bends.reshape(-1, modules, 2)
+
+
+def measure_frames(
+    robot: Robot, tracker: Tracker, progress: Progress = lambda done, total: None
+) -> Frames:
+    """Hold bends of every module, and find the frames of the arm in tracked bodies.
+
+    Raises:
+        TrackingError: bodies are missing, or their poses do not fit the arm.
+        RobotError: the robot has a lasting fault; it goes to rest.
+        EmergencyStopError: the emergency stop was triggered.
+    """
+    held = []
+    ends = ModuleEnds.of_arm(robot.arm)
+    if not all(ends.ends):
+        raise TrackingError(
+            f"tracking.ends are {list(ends.ends)}; track the ends of all modules to "
+            "find their frames"
+        )
+    targets = held_bends(robot.arm)
+
+    def motion(player: TrackedPlayer) -> Iterator[Actions]:
+        for done, (bend, way_point) in enumerate(targets, 1):
+            target = player.action(bend)
+            yield from player.approach(player.action(way_point))
+            yield from player.approach(target)
+            yield from player.hold(target, SETTLING_TIME)
+            player.begin_log()
+            yield from player.hold(target, AVERAGING_TIME)
+            held.append(_held_poses(robot.arm, player, ends))
+            progress(done, len(targets))
+
+    play_motion(robot, tracker, motion)
+    return find_frames(robot.arm, held)
+
+
+def _held_poses(arm: ArmSpec, player: TrackedPlayer, ends: ModuleEnds) -> HeldPoses:
+    frames = player.frames
+    return HeldPoses(
+        bends_of(arm, np.mean(player.cables, axis=0)),
+        _mean_of(ends.base, frames) if ends.base else Pose.identity(),
+        tuple(_mean_of(name, frames) for name in ends.ends),
+    )
+
+
+def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
+    poses = [frame.poses[name] for frame in frames if name in frame.poses]
+    if len(poses) < MIN_HELD_FRAMES:
+        known = sorted({body for frame in frames for body in frame.poses})
+        raise TrackingError(
+            f"'{name}' was tracked in {len(poses)} frames of a held bend; "
+            f"{MIN_HELD_FRAMES} are needed. The tracker sees {', '.join(known) or 'none'}"
+        )
+    return mean_pose(poses)
+
+
+class CalibrationFile:
+    """The calibration file of an arm, which each result changes in part."""
+
+    def __init__(self, arm: ArmSpec, path: Path | None = None):
+        """Read the file, if it exists.
+
+        Args:
+            arm: that is calibrated.
+            path: the file; by default `calibration_path`.
+
+        Raises:
+            TrackingError: the file is damaged, or belongs to another arm.
+        """
+        self._arm = arm
+        self._path = path or calibration_path(arm)
+        self._calibration = load_or_empty(self._path, arm)
+
+    def store_latency(self, found: Latency) -> Path:
+        """Write the latency, and return the path."""
+        return self._store(self._calibration.with_latency(found.seconds, found.std))
+
+    def store_frames(self, found: Frames) -> Path:
+        """Write the frames, and return the path."""
+        names = ModuleEnds.of_arm(self._arm).ends
+        pairs = zip(found.position_residuals, found.rotation_residuals, strict=True)
+        residuals = [FrameResidual(position=one, rotation=two) for one, two in pairs]
+        return self._store(
+            self._calibration.with_frames(
+                found.base_offset,
+                dict(zip(names, found.end_offsets, strict=True)),
+                dict(zip(names, residuals, strict=True)),
+            )
+        )
+
+    def _store(self, calibration: TrackingCalibration) -> Path:
+        save_tracking_calibration(calibration, self._path)
+        self._calibration = calibration
+        return self._path
