@@ -4,8 +4,8 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec, Cable, Module, Motor, save_arm
 from s2c2a.kinematics import PCC
-from s2c2a.robots import check_robot
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime import check_robot
 
 module = Module(
     length=0.12,  # m

@@ -44,7 +44,7 @@ def test_a_signal_stops_a_run(monkeypatch, tmp_path):
 
 
 def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
-    monkeypatch.setattr("s2c2a.robots.check_robot", signal_this_process)
+    monkeypatch.setattr("s2c2a.runtime.check_robot", signal_this_process)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         check_contract()
 

@@ -15,8 +15,8 @@ from s2c2a.episodes import load_episodes
 from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
 from s2c2a.plugins import trust_code
-from s2c2a.robots import check_robot
 from s2c2a.robots.factory import robot_class
+from s2c2a.runtime import check_robot
 from s2c2a.spaces import Stage
 from s2c2a.strategies import load_strategy, save_recipe
 

@@ -79,7 +79,7 @@ def test_a_robot_that_fails_is_stopped_until_it_is_reset(control, monkeypatch):
 
     drive(control, target=(0.1, 0.0, 0.55))
     until(lambda: control.latest.stage is Stage.RUN)
-    monkeypatch.setattr(control._loop._robot, "send", fail)
+    monkeypatch.setattr(control._loop._robot.robot, "send", fail)
     until(lambda: control.latest.stage is Stage.FAULT)
     assert "blew up" in control.latest.fault
     monkeypatch.undo()

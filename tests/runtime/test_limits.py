@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.runtime import CommandLimits
+from s2c2a.runtime.limits import arm_at
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -292,3 +293,10 @@ def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
     )
     np.testing.assert_allclose(others.step_limit, 2.0 * own.step_limit)
     np.testing.assert_allclose(others.acceleration_limit, 0.5 * own.step_limit)
+
+
+def test_faster_commands_have_the_same_speed_and_acceleration(twin):
+    own = CommandLimits.of(twin)
+    faster = CommandLimits.of(arm_at(twin, 5 * twin.control_rate))
+    assert np.allclose(5 * faster.step_limit, own.step_limit)
+    assert np.allclose(25 * faster.acceleration_limit, own.acceleration_limit)

@@ -270,7 +270,7 @@ def check_contract(
         out: a file (.json) for the measured response, with a figure next to it.
     """
     from s2c2a.cli.response import check_response
-    from s2c2a.robots import check_robot
+    from s2c2a.runtime import check_robot
 
     factory = robot_factory_for(robot, robot_option, tracking=tracking)
     opened = factory.seeded(load_arm(arm), 0)

@@ -88,8 +88,8 @@ def _try(check: Callable[[], str]) -> str:
 
 def _check_simulation() -> str:
     from s2c2a.arm import load_arm
-    from s2c2a.robots import check_robot
     from s2c2a.robots.simulation import SimulatedRobot
+    from s2c2a.runtime import check_robot
 
     check_robot(SimulatedRobot(load_arm("twin_arm")))
     return "fulfills the interface contract"

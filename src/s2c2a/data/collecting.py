@@ -25,10 +25,16 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.files import check_replaceable
-from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import CommandLimits, Loop, StepRecord, StepRequest, build_episode
-from s2c2a.spaces import AXIS, POSITION, Actions, Reading, Stage
+from s2c2a.runtime import (
+    CommandLimits,
+    Loop,
+    Player,
+    StepRecord,
+    StepRequest,
+    build_episode,
+)
+from s2c2a.spaces import AXIS, POSITION, Stage
 
 MAX_EPISODES = 100_000
 MAX_SAMPLES = 100_000
@@ -275,41 +281,6 @@ def _entries(value: Any) -> dict[Any, Any] | None:
     if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
         return dict(enumerate(value))
     return None
-
-
-class Player:
-    """Controller that plays back actions; it requires all sensors, to record them."""
-
-    name = "player"
-    feedback = 1.0
-
-    def __init__(self, arm: ArmSpec, sensors: tuple[str, ...], actions: np.ndarray):
-        self.arm = arm
-        self.sensors = sensors
-        self._actions = actions
-
-    def start(self, reading: Reading) -> None:
-        """Start at the first action."""
-        self._remaining = iter(self._actions)
-
-    def estimate(self, reading: Reading, last_command: Actions) -> Reading:
-        """The reading itself."""
-        return reading
-
-    def plan(self, estimate: Reading, goal: Goal) -> Goal:
-        """The goal itself, which is ignored."""
-        return goal
-
-    def act(self, plan: Goal, estimate: Reading) -> Actions:
-        """Next action."""
-        return next(self._remaining)
-
-    def sent(self, action: Actions) -> None:
-        """Do nothing: the next action does not depend on the last."""
-
-    def diagnostics(self) -> dict:
-        """No diagnostics."""
-        return {}
 
 
 def _run_episode(

@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.collecting import Player
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.robots import Robot
-from s2c2a.runtime import Loop, StepRecord, StepRequest
+from s2c2a.runtime import Loop, Player, StepRecord, StepRequest
 from s2c2a.spaces import AXIS, Reading, Stage, States
 
 # frequency range of a chirp, in parts of the expected frequency

@@ -1,5 +1,4 @@
 """Robots: the interface of every arm, simulated or real. NumPy only."""
 
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+from s2c2a.robots.factory import RobotFactory
+from s2c2a.robots.robot import Robot, checked_action

@@ -161,6 +161,22 @@ class CommandLimits:
         return change * np.minimum(1.0, max_size / size)
 
 
+def arm_at(arm: ArmSpec, rate: float) -> ArmSpec:
+    """Return an arm that is controlled at another rate [Hz].
+
+    Its limits count control steps; speed and acceleration stay the same.
+    """
+    geometry = ArmGeometry.of(arm)
+    ratio = arm.control_rate / rate
+    update = {
+        "control_rate": rate,
+        "step_limit_deg": float(np.rad2deg(geometry.step_limit)) * ratio,
+        "acceleration_limit_deg": float(np.rad2deg(geometry.acceleration_limit))
+        * ratio**2,
+    }
+    return arm.model_copy(update=update)
+
+
 class CommandLimiter:
     """Applies `CommandLimits` to successive commands, beginning at rest.
 

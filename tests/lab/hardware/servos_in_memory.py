@@ -136,7 +136,7 @@ def serve(port, monkeypatch):
         monkeypatch.setattr(f"s2c2a.lab.hardware.dynamixel.bus.{name}", 0.001)
     for name in ("PATIENT_TIMEOUT", "LISTEN_TIMEOUT", "REPLY_TIMEOUT"):
         monkeypatch.setattr(f"s2c2a.lab.hardware.feetech.bus.{name}", 0.001)
-    for name in ("bring_up", "timing"):
+    for name in ("bring_up", "motion_watch", "timing"):
         monkeypatch.setattr(f"s2c2a.lab.hardware.{name}.time", port.clock)
     monkeypatch.setattr("s2c2a.lab.hardware.bring_up.PATIENCE", 0.0)
 

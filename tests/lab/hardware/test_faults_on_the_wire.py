@@ -15,7 +15,7 @@ from s2c2a.lab.cli import motors
 from s2c2a.lab.hardware.bus import BusError, PortLostError
 from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
-from s2c2a.robots import check_robot
+from s2c2a.runtime import check_robot
 from s2c2a.spaces import Stage
 
 CYCLES = 3  # in which a fault is seen

@@ -41,7 +41,8 @@ class Bench:
         self.bus = FakeServoBus(IDS, self.clock)
         for id, state in self.bus.states.items():
             self.bus.states[id] = replace(state, position=HOME)
-        patch.setattr("s2c2a.lab.hardware.servo_robot.time", self.clock)
+        for name in ("servo_robot", "motion_watch"):
+            patch.setattr(f"s2c2a.lab.hardware.{name}.time", self.clock)
         patch.setattr("s2c2a.lab.hardware.servo_robot.open_bus", lambda *_: self.bus)
         self.robot = DynamixelRobot(arm, "fake", str(self._calibration(folder)))
 
@@ -252,7 +253,7 @@ def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
     bench = Bench(tmp_path, arm_with(on_emergency="hold"), monkeypatch)
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 500)
     stop = EmergencyStop()
-    monkeypatch.setattr("s2c2a.lab.hardware.servo_robot.EMERGENCY_STOP", stop)
+    monkeypatch.setattr("s2c2a.lab.hardware.motion_watch.EMERGENCY_STOP", stop)
     started = bench.clock.now
     monkeypatch.setattr(
         bench.clock,

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,7 +11,7 @@ from s2c2a.errors import RobotError
 from s2c2a.lab.tracking import Pose, Tracker, TrackingError
 from s2c2a.lab.tracking import calibration_motions as tracking
 from s2c2a.lab.tracking.tracked_robot import calibration_of
-from s2c2a.runtime import CommandLimits, StepClock
+from s2c2a.runtime import StepClock
 
 ARM = load_arm("twin_arm")
 
@@ -66,13 +68,6 @@ def test_the_chirp_stays_within_the_limits():
     acceleration = np.abs(np.diff(bend, 2)).max() * rate**2
     assert speed < geometry.step_limit * ARM.control_rate
     assert acceleration < geometry.acceleration_limit * ARM.control_rate**2
-
-
-def test_faster_commands_have_the_same_speed_and_acceleration():
-    own = CommandLimits.of(ARM)
-    faster = tracking.limits_at(ARM, 5 * ARM.control_rate)
-    assert np.allclose(5 * faster.step_limit, own.step_limit)
-    assert np.allclose(25 * faster.acceleration_limit, own.acceleration_limit)
 
 
 def test_held_bends_are_symmetric():
@@ -148,31 +143,64 @@ def test_held_bends_are_within_the_travel_of_the_cables(travel):
 
 def test_a_bend_out_of_reach_is_an_error_and_no_endless_motion():
     robot = TrackedSimulation(with_travel(0.008))
-    robot.open()
-    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
     bends = np.zeros((robot.arm.module_count, 2))
     bends[1, 0] = np.deg2rad(40.0)
     with pytest.raises(RobotError, match="module 2 shall bend by 40 deg"):
-        motion.hold(bends, 0.0)
+        tracking.play_motion(
+            robot, SimulatedTracker(robot), lambda player: [player.action(bends)]
+        )
 
 
-def test_a_motion_that_does_not_arrive_ends_in_time(monkeypatch):
-    robot = TrackedSimulation(ARM)
-    robot.open()
-    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
-    monkeypatch.setattr(motion._limiter, "changed", lambda target: True)
-    with pytest.raises(RobotError, match="does not reach its target in time"):
-        motion.hold(np.zeros((robot.arm.module_count, 2)), 0.0)
+class FaultyOnItsWay(TrackedSimulation):
+    """Its readings have a fault from a time on."""
+
+    def read(self):
+        reading = super().read()
+        return replace(reading, fault="a plug came off" if reading.time > 0.2 else "")
+
+
+def bending(player):
+    """A bend that is held for long."""
+    bends = np.zeros((player.arm.module_count, 2))
+    bends[0, 0] = np.deg2rad(10.0)
+    return [player.action(bends)] * 500
+
+
+def test_a_motion_ends_at_rest_after_a_lasting_fault(monkeypatch):
+    sent = []
+    send = TrackedSimulation.send
+    monkeypatch.setattr(
+        TrackedSimulation,
+        "send",
+        lambda self, action: sent.append(action) or send(self, action),
+    )
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    robot = FaultyOnItsWay(ARM)
+    with pytest.raises(RobotError, match="the arm stopped: a plug came off"):
+        play_in_real_time(robot, StepClock())
+    assert np.abs(sent).max() > 0.001
+    assert np.allclose(sent[-1], 0.0)
+
+
+def play_in_real_time(robot, clock):
+    """Play as on a real arm, with a fake clock and poses from the start."""
+    tracker = SimulatedTracker(robot)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tracking, "_await_poses", lambda *_: None)
+        tracking.play_motion(robot, tracker, bending, clock)
 
 
 def test_a_motion_does_not_go_on_after_a_standstill(monkeypatch):
-    robot = TrackedSimulation(ARM)
-    robot.open()
     monkeypatch.setattr(TrackedSimulation, "own_time", False)
     clock = StepClock()
-    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot), clock)
-    bends = np.zeros((robot.arm.module_count, 2))
-    motion.step(bends)
-    clock.wait_until(clock.now() + 30.0)
+    robot = TrackedSimulation(ARM)
+    advance = robot.advance
+
+    def stand_still(seconds):
+        advance(seconds)
+        if 0.5 < clock.now() < 10.0:
+            clock.wait_until(clock.now() + 30.0)
+
+    monkeypatch.setattr(robot, "advance", stand_still)
     with pytest.raises(RobotError, match=r"stood still for 30\.0 s"):
-        motion.step(bends)
+        play_in_real_time(robot, clock)

@@ -239,8 +239,7 @@ class Plant:
 
     def _advance_physics(self) -> None:
         action = np.where(self.snapped, _SNAPPED, self.positions)
-        self._robot.send(action.reshape(self._shape))
-        self._robot.advance(self.chunk)
+        self._robot.step(action.reshape(self._shape), self.chunk)
         tensions = self._robot.read()["tensions"].ravel()
         self.tensions = np.where(self.snapped, 0.0, tensions)
         errors = np.abs(self.targets.goal - self.positions)

@@ -136,7 +136,6 @@ class STS3215(Servo):
 
     @property
     def baud_rate(self) -> int:
-        """See `Servo.baud_rate`."""
         return BAUD_RATES[self["baud_rate"]]
 
     @baud_rate.setter

@@ -177,7 +177,6 @@ class XL330(Servo):
 
     @property
     def baud_rate(self) -> int:
-        """See `Servo.baud_rate`."""
         return BAUD_RATES[self["baud_rate"]]
 
     @baud_rate.setter

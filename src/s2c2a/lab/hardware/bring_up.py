@@ -18,9 +18,9 @@ from s2c2a.lab.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoSta
 from s2c2a.lab.hardware.cable_range import check_plausible
 from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
+from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
-from s2c2a.standstill import StandstillCheck
 
 HOME_SPEED = 0.02  # m/s
 MAX_LEAD = 0.005
@@ -362,21 +362,20 @@ class BringUp:
             EmergencyStopError: nothing must move.
         """
         ids = list(displacements)
-        gap = StandstillCheck()
-        end = time.monotonic() + TIMEOUT
+        overdue = BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
+        watch = MotionWatch(TIMEOUT, overdue)
         still_since = time.monotonic()
-        last = self._positions(ids)
-        self._lead(displacements, last, winches)
-        while time.monotonic() - still_since < STILL_TIME:
-            if time.monotonic() > end:
-                raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
+        positions = last = self._positions(ids)
+        while True:
+            watch.check()  # not every servo has a watchdog that stops it
+            self._lead(displacements, positions, winches)
             time.sleep(self._poll_period)
             positions = self._positions(ids)
-            gap.check()  # not every servo has a watchdog that stops it
-            self._lead(displacements, positions, winches)
             if (np.abs(positions - last) > STILL_TICKS).any():
                 still_since = time.monotonic()
                 last = positions
+            elif time.monotonic() - still_since >= STILL_TIME:
+                return
 
     def _lead(
         self, targets: Mapping[int, float], positions: np.ndarray, winches: Winches

@@ -3,7 +3,7 @@
 import math
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import ClassVar
 
@@ -24,11 +24,11 @@ from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.cable_range import MARGIN, check_plausible, displacement_limits
 from s2c2a.lab.hardware.calibration import default_path, load_calibration
 from s2c2a.lab.hardware.monitor import CableMonitor, describe_faults
+from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.spaces import Actions, Reading, Sensor
-from s2c2a.standstill import StandstillCheck
 
 READ_SHARE = 0.25  # of a control period, in which servos are asked again
 PATIENCE = 1.0  # s for an answer while the arm is at rest
@@ -292,29 +292,37 @@ class ServoRobot(Robot):
         taut = np.maximum(rest - windings, self._low)
         self._approach(start, taut)
         self._approach(taut, rest)
-        for _ in range(round(SETTLING_TIME / REST_PERIOD)):
-            self._wind_to(rest)
+        self._wind_along([rest] * round(SETTLING_TIME / REST_PERIOD))
 
     def _approach(self, start: Actions, target: Actions) -> None:
-        """Wind all cables together, slowly and smoothly.
+        """Wind all cables together, slowly and smoothly; see `_wind_along`."""
+        duration = self._approach_duration(float(np.abs(start - target).max()))
+        parts = np.linspace(0.0, 1.0, int(np.ceil(duration / REST_PERIOD)) + 1)[1:]
+        shares = parts**2 * (3.0 - 2.0 * parts)  # starts and ends at rest
+        self._wind_along([start + share * (target - start) for share in shares])
+
+    def _wind_along(self, path: Sequence[Actions]) -> None:
+        """Send displacements on the way to rest, one every `REST_PERIOD`.
 
         Raises:
-            RobotError: it takes longer by `APPROACH_MARGIN` than planned; see also
-                `_wind_to`.
+            RobotError: a servo is at fault, or it takes longer by `APPROACH_MARGIN` than
+                planned.
+            EmergencyStopError: the arm must not move.
         """
-        gap = StandstillCheck()
-        duration = self._approach_duration(float(np.abs(start - target).max()))
-        end = time.perf_counter() + duration + APPROACH_MARGIN
-        steps = int(np.ceil(duration / REST_PERIOD))
-        for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            share = part**2 * (3.0 - 2.0 * part)  # starts and ends at rest
-            gap.check()
-            self._wind_to(start + share * (target - start))
-            if time.perf_counter() > end:
-                raise RobotError(
-                    "the arm stopped on its way to rest: the servos answer too slowly; "
-                    "check the bus (`s2c2a motors timing`)"
-                )
+        overdue = RobotError(
+            "the arm stopped on its way to rest: the servos answer too slowly; "
+            "check the bus (`s2c2a motors timing`)"
+        )
+        watch = MotionWatch(len(path) * REST_PERIOD + APPROACH_MARGIN, overdue)
+        for displacements in path:
+            watch.check()
+            positions = self._winches.positions(displacements)
+            self._send_positions(positions)
+            self._goal = self._winches.displacements(positions)
+            fault = self._describe_faults(self._read_all())
+            if fault:
+                raise RobotError(f"the arm stopped on its way to rest: {fault}")
+            time.sleep(REST_PERIOD)
 
     def _approach_duration(self, distance: float) -> float:
         """Time [s] for a distance [m], within the limits of rate and acceleration.
@@ -329,23 +337,6 @@ class ServoRobot(Robot):
         speed = min(REST_SPEED * self._servos.limits.speed, bending_speed)
         acceleration = radius * geometry.acceleration_limit / period**2
         return max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
-
-    def _wind_to(self, displacements: Actions) -> None:
-        """One slow step toward rest.
-
-        Raises:
-            RobotError: a servo is at fault.
-            EmergencyStopError: the arm must not move.
-        """
-        EMERGENCY_STOP.check()
-        positions = self._winches.positions(displacements)
-        self._send_positions(positions)
-        self._goal = self._winches.displacements(positions)
-        states = self._read_all()
-        fault = self._describe_faults(states)
-        if fault:
-            raise RobotError(f"the arm stopped on its way to rest: {fault}")
-        time.sleep(REST_PERIOD)
 
     def _read_states(self) -> dict[int, ServoState]:
         """Read all servos; those that do not answer are asked again at once."""

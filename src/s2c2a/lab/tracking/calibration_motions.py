@@ -1,20 +1,17 @@
 """Motions of an arm that calibrate its tracker: latency and frames.
 
-Every command passes the limits of the control loop. They count control steps; here
-commands are sent more often, with the same largest speed and acceleration.
+The control loop plays them, with more control steps a second than otherwise and the same
+largest speed and acceleration.
 """
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
@@ -28,12 +25,12 @@ from s2c2a.lab.tracking.clock import ExposureClock
 from s2c2a.lab.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
 from s2c2a.lab.tracking.latency import Latency, MotionRecord, find_latency
 from s2c2a.robots import Robot
-from s2c2a.runtime import Clock, CommandLimits, StepClock, WallClock
-from s2c2a.runtime.limits import CommandLimiter
-from s2c2a.standstill import StandstillCheck
+from s2c2a.runtime import Clock, Loop, Patience, Player, StepClock, WallClock, play
+from s2c2a.runtime.limits import arm_at
+from s2c2a.spaces import Actions, Reading
 
 COMMAND_RATE = 50.0  # Hz
-FAULT_PATIENCE = 0.5  # s, for which the arm is held after readings with a fault
+FAULT_PATIENCE = 0.5  # s, for which the arm is held before it goes to rest
 POLL_PERIOD = 0.002  # s
 FIRST_POSES = 5.0  # s in which the first poses must come
 CHIRP_DURATION = 40.0  # s
@@ -46,97 +43,98 @@ OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
 AVERAGING_TIME = 1.0  # s
 MIN_HELD_FRAMES = 10
-MAX_APPROACH = 60.0  # s; from full bend to full bend takes 7 s at 0.5 deg a step
 Progress = Callable[[int, int], None]
 
 
-@dataclass
-class MotionLog:
-    """Readings and frames of a motion, on the clock `time.perf_counter`.
+class FrameClock(Clock):
+    """A clock that collects the frames of a tracker while the control loop waits.
 
     Attributes:
-        times: of the readings [s].
-        cables: of the readings [m or N].
-        frames: new frames.
+        frames: all new ones.
+        woke: end of the last wait [s], when the robot is read.
     """
 
-    times: list[float] = field(default_factory=list)
-    cables: list[np.ndarray] = field(default_factory=list)
-    frames: list[PoseFrame] = field(default_factory=list)
-
-
-class TrackedMotion:
-    """Moves an open robot within the limits, and logs readings and frames.
-
-    Attributes:
-        arm: arm of the robot.
-        log: of all steps since it was replaced.
-    """
-
-    def __init__(self, robot: Robot, tracker: Tracker, clock: Clock | None = None):
-        """A motion that begins at rest.
+    def __init__(self, tracker: Tracker, clock: Clock):
+        """A clock without frames.
 
         Args:
-            robot: open.
             tracker: started; its arrival times are on the same clock.
-            clock: by default the wall clock, or a `StepClock` for a simulation.
+            clock: that tells the time.
         """
-        self.arm = robot.arm
-        self.log = MotionLog()
-        self._robot = robot
         self._tracker = tracker
-        self._clock = clock or (StepClock() if robot.own_time else WallClock())
-        self._period = 1.0 / COMMAND_RATE
-        self._limiter = CommandLimiter(limits_at(robot.arm, COMMAND_RATE))
-        self._geometry = ArmGeometry.of(robot.arm)
-        self._due = self._clock.now()
-        self._sound_time = self._due
-        self._gap = StandstillCheck(self._clock.with_sleep)
+        self._clock = clock
         self._last: PoseFrame | None = None
+        self.frames: list[PoseFrame] = []
+        self.woke = clock.now()
 
-    def step(self, bends: Float[np.ndarray, "modules 2"]) -> None:
-        """Read, send the command for bends [rad] within the limits, and wait.
+    def now(self) -> float:
+        return self._clock.now()
+
+    def with_sleep(self) -> float:
+        return self._clock.with_sleep()
+
+    def wait_until(self, moment: float) -> None:
+        """Wait, and look for new frames meanwhile."""
+        self._look()
+        while (now := self.now()) < moment:
+            self._clock.wait_until(min(now + POLL_PERIOD, moment))
+            self._look()
+        self.woke = self.now()
+
+    def _look(self) -> None:
+        frame = self._tracker.latest()
+        if frame is None:
+            return
+        if self._last is None or not frame.is_same(self._last):
+            self.frames.append(frame)
+        self._last = frame
+
+
+class TrackedPlayer(Player):
+    """Plays bends, and logs sound readings and frames.
+
+    Attributes:
+        times: of the readings since the log began, on the clock of the tracker [s].
+        cables: of the readings [m or N].
+    """
+
+    def __init__(self, arm: ArmSpec, clock: FrameClock):
+        """A player without a motion (`play_motion`).
+
+        Args:
+            arm: at the rate of the commands.
+            clock: of the control loop.
+        """
+        super().__init__(arm, ("cables",))
+        self._clock = clock
+        self.begin_log()
+
+    @property
+    def frames(self) -> list[PoseFrame]:
+        """New frames since the log began."""
+        return self._clock.frames[self._first_frame :]
+
+    def begin_log(self) -> None:
+        """Begin a new log."""
+        self.times: list[float] = []
+        self.cables: list[np.ndarray] = []
+        self._first_frame = len(self._clock.frames)
+
+    def estimate(self, reading: Reading, last_command: Actions) -> Reading:
+        """The reading itself, which is logged."""
+        # servos are asked one by one
+        self.times.append((self._clock.woke + self._clock.now()) / 2)
+        self.cables.append(reading["cables"])
+        return super().estimate(reading, last_command)
+
+    def action(self, bends: Float[np.ndarray, "modules 2"]) -> Actions:
+        """Return the command for bends [rad].
 
         Raises:
-            EmergencyStopError: the emergency stop was triggered; the arm is halted.
-            RobotError: readings have had a fault for longer than `FAULT_PATIENCE`.
+            RobotError: the cables do not reach these bends.
         """
-        shares = bends / self._geometry.action_bends[:, None]
-        self._send(self._geometry.actions_at(shares))
-
-    def hold(self, bends: Float[np.ndarray, "modules 2"], seconds: float) -> None:
-        """Approach bends [rad] within the limits, then hold them for a time.
-
-        Raises:
-            RobotError: the cables do not reach these bends, or not in `MAX_APPROACH`;
-                see also `step`.
-        """
-        shares = bends / self._geometry.action_bends[:, None]
-        target = self._geometry.actions_at(shares)
-        self._check_reach(target, bends)
-        end = self._end_of_approach()
-        while self._limiter.changed(target):
-            self._check_time(end)
-            self._send(target)
-        for _ in range(round(seconds * COMMAND_RATE)):
-            self._send(target)
-
-    def rest(self) -> None:
-        """Return to rest.
-
-        Raises:
-            RobotError: it is not at rest after `MAX_APPROACH`; see also `step`.
-        """
-        end = self._end_of_approach()
-        while not self._limiter.at_rest:
-            self._check_time(end)
-            self._send(self._limiter.towards_rest())
-
-    def _check_reach(
-        self, target: np.ndarray, bends: Float[np.ndarray, "modules 2"]
-    ) -> None:
-        """Raise an error for a target out of the actions' range: it is never reached."""
         geometry = self._geometry
+        target = geometry.actions_at(bends / geometry.action_bends[:, None])
         tolerance = 1e-6 * np.abs(geometry.action_scale)[:, None]
         is_low = target < geometry.action_low - tolerance
         is_high = target > geometry.action_high + tolerance
@@ -150,106 +148,52 @@ class TrackedMotion:
                 f"its cables ends at {limit:.0f} deg; correct cable.travel or "
                 "bend_limit_deg in the arm file"
             )
-
-    def _end_of_approach(self) -> float:
-        # an arm with slow limits may take longer
-        bend = 4.0 * float(self._geometry.action_bends.max())
-        speed = self._geometry.step_limit * self.arm.control_rate
-        return self._clock.now() + max(MAX_APPROACH, bend / speed)
-
-    def _check_time(self, end: float) -> None:
-        if self._clock.now() > end:
-            raise RobotError(
-                "the arm does not reach its target in time; it stays where it is: check "
-                "the faults of its readings (`s2c2a robot check`)"
-            )
-
-    def _send(self, desired: np.ndarray) -> None:
-        try:
-            EMERGENCY_STOP.check()
-        except EmergencyStopError:
-            self._robot.halt()
-            raise
-        if not self._robot.own_time:
-            self._gap.check()
-        is_sound = self._read()
-        limiter = self._limiter
-        command = limiter.limit(desired if is_sound else limiter.hold())
-        self._robot.send(command.copy())
-        self._robot.advance(self._period)
-        self._wait()
-
-    def _read(self) -> bool:
-        """Log a reading; returns whether it is sound. A single one may be missed."""
-        before = self._clock.now()
-        reading = self._robot.read()
-        moment = (before + self._clock.now()) / 2  # servos are asked one by one
-        if not reading.fault:
-            self._sound_time = moment
-            self.log.times.append(moment)
-            self.log.cables.append(reading["cables"])
-            return True
-        if moment - self._sound_time > FAULT_PATIENCE:
-            raise RobotError(f"the arm stopped: {reading.fault}")
-        return False
-
-    def _wait(self) -> None:
-        """Wait for the next step, and log every frame that arrives."""
-        # steps that are late do not make later ones hurry
-        self._due = max(self._due + self._period, self._clock.now())
-        while True:
-            self._log_frame()
-            now = self._clock.now()
-            if now >= self._due:
-                return
-            self._clock.wait_until(min(now + POLL_PERIOD, self._due))
-
-    def _log_frame(self) -> None:
-        frame = self._tracker.latest()
-        if frame is None:
-            return
-        if self._last is None or not frame.is_same(self._last):
-            self.log.frames.append(frame)
-        self._last = frame
+        # the last digits may be beyond a limit, and would never be reached
+        return np.clip(target, geometry.action_low, geometry.action_high)
 
 
-def limits_at(arm: ArmSpec, rate: float) -> CommandLimits:
-    """Return the limits of an arm for commands at another rate [Hz].
+def play_motion(
+    robot: Robot,
+    tracker: Tracker,
+    motion: Callable[[TrackedPlayer], Iterable[Actions]],
+    clock: Clock | None = None,
+) -> TrackedPlayer:
+    """Start the tracker, play a motion on the control loop, and return to rest.
 
-    Speed and acceleration stay those of commands at the arm's control rate.
-    """
-    geometry = ArmGeometry.of(arm)
-    ratio = arm.control_rate / rate
-    step = np.rad2deg(geometry.step_limit) * ratio
-    return CommandLimits.from_degrees(
-        arm, step, np.rad2deg(geometry.acceleration_limit) * ratio**2
-    )
+    Args:
+        robot: that moves.
+        tracker: of its module ends.
+        motion: the commands of a player.
+        clock: by default the wall clock, or a `StepClock` for a simulation.
 
-
-@contextmanager
-def tracked_motion(
-    robot: Robot, tracker: Tracker, ends: ModuleEnds
-) -> Iterator[TrackedMotion]:
-    """Start the tracker, open the robot, and return to rest in the end.
+    Returns:
+        The player, with what it logged.
 
     Raises:
         TrackingError: poses of a body do not arrive; the arm does not move.
+        RobotError: the robot has a lasting fault, or the program stood still.
+        EmergencyStopError: the emergency stop was triggered.
     """
+    clock = clock or (StepClock() if robot.own_time else WallClock())
     with tracker:
         # the tracker of a simulation has no frame before its time advances
         if not robot.own_time:
-            _await_poses(tracker, ends)
-        with robot:
-            motion = TrackedMotion(robot, tracker)
-            try:
-                yield motion
-            except (EmergencyStopError, RobotError):
-                # a halted robot must not move, one with a fault cannot
-                raise
-            except BaseException:
-                motion.rest()
-                raise
-            motion.rest()
+            _await_poses(tracker, ModuleEnds.of_arm(robot.arm))
+        frames = FrameClock(tracker, clock)
+        player = TrackedPlayer(arm_at(robot.arm, COMMAND_RATE), frames)
+        player.motion = motion(player)
+        patience = Patience.of(COMMAND_RATE, unsound=FAULT_PATIENCE)
+        with Loop(
+            robot,
+            player,
+            frames,
+            patience=patience,
+            monitors_vibration=False,
+            rate=COMMAND_RATE,
+        ) as loop:
+            for _ in play(loop, player):
+                pass
+    return player
 
 
 def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
@@ -306,23 +250,26 @@ def measure_latency(
 
     Raises:
         TrackingError: no poses arrive, or they do not determine the latency.
-        RobotError: the robot has a lasting fault; it stays where it is.
+        RobotError: the robot has a lasting fault; it goes to rest.
         EmergencyStopError: the emergency stop was triggered.
     """
-    ends = ModuleEnds.of_arm(robot.arm)
-    with tracked_motion(robot, tracker, ends) as motion:
-        bends = chirp(robot.arm, duration)
-        first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
-        direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
+    bends = chirp(robot.arm, duration)
+    first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
+    direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
+
+    def motion(player: TrackedPlayer) -> Iterator[Actions]:
         target = np.zeros((robot.arm.module_count, 2))
         for done, bend in enumerate(bends, 1):
             target[0] = bend * direction
-            motion.step(target)
+            yield player.action(target)
             progress(done, len(bends))
-    return find_latency(robot.arm, _record(motion.log, ends))
+
+    player = play_motion(robot, tracker, motion)
+    record = _record(player, ModuleEnds.of_arm(robot.arm))
+    return find_latency(robot.arm, record)
 
 
-def _record(log: MotionLog, ends: ModuleEnds) -> MotionRecord:
+def _record(player: TrackedPlayer, ends: ModuleEnds) -> MotionRecord:
     names = [name for name in ends.ends if name]
     missing = np.full(3, np.nan)
     positions = [
@@ -330,15 +277,15 @@ def _record(log: MotionLog, ends: ModuleEnds) -> MotionRecord:
             frame.poses[name].position if name in frame.poses else missing
             for name in names
         ]
-        for frame in log.frames
+        for frame in player.frames
     ]
     # as in the control loop, the latency is that of frames that are not delayed
     clock = ExposureClock()
     return MotionRecord(
-        np.array(log.times),
-        np.array(log.cables),
+        np.array(player.times),
+        np.array(player.cables),
         np.array(
-            [clock.exposure(one.arrival_time, one.source_time) for one in log.frames]
+            [clock.exposure(one.arrival_time, one.source_time) for one in player.frames]
         ),
         np.array(positions).reshape(-1, len(names), 3),
     )
@@ -384,7 +331,7 @@ def measure_frames(
 
     Raises:
         TrackingError: bodies are missing, or their poses do not fit the arm.
-        RobotError: the robot has a lasting fault; it stays where it is.
+        RobotError: the robot has a lasting fault; it goes to rest.
         EmergencyStopError: the emergency stop was triggered.
     """
     held = []
@@ -394,24 +341,29 @@ def measure_frames(
             f"tracking.ends are {list(ends.ends)}; track the ends of all modules to "
             "find their frames"
         )
-    with tracked_motion(robot, tracker, ends) as motion:
-        targets = held_bends(robot.arm)
+    targets = held_bends(robot.arm)
+
+    def motion(player: TrackedPlayer) -> Iterator[Actions]:
         for done, (bend, way_point) in enumerate(targets, 1):
-            motion.hold(way_point, 0.0)
-            motion.hold(bend, SETTLING_TIME)
-            motion.log = MotionLog()
-            motion.hold(bend, AVERAGING_TIME)
-            held.append(_held_poses(robot.arm, motion.log, ends))
+            target = player.action(bend)
+            yield from player.approach(player.action(way_point))
+            yield from player.approach(target)
+            yield from player.hold(target, SETTLING_TIME)
+            player.begin_log()
+            yield from player.hold(target, AVERAGING_TIME)
+            held.append(_held_poses(robot.arm, player, ends))
             progress(done, len(targets))
+
+    play_motion(robot, tracker, motion)
     return find_frames(robot.arm, held)
 
 
-def _held_poses(arm: ArmSpec, log: MotionLog, ends: ModuleEnds) -> HeldPoses:
-    cables = np.mean(log.cables, axis=0)
+def _held_poses(arm: ArmSpec, player: TrackedPlayer, ends: ModuleEnds) -> HeldPoses:
+    frames = player.frames
     return HeldPoses(
-        ArmGeometry.of(arm).commanded_bends(cables),
-        _mean_of(ends.base, log.frames) if ends.base else Pose.identity(),
-        tuple(_mean_of(name, log.frames) for name in ends.ends),
+        ArmGeometry.of(arm).commanded_bends(np.mean(player.cables, axis=0)),
+        _mean_of(ends.base, frames) if ends.base else Pose.identity(),
+        tuple(_mean_of(name, frames) for name in ends.ends),
     )
 
 

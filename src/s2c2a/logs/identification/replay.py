@@ -75,8 +75,7 @@ def _replay_episode(robot: SimulatedRobot, episode: Episode, options: Replay) ->
     states = [robot.states()]
     durations = _durations(episode, options)
     for action, duration in zip(episode["actions"][:-1], durations, strict=True):
-        robot.send(action)
-        robot.advance(duration)
+        robot.step(action, duration)
         states.append(robot.states())
     return np.array(states)
 
@@ -89,8 +88,7 @@ def _move_to_first_row(
     if cables is None or robot.arm.actuation != "displacement":
         return
     if np.isfinite(cables[0]).all():
-        robot.send(cables[0])
-        robot.advance(options.settling or robot.arm.control_period)
+        robot.step(cables[0], options.settling or robot.arm.control_period)
 
 
 def _durations(episode: Episode, options: Replay) -> Float[np.ndarray, " steps"]:

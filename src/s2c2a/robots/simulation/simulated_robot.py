@@ -262,10 +262,15 @@ class SimulatedRobot(Robot):
             self._center_line = points.reshape(len(samples), -1, 3)
         self._extra_sensors.sample_inertial(samples[1:, self._center_line_size :])
 
-    def step(self, action: Actions) -> Actions:
-        """Send an action and advance one control period; returns the action sent."""
+    def step(self, action: Actions, seconds: float | None = None) -> Actions:
+        """Send an action and advance the simulation; returns the action sent.
+
+        Args:
+            action: see `send`.
+            seconds: time to simulate [s]; one control period by default.
+        """
         sent = self.send(action)
-        self.advance(self.arm.control_period)
+        self.advance(self.arm.control_period if seconds is None else seconds)
         return sent
 
     def close(self) -> None:

@@ -10,8 +10,9 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import Robot, check_robot, checked_action
+from s2c2a.robots import Robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.runtime import check_robot
 from s2c2a.spaces import Reading, Sensor
 
 
@@ -313,7 +314,7 @@ class _WallClockStops(_WallClockRobot):
 def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(
     make_arm, monkeypatch
 ):
-    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)
+    monkeypatch.setattr("s2c2a.runtime.conformance.SETTLING_TIME", 0.01)
     robot = _WallClockRobot(make_arm(1, control_rate=100.0))
     kept = check_robot(robot)
     assert "send() and read() return at once" in kept
@@ -332,7 +333,7 @@ def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(
 def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
     kind, fault, make_arm, monkeypatch
 ):
-    monkeypatch.setattr("s2c2a.robots.conformance.SETTLING_TIME", 0.01)
+    monkeypatch.setattr("s2c2a.runtime.conformance.SETTLING_TIME", 0.01)
     robot = kind(make_arm(1, control_rate=20.0))
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
@@ -444,37 +445,46 @@ def test_an_emergency_stop_ends_the_check_at_once(twin, emergency_stop, after):
     assert (robot.halted, robot.closed) == (1, 2)
 
 
-class _FailsOnItsWay(_CountingRobot):
-    """Its `send` fails in some calls, counted from the opening."""
+AT_REST = 12  # calls of `send` before the arm moves
 
-    failures = (8,)
+
+class _FailsOnItsWay(_CountingRobot):
+    """Its `send` fails in some calls, counted from the opening.
+
+    Attributes:
+        commands: that it followed in every call; where it fails, the one before.
+    """
+
+    failures = (AT_REST + 1,)
     error = RuntimeError("a plug came off")
 
     def open(self):
-        self.sent = None  # it sends while it settles
+        self.commands = None  # it sends while it settles
         reading = super().open()
-        self.sent = []
+        self.commands = []
         return reading
 
     def send(self, action):
-        if self.sent is None:
+        if self.commands is None:
             return super().send(action)
-        self.sent.append(np.array(action, dtype=float))
-        if len(self.sent) in self.failures:
+        if len(self.commands) + 1 in self.failures:
+            self.commands.append(self.commands[-1])
             error, self.error = self.error, RuntimeError("and again")
             raise error
+        valid = np.shape(action) == self._geometry.action_neutral.shape
+        self.commands.append(np.array(action if valid else self.commands[-1]))
         return super().send(action)
 
 
-def _has_returned_within_limits(robot, number):
-    """Whether commands from one on end at rest, without a jump or a sudden reversal."""
+def _has_returned_within_limits(robot):
+    """Whether commands end at rest, without a jump or a sudden reversal."""
     geometry = ArmGeometry.of(robot.arm)
     scale = np.abs(geometry.action_scale)[:, None] / geometry.action_bends[:, None]
-    path = np.array(robot.sent[number - 2 :]) / scale  # [rad]
+    path = np.array(robot.commands[AT_REST - 2 :]) / scale  # [rad]
     changes = np.diff(path, axis=0)
     accelerations = np.diff(changes, axis=0)
     return (
-        np.allclose(robot.sent[-1], geometry.action_neutral)
+        np.allclose(robot.commands[-1], geometry.action_neutral)
         and np.abs(changes).max() <= geometry.step_limit + 1e-9
         and np.abs(accelerations).max() <= geometry.acceleration_limit + 1e-9
     )
@@ -486,7 +496,7 @@ def slow(twin):
     return twin.model_copy(update={"step_limit_deg": 0.5})
 
 
-@pytest.mark.parametrize("number", range(8, 17))
+@pytest.mark.parametrize("number", range(AT_REST + 1, AT_REST + 10))
 @pytest.mark.parametrize(
     "error", [RuntimeError("a plug came off"), KeyboardInterrupt()]
 )
@@ -497,28 +507,31 @@ def test_a_check_that_fails_halfway_out_returns_to_rest(slow, number, error):
     expected = S2C2AError if isinstance(error, Exception) else KeyboardInterrupt
     with pytest.raises(expected):
         check_robot(robot)
-    assert _has_returned_within_limits(robot, number)
+    assert _has_returned_within_limits(robot)
     assert robot.closed == 2
 
 
 def test_the_return_of_a_failed_check_ends_where_the_robot_fails_for_a_second(slow):
     robot = _FailsOnItsWay(slow)
-    robot.failures = range(8, 1000)
+    first = AT_REST + 3
+    robot.failures = range(first, 1000)
     with pytest.raises(S2C2AError, match="a plug came off"):
         check_robot(robot)
-    assert len(robot.sent) == 8 + slow.control_rate
+    assert len(robot.commands) == first + slow.control_rate
     assert robot.closed == 2
 
 
 def test_an_emergency_stop_after_a_failure_ends_the_return(slow, emergency_stop):
     robot = _FailsOnItsWay(slow)
+    first = AT_REST + 3
+    robot.failures = (first,)
     halted = []
-    robot.halt = lambda: halted.append(len(robot.sent))
+    robot.halt = lambda: halted.append(len(robot.commands))
     send = robot.send
     robot.send = lambda action: (
-        len(robot.sent or ()) == 8 and emergency_stop.trigger("a test"),
+        len(robot.commands or ()) == first and emergency_stop.trigger("a test"),
         send(action),
     )[1]
     with pytest.raises(EmergencyStopError):
         check_robot(robot)
-    assert halted == [9]
+    assert halted == [first + 1]

@@ -1,0 +1,427 @@
+"""Conformance test of the robot interface, in simulation or, gently, on hardware.
+
+The control loop drives the robot. An `_InspectedRobot` between them checks every answer,
+and tries invalid commands, which the loop would never send, while the arm is at rest.
+"""
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.errors import ActionError, S2C2AError
+from s2c2a.robots import Robot
+from s2c2a.runtime.loop import Loop
+from s2c2a.runtime.player import Player, play
+from s2c2a.spaces import POSITION, Actions, Reading, Sensor
+
+TEST_BEND = 0.05  # of the full bend
+SETTLING_TIME = 1.0  # s
+
+
+def check_robot(robot: Robot) -> list[str]:
+    """Open a robot, move it a little and check that it fulfills `Robot`.
+
+    The control loop moves every cable by at most 5 % of its range, and leaves the arm at
+    rest, also after a check that failed. It obeys the emergency stop: the robot is then
+    halted where it is.
+
+    Returns:
+        One line for every check that passed.
+
+    Raises:
+        S2C2AError: a check failed; the message says which.
+        EmergencyStopError: the emergency stop was triggered.
+    """
+    EMERGENCY_STOP.check()
+    inspected = _InspectedRobot(robot)
+    inspected.close()  # before it was opened
+    try:
+        player = _SmallBend(inspected)
+        with Loop(inspected, player, monitors_vibration=False) as loop:
+            for _ in play(loop, player):
+                pass
+    except Exception:
+        # also where it stopped the way to rest
+        EMERGENCY_STOP.check()
+        raise
+    inspected.close()
+    return [
+        *inspected.passed,
+        "the arm moves as commanded",
+        "close() can be called more than once, and before open()",
+    ]
+
+
+class _SmallBend(Player):
+    """Bends all modules a little towards x and back, and checks that the arm does."""
+
+    def __init__(self, robot: Robot):
+        super().__init__(robot.arm, (), self._bend())
+        self._sensors = robot.sensors
+
+    def _bend(self) -> Iterator[Actions]:
+        geometry = self._geometry
+        rest = geometry.action_neutral
+        scale = geometry.action_scale[:, None]
+        towards_x = scale * TEST_BEND * geometry.cable_matrices[:, :, 0]
+        yield rest
+        before = self.reading
+        yield from self.approach(rest + towards_x)
+        yield from self.hold(rest + towards_x, SETTLING_TIME)
+        _check_displacement(self._sensors, before, self.reading, towards_x)
+        yield from self.approach(rest)
+
+
+class _InspectedRobot(Robot):
+    """A robot whose answers are checked, until one violates the interface.
+
+    Attributes:
+        passed: one line for every check that passed.
+    """
+
+    def __init__(self, robot: Robot):
+        self._robot = robot
+        self.arm = robot.arm
+        self.own_time = robot.own_time  # type: ignore[misc]
+        self.passed: list[str] = []
+        self._geometry = ArmGeometry.of(robot.arm)
+        self._is_inspected = True
+        self._has_sent = False
+        self._start: tuple[float, float] | None = None
+        self._elapsed = 0.0
+        self._is_clock_checked = False
+
+    @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        with self._violations():
+            return self._robot.sensors
+
+    def open(self) -> Reading:
+        with self._violations():
+            first = self._robot.open()
+            _require(
+                isinstance(first, Reading),
+                f"open() returned {first!r}, not the first reading",
+            )
+            return first
+
+    def read(self) -> Reading:
+        with self._violations():
+            reading = self._robot.read()
+            if self._is_inspected:
+                self._inspect(reading)
+            return reading
+
+    def send(self, action: Actions) -> Actions:
+        with self._violations():
+            if self._is_inspected and not self._has_sent:
+                self._has_sent = True
+                self._try_commands_at_rest()
+            sent = self._attempt(action.copy())
+            if not self._is_inspected:
+                return action  # on the way to rest after a violation
+            self._require_same(sent, action)
+            return sent
+
+    def advance(self, seconds: float) -> None:
+        with self._violations():
+            self._robot.advance(seconds)
+        self._elapsed += seconds
+
+    def halt(self) -> None:
+        self._robot.halt()
+
+    def close(self) -> None:
+        with self._violations():
+            self._robot.close()
+
+    @contextmanager
+    def _violations(self) -> Iterator[None]:
+        """A foreign exception is a violation; after one, nothing is checked any more."""
+        try:
+            yield
+        except S2C2AError:
+            self._is_inspected = False
+            raise
+        except Exception as error:
+            self._is_inspected = False
+            raise S2C2AError(
+                f"the robot violates the interface: it raised {error!r}; "
+                "see s2c2a.robots.Robot"
+            ) from error
+
+    def _attempt(self, action: Actions) -> Actions:
+        """Send an action, valid or not, unless the emergency stop is triggered."""
+        EMERGENCY_STOP.check()
+        return self._robot.send(action)
+
+    def _inspect(self, reading: Reading) -> None:
+        is_first = self._start is None
+        passed = [
+            _check_reading(reading, self._robot.sensors),
+            _check_standard_names(reading, self._geometry),
+            _check_arm_sensors(self.arm, self._robot.sensors),
+        ]
+        self._check_clock(reading.time)
+        if is_first:
+            self.passed += passed
+
+    def _check_clock(self, moment: float) -> None:
+        """Check once, after two control periods, that the robot's clock advances."""
+        now = self._elapsed if self.own_time else time.perf_counter()
+        if self._start is None:
+            self._start = now, moment
+        duration = now - self._start[0]
+        if self._is_clock_checked or duration < 1.5 * self.arm.control_period:
+            return
+        self._is_clock_checked = True
+        measured = moment - self._start[1]
+        advice = ""
+        if not self.own_time and measured == 0.0:
+            advice = (
+                ": `Reading.time` must follow the wall clock, or, if time passes in "
+                "advance() only, the class must set `own_time = True`"
+            )
+        _require(
+            abs(measured - duration) < 0.5 * duration,
+            f"in {duration:.3f} s, its clock advanced by {measured:.3f} s{advice}",
+        )
+        self.passed.append("the clock advances")
+
+    def _try_commands_at_rest(self) -> None:
+        self.passed += [
+            self._check_invalid_actions(),
+            self._check_no_waiting(),
+            self._check_buffers(),
+            self._check_limits(),
+        ]
+
+    def _check_invalid_actions(self) -> str:
+        shape = self._geometry.action_neutral.shape
+        self._check_rejected("NaN", np.full(shape, np.nan))
+        self._check_rejected("an action of the wrong shape", np.zeros(shape[0] + 1))
+        return "invalid actions raise ActionError before anything moves"
+
+    def _check_rejected(self, name: str, action: np.ndarray) -> None:
+        try:
+            self._attempt(action)
+        except ActionError:
+            return
+        except EmergencyStopError:
+            raise
+        except Exception as error:
+            raise _violation(
+                f"send() of {name} raised {error!r}; it must raise ActionError"
+            ) from error
+        raise _violation(
+            f"send() accepted {name}; it must raise ActionError before anything moves"
+        )
+
+    def _check_no_waiting(self) -> str:
+        rest = np.array(self._geometry.action_neutral)
+        before = self._robot.read()
+        start = time.perf_counter()
+        sent = self._attempt(rest)
+        middle = time.perf_counter()
+        after = self._robot.read()
+        duration = max(middle - start, time.perf_counter() - middle)
+        self._require_same(sent, self._geometry.action_neutral)
+        if self.own_time:
+            _require(
+                after.time == before.time,
+                "time passes in send(); it may pass in advance() only",
+            )
+            return "time passes in advance() only"
+        _require(
+            duration < 0.5 * self.arm.control_period,
+            f"send() or read() took {1e3 * duration:.0f} ms: they must not wait",
+        )
+        return "send() and read() return at once"
+
+    def _check_buffers(self) -> str:
+        """Check that `send` neither changes its argument nor returns an array twice.
+
+        Readings copy their arrays, so that a robot may use those again.
+        """
+        rest = self._geometry.action_neutral
+        first = np.array(rest + 1e-3 * np.abs(self._geometry.action_scale)[:, None])
+        for action in (first, first.astype(np.float32)):
+            given = action.copy()
+            self._attempt(given)
+            _require(
+                bool(np.array_equal(given, action)),
+                "send() changes its argument; change a copy, such as action.copy()",
+            )
+        sent = self._attempt(first.copy())
+        kept = np.array(sent)
+        other = self._attempt(np.array(rest))
+        is_shared = isinstance(sent, np.ndarray) and isinstance(other, np.ndarray)
+        _require(
+            bool(np.array_equal(kept, sent))
+            and not (is_shared and np.shares_memory(sent, other)),
+            "send() returns the same array again and changes it; return a copy",
+        )
+        return "send() keeps its argument and returns a new array"
+
+    def _check_limits(self) -> str:
+        """Check that actions beyond the limits are clipped, on simulated robots only."""
+        if not self.own_time:
+            return (
+                "send() returns the action sent "
+                "(limits are not tested on a real robot: use `checked_action`)"
+            )
+        geometry = self._geometry
+        scale = np.abs(geometry.action_scale)[:, None]
+        low = geometry.action_low - 0.02 * scale
+        high = geometry.action_high + 0.02 * scale
+        for beyond in (geometry.action_high + 10 * scale, low - 10 * scale):
+            limited = np.asarray(self._attempt(beyond))
+            self._attempt(np.array(geometry.action_neutral))
+            inside = (limited >= low) & (limited <= high)
+            _require(bool(inside.all()), "send() did not limit a far too large action")
+        return "actions stay within the arm's limits"
+
+    def _require_same(self, sent: Actions, action: Actions) -> None:
+        """Require that the robot sent an allowed action as it is."""
+        _require(
+            np.shape(sent) == action.shape,
+            f"send() returned {sent!r}, not the action sent",
+        )
+        tolerance = 0.02 * np.abs(self._geometry.action_scale)[:, None]
+        _require(
+            bool((np.abs(sent - action) <= tolerance).all()),
+            "send() of an allowed action returned another action",
+        )
+
+
+def _check_reading(reading: Reading, declared: Mapping[str, Sensor]) -> str:
+    _require(
+        isinstance(declared, Mapping) and len(declared) > 0,
+        f"it declares no sensors by name: {declared!r}",
+    )
+    _require(isinstance(reading, Reading), f"read() returned {reading!r}, no Reading")
+    required = {name for name, sensor in declared.items() if sensor.always}
+    missing = sorted(required - set(reading.sensors))
+    extra = sorted(set(reading.sensors) - set(declared))
+    _require(
+        not missing and not extra,
+        f"readings lack {missing} and hold {extra}, unlike its `sensors`",
+    )
+    for name, values in reading.sensors.items():
+        _check_values(name, values, declared[name])
+    return f"readings contain {', '.join(declared)}, as declared"
+
+
+def _check_values(name: str, values: np.ndarray, sensor: Sensor) -> None:
+    _require(isinstance(values, np.ndarray), f"'{name}' is {values!r}, no array")
+    _require(
+        values.shape == sensor.shape,
+        f"'{name}' has shape {values.shape}, declared as {sensor.shape}",
+    )
+    _require(values.dtype.kind in "fiub", f"'{name}' holds {values.dtype}, no numbers")
+    finite = np.isfinite(values)
+    _require(bool(finite.all()) or not sensor.always, f"'{name}' is not finite")
+    plausible = (values >= sensor.low) & (values <= sensor.high)
+    _require(
+        bool(plausible[finite].all()), f"'{name}' is outside its declared low and high"
+    )
+
+
+def _check_standard_names(reading: Reading, geometry: ArmGeometry) -> str:
+    """Check the shapes of sensors whose name has a fixed meaning."""
+    modules, cables = geometry.action_neutral.shape
+    shapes: dict[str, tuple[int, ...]] = {
+        "cables": (modules, cables),
+        "states": (modules, 6),
+        "configurations": (modules, 3),
+        "tensions": (modules, cables),
+        "camera_positions": (modules, 3),
+        "camera_age": (),
+    }
+    for name, shape in shapes.items():
+        values = reading.get(name)
+        _require(
+            values is None or values.shape == shape,
+            f"'{name}' must have shape {shape} on this arm",
+        )
+    for name in ("states", "configurations"):
+        values = reading.get(name)
+        if values is not None:
+            lengths = np.linalg.norm(values[:, -3:], axis=-1)
+            _require(
+                bool(np.allclose(lengths, 1.0, atol=1e-3)),
+                f"axes in '{name}' have lengths {lengths}, not 1",
+            )
+    return "sensors with standard names have standard shapes"
+
+
+def _check_arm_sensors(arm: ArmSpec, sensors: Mapping[str, Sensor]) -> str:
+    """Check that the robot provides every sensor that its arm file describes."""
+    for key, names in _described_sensors(arm).items():
+        missing = [name for name in names if name not in sensors]
+        _require(
+            not missing,
+            f"the arm file has {key}, but the robot provides no {', '.join(missing)} "
+            f"(it provides {', '.join(sensors)}); add them to its `sensors` and "
+            "readings, or correct the arm file",
+        )
+    return "the robot provides all sensors of the arm file"
+
+
+def _described_sensors(arm: ArmSpec) -> dict[str, tuple[str, ...]]:
+    """Names in readings of the sensors that an arm file describes, by its key."""
+    sensors = arm.sensors
+    described: dict[str, tuple[str, ...]] = {}
+    if arm.sensing == "encoders":
+        described['sensing = "encoders"'] = ("cables",)
+    if arm.motor.current_noise is not None:
+        described["motor.current_noise"] = ("tensions",)
+    if sensors.imu is not None:
+        described["[sensors.imu]"] = ("accelerations", "angular_velocities")
+    if sensors.camera is not None:
+        described["[sensors.camera]"] = ("camera_positions", "camera_age")
+    if sensors.flex is not None:
+        described["[sensors.flex]"] = ("flex",)
+    if sensors.raw:
+        described["[[sensors.raw]]"] = tuple(sensor.name for sensor in sensors.raw)
+    return described
+
+
+def _check_displacement(
+    sensors: Mapping[str, Sensor], before: Reading, after: Reading, towards_x: Actions
+) -> None:
+    if "cables" in sensors:
+        change = np.subtract(after["cables"], before["cables"], dtype=float)
+        moved = change * towards_x
+        shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
+        wrong = [
+            f"those of module {number} moved {share:.0f} %"
+            for number, share in enumerate(shares, start=1)
+            if not share > 50
+        ]
+        _require(
+            not wrong,
+            f"'cables' do not follow: {', '.join(wrong)} of the commanded "
+            "displacement: wrong sign, or nothing moves",
+        )
+    if "states" in sensors:
+        displacement = after["states"][-1, POSITION] - before["states"][-1, POSITION]
+        _require(
+            displacement[0] > 0 and displacement[0] > 2 * abs(displacement[1]),
+            f"commanded towards +x, the tip moved by {displacement.round(4)} m",
+        )
+
+
+def _require(condition: bool, fault: str) -> None:
+    if not condition:
+        raise _violation(fault)
+
+
+def _violation(fault: str) -> S2C2AError:
+    return S2C2AError(
+        f"the robot violates the interface: {fault}; see s2c2a.robots.Robot"
+    )

@@ -1,0 +1,66 @@
+"""What the control loop calls in every step: a strategy, or a player of motions."""
+
+from collections.abc import Mapping
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.goals import Goal
+from s2c2a.spaces import Actions, Reading
+
+EstimateT = TypeVar("EstimateT")
+PlanT = TypeVar("PlanT")
+
+
+class Driver(Protocol[EstimateT, PlanT]):
+    """Controller that chooses the action of every control step, such as a strategy.
+
+    Its types are those of its estimates and plans, which the loop only passes on.
+
+    Attributes:
+        feedback: share of the feedback that it may use, from 0 to 1. The loop sets it
+            before every step and lowers it when the arm vibrates. A controller that
+            ignores it is held if the vibration goes on.
+    """
+
+    feedback: float
+
+    @property
+    def name(self) -> str:
+        """Name in records and tables."""
+
+    @property
+    def arm(self) -> ArmSpec:
+        """Arm that it controls."""
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that it requires."""
+
+    def start(self, reading: Reading) -> None:
+        """Begin to control an arm at rest."""
+
+    def estimate(self, reading: Reading, last_command: Actions) -> EstimateT:
+        """Estimate the state of the arm.
+
+        Args:
+            reading: latest.
+            last_command: that was sent in the last step [m or N], shape (modules,
+                cables).
+        """
+
+    def plan(self, estimate: EstimateT, goal: Goal) -> PlanT:
+        """Plan toward a goal."""
+
+    def act(self, plan: PlanT, estimate: EstimateT) -> Actions:
+        """Return the command [m or N], shape (modules, cables)."""
+
+    def sent(self, action: Actions) -> None:
+        """Receive the command that replaced the last action.
+
+        The loop calls this after every step whose action exceeded a limit.
+        """
+
+    def diagnostics(self) -> Mapping[str, np.ndarray]:
+        """Return telemetry of the last step, by column of an episode (`planned`)."""
