@@ -5,10 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tools.check_site import findings
 from tools.pages import ROOT
 
 
+@pytest.mark.slow
 def test_the_site_builds_strictly_and_has_no_dead_links(tmp_path):
     for name in ("src", "tools"):
         (tmp_path / name).symlink_to(ROOT / name)
