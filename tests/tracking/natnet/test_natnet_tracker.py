@@ -51,7 +51,7 @@ def test_multicast_frames_arrive_with_the_group_given_or_stated(stated):
 
 def test_a_hidden_body_is_absent_until_it_is_seen_again():
     with (
-        streaming(faults=("0.5 hidden end-1 1",)) as ports,
+        streaming(faults=("0.2 hidden end-1 0.3",)) as ports,
         NatNetTracker(**ports) as tracker,
     ):
         frames_arrive(tracker)
@@ -71,9 +71,11 @@ def test_swapped_bodies_have_each_others_poses():
     np.testing.assert_allclose(position, POSES["end-1"].position)
 
 
-def test_the_tracker_connects_again_after_a_restart():
+def test_the_tracker_connects_again_after_a_restart(monkeypatch):
+    monkeypatch.setattr("s2c2a.tracking.natnet.connection.SILENCE", 0.3)
+    monkeypatch.setattr("s2c2a.tracking.datagrams.RESTART_SILENCE", 0.2)
     with (
-        streaming(faults=("1 restart 1.5",)) as ports,
+        streaming(faults=("0.3 restart 0.6",)) as ports,
         NatNetTracker(**ports) as tracker,
     ):
         frames_arrive(tracker)
