@@ -24,9 +24,9 @@ def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(
     # as `live` hands it to the process of the control
     robot = pickle.loads(pickle.dumps(robot))
     clock = HeldClock()
-    control = ArmControl(
-        robot.make(twin, seed=0), {"s2c2a": lambda: strategy}, {}, 2.0, clock
-    )
+    blind_arm = robot.make(twin, seed=0)
+    blind_arm.now = clock.now
+    control = ArmControl(blind_arm, {"s2c2a": lambda: strategy}, {}, 2.0, clock)
     control.start()
     page = LivePage(control, 0, tmp_path)
     assert control.limits.payload == control.limits.force == 0.0
