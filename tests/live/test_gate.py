@@ -131,6 +131,8 @@ def test_a_browser_drives_on_arrival_and_the_arm_holds_when_it_leaves(control, p
             ),
             what="arriving",
         )
+        arrived = len(rows)
+        until(lambda: len(rows) > arrived + 30, what="the end of the vibration")
     until(lambda: control.latest.stage is Stage.IDLE, what="rest")
     holding = np.array([row.states[-1, :3] for row in rows if row.stage is Stage.HOLD])
     assert len(holding) > 10
