@@ -71,11 +71,9 @@ def test_swapped_bodies_have_each_others_poses():
     np.testing.assert_allclose(position, POSES["end-1"].position)
 
 
-def test_the_tracker_connects_again_after_a_restart(monkeypatch):
-    monkeypatch.setattr("s2c2a.tracking.natnet.connection.SILENCE", 0.3)
-    monkeypatch.setattr("s2c2a.tracking.datagrams.RESTART_SILENCE", 0.2)
+def test_the_tracker_connects_again_after_a_restart():
     with (
-        streaming(faults=("0.3 restart 0.6",)) as ports,
+        streaming(faults=("1 restart 1.5",)) as ports,
         NatNetTracker(**ports) as tracker,
     ):
         frames_arrive(tracker)
