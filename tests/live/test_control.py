@@ -4,6 +4,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
+from held_clock import HeldClock  # type: ignore[import-not-found]
 
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import SimulationError
@@ -11,8 +12,6 @@ from s2c2a.live.page import LivePage
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Obstacle
 from s2c2a.spaces import POSITION, Stage
-
-from held_clock import HeldClock  # type: ignore[import-not-found]
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import time
 from functools import partial
 
 import pytest
+from light_control import light_control  # type: ignore[import-not-found]
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.gate import STOP, STOP_HEADER
@@ -16,7 +17,6 @@ from s2c2a.live.page import STOP_PRESSED, LivePage
 from s2c2a.live.process import ENDED, NOT_RESPONDING, PAGE_LOST, ControlProcess
 from s2c2a.spaces import Stage
 
-from light_control import light_control  # type: ignore[import-not-found]
 from live_tabs import until  # type: ignore[import-not-found]
 
 TIMEOUT = 2.0  # s

@@ -4,14 +4,13 @@ import pickle
 from pathlib import Path
 
 import pytest
+from held_clock import HeldClock  # type: ignore[import-not-found]
 
 from s2c2a.cli.execution import robot_factory_for
 from s2c2a.live.control import ArmControl
 from s2c2a.live.page import MODEL_DRAWN, LivePage
 from s2c2a.live.recorder import Recorder
 from s2c2a.spaces import Stage
-
-from held_clock import HeldClock  # type: ignore[import-not-found]
 
 
 def test_an_arm_without_measured_states_is_drawn_as_predicted_and_recorded(

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from light_control import light_control  # type: ignore[import-not-found]
 
 from s2c2a.errors import S2C2AError
 from s2c2a.live.control import arm_control, tasks_of
@@ -14,7 +15,6 @@ from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.tasks import TASKS
 
-from light_control import light_control  # type: ignore[import-not-found]
 from live_tabs import until  # type: ignore[import-not-found]
 
 
