@@ -1,6 +1,8 @@
-# Two commands, each complete by itself: `make demo` and `make test`.
+# Three commands, each complete by itself: `make demo`, `make test` and `make test-all`.
 PYTHON ?= python3
 BIN := .venv/bin
+# a worker that has no tests left takes those that another has not begun
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # What `make docs` runs: make docs PAGES="docs/guides/live.md README.md"
 PAGES ?= README.md docs
@@ -8,13 +10,16 @@ PAGES ?= README.md docs
 # Checks of types and imports, and the installation of the browser, run side by side.
 MAKEFLAGS += --jobs=2
 
-.PHONY: demo test check style types imports docs docs-site bench format setup browser clean
+.PHONY: demo test test-all check style types imports docs docs-site bench format setup browser clean
 
 demo: .venv/installed  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
 
-test: check browser  ## style, types, imports, tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+test: check  ## style, types, imports, and the tests that are not marked slow
+	$(PYTEST) -m "not slow"
+
+test-all: check browser  ## style, types, imports, and every test
+	$(PYTEST)
 
 check: style types imports  ## style, types, imports
 

@@ -101,6 +101,7 @@ def package_files(wheel: Path) -> dict[str, int]:
         }
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_every_file_of_the_package_and_no_other(distributions):
     tracked = {
         f"s2c2a/{path.relative_to(SOURCE).as_posix()}"
@@ -110,6 +111,7 @@ def test_the_wheel_holds_every_file_of_the_package_and_no_other(distributions):
     assert set(package_files(distributions[0])) == tracked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "file",
     [
@@ -125,12 +127,14 @@ def test_the_wheel_holds_files_that_are_not_python(distributions, file):
     assert package_files(distributions[0])[f"s2c2a/{file}"] > 0
 
 
+@pytest.mark.slow
 def test_the_wheel_is_small_without_the_weights(distributions):
     sizes = package_files(distributions[0])
     code = [size for name, size in sizes.items() if not name.startswith(WEIGHTS)]
     assert sum(code) <= MAX_BYTES
 
 
+@pytest.mark.slow
 def test_the_source_distribution_builds_the_same_wheel(distributions, tmp_path):
     wheel, sdist = distributions
     with tarfile.open(sdist) as archive:
@@ -145,6 +149,7 @@ def test_the_source_distribution_builds_the_same_wheel(distributions, tmp_path):
             assert first.read(name) == second.read(name), name
 
 
+@pytest.mark.slow
 def test_the_wheel_works_outside_the_checkout(environment, tmp_path):
     code = SMOKE.format(environment=str(environment))
     run_outside(environment, tmp_path, "python", "-c", code)

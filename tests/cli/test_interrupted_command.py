@@ -50,8 +50,12 @@ def interrupted():
     return run
 
 
+MOMENTS = np.random.default_rng(0).uniform(0.0, 3.0, 8).round(3)  # s
+
+
 @pytest.mark.parametrize(
-    "after", np.random.default_rng(0).uniform(0.0, 3.0, 8).round(3)
+    "after",
+    [0.1, *[pytest.param(moment, marks=pytest.mark.slow) for moment in MOMENTS]],
 )
 def test_an_interrupt_at_any_moment_ends_the_command_without_a_traceback(
     interrupted, after

@@ -35,6 +35,7 @@ def printed(notebook) -> str:
     )
 
 
+@pytest.mark.slow
 def test_networks_follow_the_circle_better_than_arcs(executed):
     notebook, _ = executed
     errors = dict(re.findall(r"(\S+): ([\d.]+) cm from the circle", printed(notebook)))
@@ -42,6 +43,7 @@ def test_networks_follow_the_circle_better_than_arcs(executed):
     assert float(errors["s2c2a"]) < float(errors["pcc"])
 
 
+@pytest.mark.slow
 def test_figures_are_shown_in_the_notebook(executed):
     notebook, _ = executed
     pictures = [
@@ -54,6 +56,7 @@ def test_figures_are_shown_in_the_notebook(executed):
     assert len(pictures) == 3
 
 
+@pytest.mark.slow
 def test_the_notebook_leaves_nothing_in_its_folder(executed):
     _, folder = executed
     assert list(folder.iterdir()) == []

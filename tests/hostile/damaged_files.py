@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -469,25 +469,47 @@ def make(form: Format, number: int, samples: list[bytes], path: Path) -> int:
     return which
 
 
-def child(form: Format, folder: Path) -> None:
-    """Make and read the files whose numbers come in; say for each how that ended."""
-    from s2c2a.errors import S2C2AError
+@contextlib.contextmanager
+def limited_memory() -> Iterator[None]:
+    """Let this program take `MEMORY` more than it has."""
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
+
+def samples_of(form: Format, path: Path) -> tuple[list[bytes], list]:
+    """Undamaged files of a format, and what is read from them."""
     samples = form.samples()
-    path = folder / f"x{os.getpid()}{Path(form.name).suffix}"
     said = []
     for sample in samples:
         path.write_bytes(sample)
         said.append(form.read(path))
-    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
+    return samples, said
+
+
+def child(folder: Path) -> None:
+    """Make and read the files whose formats and numbers come in; say how that ended."""
+    from s2c2a.errors import S2C2AError
+
+    known_samples: dict[str, tuple[list[bytes], list]] = {}
     print("ready", flush=True)
     for line in sys.stdin:
-        which = make(form, int(line), samples, path)
+        name, number = line.split()
+        form = FORMATS[name]
+        path = folder / f"x{os.getpid()}{Path(name).suffix}"
+        if name not in known_samples:
+            known_samples[name] = samples_of(form, path)
+        samples, said = known_samples[name]
+        which = make(form, int(number), samples, path)
         before = resource.getrusage(resource.RUSAGE_SELF)
         signal.alarm(SECONDS)
         try:
-            found = form.read(path)
+            with limited_memory():
+                found = form.read(path)
             known = said[which]
             outcome = "another file" if not form.digest else "changed"
             if found == known:
@@ -521,21 +543,14 @@ def max_resident() -> int:
 
 
 class Reader:
-    """A child that reads one format, born again whenever it dies."""
+    """A child that reads files, born again whenever it dies."""
 
-    def __init__(self, name: str, folder: Path):
-        self.command = [
-            sys.executable,
-            __file__,
-            "--child",
-            name,
-            "--folder",
-            str(folder),
-        ]
+    def __init__(self, folder: Path):
+        self.command = [sys.executable, __file__, "--child", str(folder)]
         self.child: subprocess.Popen | None = None
 
-    def read(self, number: int) -> dict:
-        """How the file of this number ended."""
+    def read(self, name: str, number: int) -> dict:
+        """How the file of this format and number ended."""
         if self.child is None:
             environment = os.environ | {
                 "JAX_PLATFORMS": "cpu",
@@ -549,7 +564,7 @@ class Reader:
                 env=environment,
             )
             assert self.child.stdout.readline() == "ready\n"
-        self.child.stdin.write(f"{number}\n")
+        self.child.stdin.write(f"{name} {number}\n")
         self.child.stdin.flush()
         answer = self.child.stdout.readline()
         if answer:
@@ -564,18 +579,20 @@ class Reader:
 
     def close(self) -> int:
         """Let it go."""
+        if self.child is None:
+            return 0
         self.child.stdin.close()
         code, self.child = self.child.wait(), None
         return code
 
 
 def read_all(
-    name: str, numbers: range, folder: Path
+    reader: Reader, name: str, numbers: range
 ) -> tuple[Counter, list[tuple[int, dict]], float, int]:
     """Counts of outcomes, bad files, longest time [s] and peak memory [bytes]."""
-    reader, counts, bad, slowest, resident = Reader(name, folder), Counter(), [], 0.0, 0
+    counts, bad, slowest, resident = Counter(), [], 0.0, 0
     for number in numbers:
-        answer = reader.read(number)
+        answer = reader.read(name, number)
         counts[answer["outcome"]] += 1
         slowest, resident = (
             max(slowest, answer["seconds"]),
@@ -583,8 +600,6 @@ def read_all(
         )
         if answer["outcome"] in BAD or answer["resident"] > MAX_RESIDENT:
             bad.append((number, answer))
-    if reader.child:
-        reader.close()
     return counts, bad, slowest, resident
 
 
@@ -601,11 +616,10 @@ def main() -> int:
         help="number of the first file: another one, other damage",
     )
     parser.add_argument("--formats", nargs="*", default=list(FORMATS))
-    parser.add_argument("--child")
-    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--child", type=Path)
     asked = parser.parse_args()
     if asked.child:
-        child(FORMATS[asked.child], asked.folder)
+        child(asked.child)
         return 0
     each, wrong, total = -(-asked.count // len(asked.formats)), [], Counter()
     print(
@@ -614,9 +628,10 @@ def main() -> int:
     print("| --- " * (len(COLUMNS) + 4) + "|")
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
+        reader = Reader(Path(folder))
         for name in asked.formats:
             numbers = range(asked.first, asked.first + each)
-            counts, bad, slowest, resident = read_all(name, numbers, Path(folder))
+            counts, bad, slowest, resident = read_all(reader, name, numbers)
             total += counts
             wrong += [(name, *one) for one in bad]
             cells = " | ".join(str(counts[column]) for column in COLUMNS)
@@ -624,6 +639,7 @@ def main() -> int:
                 f"| {name} | {each} | {cells} | {slowest:.2f} | {resident / 1e6:.0f} |",
                 flush=True,
             )
+        reader.close()
     print(
         f"| all | {total.total()} | "
         + " | ".join(str(total[column]) for column in COLUMNS)

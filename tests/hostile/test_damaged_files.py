@@ -4,14 +4,22 @@
 """
 
 import pytest
-from damaged_files import BAD, FORMATS, MAX_RESIDENT, read_all
+from damaged_files import BAD, FORMATS, MAX_RESIDENT, Reader, read_all
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory):
+    """One process for all formats: most of its time is its start."""
+    started = Reader(tmp_path_factory.mktemp("damaged"))
+    yield started
+    started.close()
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files_are_read_correctly_or_raise_an_error_of_the_package(
-    name, tmp_path
+    name, reader
 ):
-    counts, bad, _, resident = read_all(name, range(1_000_000, 1_000_150), tmp_path)
+    counts, bad, _, resident = read_all(reader, name, range(1_000_000, 1_000_150))
     assert counts.total() == 150
     assert not any(counts[ending] for ending in BAD), bad
     assert resident < MAX_RESIDENT

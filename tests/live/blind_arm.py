@@ -14,6 +14,7 @@ class BlindArm(Robot):
         self.arm = arm
         self.port = port
         self.baud = baud
+        self.now = time.perf_counter
         self._geometry = ArmGeometry.of(arm)
         self._cables = self._geometry.action_neutral
 
@@ -24,13 +25,13 @@ class BlindArm(Robot):
 
     def open(self) -> Reading:
         """Start at rest."""
-        self._start = time.perf_counter()
+        self._start = self.now()
         self._cables = self._geometry.action_neutral
         return self.read()
 
     def read(self) -> Reading:
         """The last command."""
-        elapsed = time.perf_counter() - self._start
+        elapsed = self.now() - self._start
         return Reading(elapsed, {"cables": self._cables.copy()})
 
     def send(self, action):

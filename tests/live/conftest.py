@@ -9,6 +9,7 @@ from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime import WallClock
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, load_task
 
@@ -22,11 +23,17 @@ def strategy():
 
 
 @pytest.fixture
-def control(twin, strategy):
+def clock():
+    """The clock of the control."""
+    return WallClock()
+
+
+@pytest.fixture
+def control(twin, strategy, clock):
     """A running control of the simulated twin."""
     tasks = {name: partial(load_task, name, twin) for name in TASKS}
     running = ArmControl(
-        SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, release_after=2.0
+        SimulatedRobot(twin), {"s2c2a": lambda: strategy}, tasks, 2.0, clock
     )
     running.start()
     yield running

@@ -23,6 +23,8 @@ WIDE = (1280, 800)
 TALL = (390, 844)
 # viser's own page logs this error at every drag
 PASSIVE = "Unable to preventDefault inside passive event listener"
+POINTS_AT_OBJECT = """() => [...document.querySelectorAll("canvas")].some(
+    (canvas) => canvas.style.cursor === "pointer")"""
 FIELD_OF_VIEW = np.deg2rad(FIELD_OF_VIEW_DEG)
 
 
@@ -59,22 +61,23 @@ class Tab:
         return width / 2 + scale * (ray @ right), height / 2 - scale * (ray @ up)
 
     def drag(self, start, end, steps: int = 12) -> None:
-        """Drag with the mouse from one pixel to another."""
+        """Drag the object at one pixel to another.
+
+        Without a graphics card, objects may appear late: the drag waits until the
+        browser finds one that can be dragged under the mouse.
+        """
         mouse = self.page.mouse
-        mouse.move(*start)
-        time.sleep(0.3)
+        until(lambda: self._finds_object(start), what="an object to be dragged")
         mouse.down()
         for share in np.linspace(0, 1, steps + 1)[1:]:
             mouse.move(*(np.array(start) + share * (np.array(end) - start)))
-            time.sleep(0.05)
         mouse.up()
 
-    def drag_reported(self, point, offset, arm, positions: list) -> bool:
-        """Drag the object at a point by pixels; whether the handler got positions."""
-        start = np.array(self.place_of(point, arm))
-        self.drag(start, start + offset)
-        time.sleep(1.0)
-        return bool(positions)
+    def _finds_object(self, place) -> bool:
+        """Move the mouse to a pixel; whether the cursor shows an object there."""
+        for offset in (1.0, 0.0):
+            self.page.mouse.move(place[0] + offset, place[1])
+        return self.page.evaluate(POINTS_AT_OBJECT)
 
     def screenshot(self) -> Image.Image:
         """The picture on the screen."""

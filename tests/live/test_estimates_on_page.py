@@ -41,6 +41,7 @@ def estimating(sensing_arm, tmp_path):
     control.stop()
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_estimated_payload(estimating, chromium):
     control, page = estimating
     tab = Tab(chromium, page.gate.address)

@@ -11,27 +11,24 @@ from functools import partial
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.control import arm_control
 from s2c2a.live.gate import STOP, STOP_HEADER
 from s2c2a.live.page import STOP_PRESSED, LivePage
 from s2c2a.live.process import ENDED, NOT_RESPONDING, PAGE_LOST, ControlProcess
-from s2c2a.robots import RobotFactory
 from s2c2a.spaces import Stage
 
+from light_control import light_control  # type: ignore[import-not-found]
 from live_tabs import until  # type: ignore[import-not-found]
 
 TIMEOUT = 2.0  # s
 PAGE_THAT_HANGS = """
-import sys, time
-from functools import partial
+import sys
+sys.path.insert(0, sys.argv[1])
+from light_control import light_control
 from s2c2a.arm import load_arm
-from s2c2a.live.control import arm_control
 from s2c2a.live.process import ControlProcess
-from s2c2a.robots import RobotFactory
 
 if __name__ == "__main__":
-    arm = load_arm("twin_arm")
-    control = ControlProcess(arm, partial(arm_control, arm, RobotFactory(), release_after=60.0))
+    control = ControlProcess(load_arm("twin_arm"), light_control)
     control.wait_until_ready()
     def report(snapshot):
         values = snapshot.step.moment, snapshot.stage.name, control.halted_by
@@ -48,13 +45,11 @@ if __name__ == "__main__":
 """
 
 
-@pytest.fixture
-def live(twin, tmp_path):
-    """A running control process and its page."""
-    running = ControlProcess(
-        twin, partial(arm_control, twin, RobotFactory(), release_after=60.0)
-    )
-    page = LivePage(running, 0, tmp_path)
+@pytest.fixture(scope="module")
+def live(twin, tmp_path_factory):
+    """A running control process and its page; a test that kills it is the last."""
+    running = ControlProcess(twin, light_control)
+    page = LivePage(running, 0, tmp_path_factory.mktemp("live"))
     running.wait_until_ready()
     running.ask(driven=True, target=(0.15, 0.0, 0.55))
     until(lambda: running.latest.stage is Stage.RUN, what="running")
@@ -93,13 +88,16 @@ def test_a_killed_control_is_reported_and_cannot_be_reset(live):
     os.kill(control.process, signal.SIGKILL)
     until_shown(page, ENDED)
     assert press_stop(page) == 503
-    with pytest.raises(S2C2AError, match="has ended"):
-        control.reset()
+    assert "has ended" in control.latest.fault
+    control.ask(driven=True)
+    for call in (control.reset, control.reset, partial(control.use, "pcc")):
+        with pytest.raises(S2C2AError, match="has ended"):
+            call()
 
 
 def test_a_page_that_hangs_stops_its_arm_until_the_driver_resumes():
     page = subprocess.Popen(
-        [sys.executable, "-c", PAGE_THAT_HANGS],
+        [sys.executable, "-c", PAGE_THAT_HANGS, os.path.dirname(__file__)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -118,11 +116,11 @@ def test_a_page_that_hangs_stops_its_arm_until_the_driver_resumes():
         pass
     stopped = time.perf_counter()
     page.send_signal(signal.SIGSTOP)
-    time.sleep(3.0)
+    time.sleep(2.5)
     page.send_signal(signal.SIGCONT)
     advance()  # a target dragged meanwhile does not resume the arm
     reports = [report()]
-    while reports[-1][0] < stopped + 5.0:
+    while reports[-1][0] < stopped + 3.5:
         reports.append(report())
     holding = [moment for moment, stage, _ in reports if stage == "HOLD"]
     assert holding[0] - stopped < TIMEOUT

@@ -59,6 +59,7 @@ def test_a_model_without_uncertainty_has_no_ball(window, std):
     assert not window.scene._uncertainty.visible
 
 
+@pytest.mark.slow
 def test_a_target_inside_the_ball_can_be_dragged(window, twin, chromium):
     positions = []
     window.scene.on_drag(
@@ -69,7 +70,9 @@ def test_a_target_inside_the_ball_can_be_dragged(window, twin, chromium):
     window.scene.draw_target(TIP, None)
     window.scene.draw_uncertainty(TIP, 0.05)
     tab = Tab(chromium, window.gate.address)
-    until(lambda: tab.drag_reported(TIP, (60, -40), twin, positions), what="the drag")
+    start = np.array(tab.place_of(TIP, twin))
+    tab.drag(start, start + np.array([60.0, -40.0]))
+    until(lambda: positions, what="the drag")
     tab.keep("wide-uncertainty")
     tab.page.close()
 

@@ -122,6 +122,7 @@ def page(traces, arm, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 def test_the_page_draws_without_an_error_and_nothing_overlaps(
     chromium, page, traces, size
@@ -142,6 +143,7 @@ def test_the_page_draws_without_an_error_and_nothing_overlaps(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 def test_the_page_states_the_steps_of_the_mean_and_nothing_overlaps(
     chromium, make_trace, arm, tmp_path, size
@@ -160,6 +162,7 @@ def test_the_page_states_the_steps_of_the_mean_and_nothing_overlaps(
     assert (probe["overlaps"], probe["sideways"]) == (0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "stage_ends", "least"), [(SIZES[0], 690, 4500), (SIZES[1], 380, 1000)]
 )
@@ -180,6 +183,7 @@ def test_the_arm_is_seen_in_the_colors_of_its_modules(
         assert seen > least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 1), True)])
 def test_the_tip_of_a_hanging_arm_is_below_its_base(
     chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below, drawn
@@ -203,6 +207,7 @@ def test_keys_step_play_and_select_runs(chromium, page):
     ]
 
 
+@pytest.mark.slow
 def test_runs_with_gaps_or_a_single_step_are_drawn(
     chromium, make_arm, make_trace, tmp_path, drawn
 ):

@@ -26,6 +26,7 @@ from s2c2a.planning import Guard
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import (
     EMERGENCY_STOP,
+    Clock,
     Driver,
     Loop,
     Patience,
@@ -57,7 +58,12 @@ class ArmControl(Control):
     """Controls an arm in this process, in a separate thread."""
 
     def __init__(
-        self, robot: Robot, strategies: Strategies, tasks: Tasks, release_after: float
+        self,
+        robot: Robot,
+        strategies: Strategies,
+        tasks: Tasks,
+        release_after: float,
+        clock: Clock | None = None,
     ):
         """Build the control loop without opening the robot.
 
@@ -68,6 +74,7 @@ class ArmControl(Control):
             tasks: builders of tasks by name; a task is built when first played.
             release_after: time without a driver [s] after which the arm returns to
                 rest.
+            clock: of the control loop; by default the wall clock.
 
         Raises:
             S2C2AError: the strategy cannot be built, or needs a sensor that the robot
@@ -86,8 +93,9 @@ class ArmControl(Control):
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         strategy = strategies[self._name]()
         sensing = self._disturbances.corrupt
+        self._clock = clock or WallClock()
         self._loop = Loop(
-            robot, strategy, WallClock(), patience=patience, sensing=sensing
+            robot, strategy, self._clock, patience=patience, sensing=sensing
         )
         self._commands: deque[Callable[[], None]] = deque()
         self._stopping = threading.Event()
@@ -191,7 +199,7 @@ class ArmControl(Control):
             if not self._opened.is_set():
                 raise
             self._loop.stop(error)
-            self._stopping.wait(self.arm.control_period)
+            self._clock.wait_until(self._clock.now() + self.arm.control_period)
             if self._latest is not None:
                 self._show(
                     replace(self._latest, stage=Stage.FAULT, fault=self._loop.fault)

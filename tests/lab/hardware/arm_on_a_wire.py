@@ -1,11 +1,7 @@
 """A real robot, its control loop and emulated servos at the other end of a wire."""
 
-import os
 import re
-import subprocess
-import sys
-import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -110,8 +106,6 @@ class ArmOnAWire:
     @contextmanager
     def driven(self, is_steady=False, **options):
         """Drive the arm; its loop is open meanwhile."""
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, -10)
         patience = Patience.of(self.arm.control_rate, unsound=UNSOUND)
         self.loop = Loop(
             self.robot(**options),
@@ -120,12 +114,8 @@ class ArmOnAWire:
             on_step=self.records.append,
             monitors_vibration=False,
         )
-        try:
-            with self.loop:
-                yield self.loop
-        finally:
-            with suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, 0, 0)
+        with self.loop:
+            yield self.loop
 
     def steps(self, count):
         return [self.loop.tick(StepRequest()) for _ in range(count)]
@@ -158,11 +148,6 @@ class ArmOnAWire:
             for before, now in pairwise(records)
         )
 
-    def controller(self):
-        """A process that drives the arm until it is killed."""
-        command = [sys.executable, __file__, self.arm_file, self.port, self.calibration]
-        return subprocess.Popen(list(map(str, command)))
-
     def steps_until(self, stage, most=60):
         """Steps until the arm is in a stage; the last one."""
         for _ in range(most):
@@ -184,12 +169,16 @@ class ArmOnAWire:
         (servo,) = [s for s in self.emulator.status()["servos"] if s["id"] == id]
         return servo
 
+    def places(self):
+        """True displacement of every cable [m]."""
+        return [servo["displacement"] for servo in self.emulator.status()["servos"]]
+
     def wait_until(self, is_reached, seconds=20.0):
         """Wait until the emulator's state fulfils a condition."""
-        end = time.monotonic() + seconds
+        end = self.emulator.now + seconds
         while not is_reached(self.emulator.status()):
-            assert time.monotonic() < end, f"not reached in {seconds} s"
-            time.sleep(0.02)
+            assert self.emulator.now < end, f"not reached in {seconds} s"
+            self.emulator.sleep(0.02)
 
     def check_limits(self):
         """Assert that no command or current exceeded its limit."""
@@ -212,15 +201,3 @@ class ArmOnAWire:
         assert all(np.isfinite(record.reading["cables"]).all() for record in sound)
         episode = build_episode(self.records, self.arm)
         assert np.isfinite(episode["actions"]).all()
-
-
-def drive_for_ever(arm_file, port, calibration):
-    """Drive an arm, as a controller in a process of its own."""
-    arm = load_arm(arm_file)
-    with Loop(DynamixelRobot(arm, port, calibration), Swing(arm, True)) as loop:
-        while True:
-            loop.tick(StepRequest())
-
-
-if __name__ == "__main__":
-    drive_for_ever(*sys.argv[1:])

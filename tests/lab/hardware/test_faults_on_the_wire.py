@@ -1,34 +1,25 @@
 """Faults of servos and wire, with emulated servos at the other end."""
 
-import signal
-import sys
-import time
-
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
-from emulator_process import EmulatorProcess
+from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import servos_of
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.lab.cli import motors
-from s2c2a.lab.hardware.bus import BusError, PortLostError
-from s2c2a.lab.hardware.buses import open_bus
+from s2c2a.lab.hardware import bring_up
+from s2c2a.lab.hardware.bus import PortLostError
 from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
 from s2c2a.runtime import check_robot
 from s2c2a.spaces import Stage
 
 CYCLES = 3  # in which a fault is seen
-PATIENCE = 30.0  # s
-pytestmark = pytest.mark.skipif(
-    sys.platform == "win32", reason="the emulator needs pseudo-terminals"
-)
 
 
-@pytest.fixture(scope="module")
-def emulator():
-    with EmulatorProcess() as process:
-        yield process
+@pytest.fixture
+def emulator(monkeypatch):
+    return EmulatorInMemory(monkeypatch)
 
 
 @pytest.fixture
@@ -44,7 +35,6 @@ def make_wire(emulator, tmp_path, monkeypatch):
     yield make
     for wire in wires:
         wire.check_limits()
-        emulator.stop()
 
 
 @pytest.fixture
@@ -178,15 +168,6 @@ def test_an_unplugged_port_ends_the_run_and_can_be_opened_again(wire):
     assert not any(record.fault for record in records)
 
 
-def test_a_second_program_cannot_take_the_port(wire):
-    with wire.driven():
-        wire.steps(2)
-        with pytest.raises(BusError, match=r"cannot be opened.*no other program uses"):
-            open_bus(servos_of(wire.arm), str(wire.port))
-        records = wire.steps(5)
-    assert not any(record.fault for record in records)
-
-
 def test_an_emergency_stop_releases_the_arm_where_it_is(wire):
     with wire.driven(is_steady=True):
         wire.steps(8)
@@ -202,22 +183,16 @@ def test_an_emergency_stop_releases_the_arm_where_it_is(wire):
 
 
 def test_a_controller_that_stops_or_dies_leaves_servos_that_stop(wire):
-    controller = wire.controller()
-    try:
-        wire.wait_until(moves)
-        controller.send_signal(signal.SIGSTOP)
+    with wire.driven(is_steady=True):
+        wire.steps(20)
+        assert moves(wire.emulator.status())
         wire.wait_until(has_stopped)
-        controller.send_signal(signal.SIGCONT)
-        wire.wait_until(lambda status: obeys(status) and moves(status))
-        controller.kill()
-        controller.wait(PATIENCE)
+        wire.steps(5)
+        assert obeys(wire.emulator.status())
         wire.wait_until(has_stopped)
-        places = [servo["displacement"] for servo in wire.emulator.status()["servos"]]
-        time.sleep(0.3)
-        later = [servo["displacement"] for servo in wire.emulator.status()["servos"]]
-    finally:
-        controller.kill()
-    np.testing.assert_allclose(later, places, atol=3e-4)
+        places = wire.places()
+        wire.emulator.sleep(0.3)
+        np.testing.assert_allclose(wire.places(), places, atol=3e-4)
     with wire.driven():
         assert not any(record.fault for record in wire.steps(3))
 
@@ -270,16 +245,15 @@ def test_homing_finds_the_straight_arm_and_the_check_agrees(
     emulator, tmp_path, monkeypatch, capsys
 ):
     for name, value in (("STILL_TIME", 0.25), ("CURRENT_STEPS", (1.0,))):
-        monkeypatch.setattr(f"s2c2a.lab.hardware.bring_up.{name}", value)
+        monkeypatch.setattr(bring_up, name, value)
     wire = ArmOnAWire(emulator, tmp_path, homed=False)  # slack in every cable
     arm, port = str(wire.arm_file), str(wire.port)
     path = tmp_path / "homes.json"
     motors.home(arm, port, path, repeat=1, yes=True)
     motors.check(arm, port, path, yes=True)
-    status = emulator.stop()
+    status = emulator.status()
     assert "all 9 cables move as they should" in capsys.readouterr().out
-    places = [servo["displacement"] for servo in status["servos"]]
-    assert np.abs(places).max() < 0.001
+    assert np.abs(wire.places()).max() < 0.001
     assert status["largest_current"] <= 1.05 * servos_of(wire.arm).limits.current
 
 

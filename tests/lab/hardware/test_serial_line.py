@@ -103,6 +103,13 @@ def test_bytes_from_before_an_instruction_are_dropped(terminal):
     line.close()
 
 
+def test_a_second_program_cannot_take_the_port(terminal):
+    line = SerialLine(os.ttyname(terminal[1]), 1_000_000)
+    with pytest.raises(BusError, match=r"cannot be opened.*no other program uses"):
+        SerialLine(os.ttyname(terminal[1]), 1_000_000)
+    line.close()
+
+
 def test_an_unplugged_port_is_lost():
     other, port = os.openpty()
     bus = DynamixelBus(os.ttyname(port))

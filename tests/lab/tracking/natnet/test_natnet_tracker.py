@@ -51,7 +51,7 @@ def test_multicast_frames_arrive_with_the_group_given_or_stated(stated):
 
 def test_a_hidden_body_is_absent_until_it_is_seen_again():
     with (
-        streaming(faults=("0.5 hidden end-1 1",)) as ports,
+        streaming(faults=("0.2 hidden end-1 0.3",)) as ports,
         NatNetTracker(**ports) as tracker,
     ):
         frames_arrive(tracker)

@@ -40,10 +40,11 @@ def test_a_hidden_body_is_absent():
         assert sorted(tracker.latest().poses) == ["base"]
 
 
-def test_the_tracker_connects_again_after_a_restart():
+def test_the_tracker_connects_again_after_a_restart(monkeypatch):
+    monkeypatch.setattr("s2c2a.lab.tracking.datagrams.RESTART_SILENCE", 0.2)
     with (
-        # after more than a second, so that the clock steps back far enough
-        qtm_streaming(faults=("1.6 restart 0.5",)) as (port, _),
+        # late enough that the clock steps back by more than the silence
+        qtm_streaming(faults=("0.5 restart 0.3",)) as (port, _),
         QualisysTracker(port=port) as tracker,
     ):
         frames_arrive(tracker)
@@ -69,7 +70,7 @@ def test_faults_of_the_stream_are_counted_by_reason():
 
 def test_random_bytes_in_the_stream_end_in_a_new_connection():
     with (
-        qtm_streaming(faults=("0.3 garbage 1", "0.5 garbage 0")) as (port, _),
+        qtm_streaming(faults=("0.1 garbage 1", "0.3 garbage 0")) as (port, _),
         QualisysTracker(port=port) as tracker,
     ):
         wait_until(lambda: tracker.counts.dropped[DropReason.MALFORMED] > 0)

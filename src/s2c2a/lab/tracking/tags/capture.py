@@ -58,6 +58,7 @@ class Webcam:
             self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, height)
 
     def read(self) -> Picture | None:
+        """See `PictureSource`."""
         if not self._capture.grab():
             return None
         now = time.perf_counter()
@@ -65,6 +66,7 @@ class Webcam:
         return (image, now) if is_read else None
 
     def close(self) -> None:
+        """See `PictureSource`."""
         self._capture.release()
 
 
@@ -111,6 +113,7 @@ class VideoFile:
         return image.pixels, exposure
 
     def close(self) -> None:
+        """See `PictureSource`."""
         self._decoder.close()
 
     def _decode(self) -> Image | None:
