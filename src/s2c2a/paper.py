@@ -14,7 +14,7 @@ any arm, with checks of its inputs, a safe control loop and files.
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -39,12 +39,21 @@ from s2c2a.spaces import ACTION_HISTORY, AXIS, CONFIGURATION_HISTORY, POSITION
 if TYPE_CHECKING:  # the planner imports this file, and needs no simulation
     from s2c2a.robots.simulation import SimulatedRobot
 
+Configurations = Float[Array, "*batch modules 3"]
+"""C: direction of each module's end in the frame of its base (sec. II-B)."""
+States = Float[Array, "*batch modules 6"]
+"""S: position [m] and direction of each module's end, base frame (sec. II-B)."""
+Displacements = Float[Array, "*batch modules 3"]
+"""a of sec. II-C, or actions A of sec. III [m]; normalized where a text says so."""
+Inputs = Float[Array, "*batch modules features"]
+Key = PRNGKeyArray
+
 # ---------------------------------------------------- II-C. Configuration estimation
 
 
 def configurations_from_encoders(
-    arm: ArmSpec, displacements: Float[Array, "*batch modules 3"]
-) -> Float[Array, "*batch modules 3"]:
+    arm: ArmSpec, displacements: Displacements
+) -> Configurations:
     """Configurations C from the cable displacements that encoders measure [m]."""
     geometry = ArmGeometry.of(arm)
     # eq. (1) holds but for noise and backlash: what all cables have in common
@@ -80,12 +89,16 @@ def first_cable_angles(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
 
 # ------------------------------------------------------------- II-D. Data collection
 
-SPEEDS = (0.03, 0.22)
+Speeds = tuple[float, float]
+SPEEDS: Speeds = (0.03, 0.22)
 """Slowest and fastest motion of the data, in full bends a step of the paper's arm.
 
 Differs: the paper states no speeds; a controller trained at one speed fails at others.
 """
 STEP_LIMIT_DEG = 4.0  # of the arm that SPEEDS were chosen for
+
+
+SAMPLES = 500  # of an episode: 18 episodes are the 9000 samples of the paper
 
 
 class Recording(NamedTuple):
@@ -102,9 +115,7 @@ class Recording(NamedTuple):
     actions: np.ndarray
 
 
-def speeds_on(
-    arm: ArmSpec, speeds: tuple[float, float] = SPEEDS
-) -> tuple[float, float]:
+def speeds_on(arm: ArmSpec, speeds: Speeds = SPEEDS) -> Speeds:
     """Speeds in full bends a step, scaled to the step limit of an arm."""
     scale = arm.step_limit_deg / STEP_LIMIT_DEG
     slow, fast = speeds
@@ -121,7 +132,7 @@ def disc_points(
 
 
 def bend_path(
-    samples: int, random: np.random.Generator, speeds: tuple[float, float] = SPEEDS
+    samples: int, random: np.random.Generator, speeds: Speeds = SPEEDS
 ) -> Float[np.ndarray, "samples 2"]:
     """Random motion of one module: lines to random bends at log-uniform speeds."""
     position = np.zeros(2)
@@ -155,7 +166,7 @@ def mixed_bends(
     shares: Float[np.ndarray, "modules sequences"],
     samples: int,
     random: np.random.Generator,
-    speeds: tuple[float, float],
+    speeds: Speeds,
 ) -> Float[np.ndarray, "samples modules 2"]:
     """Bends of all modules, in shares of the full bend: a mixture of random paths."""
     paths = [bend_path(samples, random, speeds) for _ in range(shares.shape[1])]
@@ -177,10 +188,13 @@ def collect(
     arm: ArmSpec,
     make_robot: "Callable[[int], SimulatedRobot]",
     episodes: int,
-    samples: int = 500,
+    samples: int,
     seed: int = 0,
 ) -> Recording:
-    """Record random motion of a simulated arm; `make_robot` makes one from a seed."""
+    """Record random motion of a simulated arm; `make_robot` makes one from a seed.
+
+    Real arms need the limits and the emergency stop of `s2c2a collect`.
+    """
     rows = []
     for episode in range(episodes):
         stream = np.random.SeedSequence([seed, episode, 1])
@@ -230,15 +244,11 @@ class Scaling(eqx.Module):
         half_range = np.concatenate([np.full(3, half_width), np.ones(3)])
         return cls(_float32(center), _float32(half_range))
 
-    def forward(
-        self, values: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch features"]:
+    def forward(self, values: Float[Array, "*batch features"]) -> Array:
         """To [-1, 1]."""
         return (values - self.center) / self.half_range
 
-    def back(
-        self, values: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch features"]:
+    def back(self, values: Float[Array, "*batch features"]) -> Array:
         """From [-1, 1]."""
         return values * self.half_range + self.center
 
@@ -250,16 +260,14 @@ class Direction(eqx.Module):
     weight_hidden: Float[Array, "hidden gates"]
     bias: Float[Array, " gates"]
 
-    def __init__(self, features: int, hidden: int, key: PRNGKeyArray):
+    def __init__(self, features: int, hidden: int, key: Key):
         keys = jax.random.split(key, 3)
         gates = 4 * hidden
         self.weight_input = random_weights(keys[0], hidden, features, gates)
         self.weight_hidden = random_weights(keys[1], hidden, hidden, gates)
         self.bias = random_weights(keys[2], hidden, gates)
 
-    def __call__(
-        self, inputs: Float[Array, "*batch modules features"], reverse: bool
-    ) -> Float[Array, "*batch modules hidden"]:
+    def __call__(self, inputs: Inputs, reverse: bool) -> Inputs:
         """Outputs in the order of the inputs, along modules or any other sequence."""
         # lax.scan runs over the first axis: the modules
         input_gates = jnp.moveaxis(inputs @ self.weight_input + self.bias, -2, 0)
@@ -283,7 +291,7 @@ class Direction(eqx.Module):
 UNROLLED = 8  # modules; only longer arms compile to a loop
 
 
-def random_weights(key: PRNGKeyArray, hidden: int, *shape: int) -> Array:
+def random_weights(key: Key, hidden: int, *shape: int) -> Array:
     """Random weights, uniform within 1 / sqrt(hidden)."""
     bound = hidden**-0.5
     return jax.random.uniform(key, shape, minval=-bound, maxval=bound)
@@ -305,9 +313,7 @@ class BiLSTM(eqx.Module):
     weight_head: Float[Array, "both_hidden outputs"]
     bias_head: Float[Array, " outputs"]
 
-    def __init__(
-        self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray
-    ):
+    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: Key):
         """Random weights for inputs and outputs of each module (`random_weights`).
 
         Args:
@@ -329,9 +335,7 @@ class BiLSTM(eqx.Module):
         self.weight_head = random_weights(head_key, 2 * hidden, 2 * hidden, outputs)
         self.bias_head = jnp.zeros(outputs)
 
-    def __call__(
-        self, inputs: Float[Array, "*batch modules features"]
-    ) -> Float[Array, "*batch modules outputs"]:
+    def __call__(self, inputs: Inputs) -> Inputs:
         """Outputs of every module, from the inputs of all modules."""
         values = inputs
         for up, down in self.layers:
@@ -348,9 +352,7 @@ class C2S(eqx.Module):
     configuration_scaling: Scaling
     state_scaling: Scaling
 
-    def __call__(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch modules 6"]:
+    def __call__(self, configurations: Configurations) -> States:
         """States that the configurations lead to, base frame."""
         scaled = self.configuration_scaling.forward(configurations)
         return self.state_scaling.back(self.network(scaled))
@@ -379,8 +381,8 @@ def obstacle_loss(
 
 
 def cost(
-    configurations: Float[Array, "modules 3"],
-    last: Float[Array, "modules 3"],
+    configurations: Configurations,
+    last: Configurations,
     c2s: C2S,
     goal: Goal,
     unit: float,
@@ -410,7 +412,7 @@ def cost(
     )
 
 
-def unit_vectors(vectors: Float[Array, "modules 3"]) -> Float[Array, "modules 3"]:
+def unit_vectors(vectors: Configurations) -> Configurations:
     """The vectors at length one.
 
     Differs: a C that is free in the optimization leaves the data of NN_C2S.
@@ -420,11 +422,11 @@ def unit_vectors(vectors: Float[Array, "modules 3"]) -> Float[Array, "modules 3"
 
 def minimize(
     objective: Callable[[Array], Array],
-    start: Float[Array, "modules 3"],
+    start: Configurations,
     project: Callable[[Array], Array] = unit_vectors,
     learning_rate: float = 0.02,
     iterations: int = 10,
-) -> Float[Array, "modules 3"]:
+) -> Configurations:
     """Minimize with Adam; numbers of sec. III-A. Each iteration ends with `project`."""
     optimizer = optax.adam(learning_rate)
     gradient = jax.grad(objective)
@@ -438,9 +440,7 @@ def minimize(
     return jax.lax.fori_loop(0, iterations, iterate, initial)[0]
 
 
-def plan(
-    arm: ArmSpec, c2s: C2S, last: Float[Array, "modules 3"], goal: Goal
-) -> Float[Array, "modules 3"]:
+def plan(arm: ArmSpec, c2s: C2S, last: Configurations, goal: Goal) -> Configurations:
     """S2C: the next configurations, from the last planned ones."""
     unit = WORKSPACE_SHARE * arm.length
     planned = minimize(partial(cost, last=last, c2s=c2s, goal=goal, unit=unit), last)
@@ -498,8 +498,8 @@ def module_labels(modules: int) -> Float[Array, " modules"]:
 
 
 def controller_inputs(
-    scaling: Scaling, desired: Float[Array, "*batch modules 3"], history: History
-) -> Float[Array, "*batch modules features"]:
+    scaling: Scaling, desired: Configurations, history: History
+) -> Inputs:
     """Inputs of each module in eq. (8): C_d,t+1; C_t to C_t-3; A_t-1 to A_t-5; n."""
     batch = desired.shape[:-1]
     labels = module_labels(batch[-1])[:, None]
@@ -529,9 +529,7 @@ class C2A(eqx.Module):
     network: BiLSTM
     configuration_scaling: Scaling
 
-    def __call__(
-        self, desired: Float[Array, "*batch modules 3"], history: History
-    ) -> Float[Array, "*batch modules 3"]:
+    def __call__(self, desired: Configurations, history: History) -> Displacements:
         """Normalized actions that reach the desired configurations in one step."""
         inputs = controller_inputs(self.configuration_scaling, desired, history)
         actions = sum_and_range(self.network(inputs))
@@ -556,6 +554,10 @@ HISTORY_NOISE = 0.05
 
 Differs: without it the controller learns to repeat its last action, and diverges.
 """
+
+
+Loss = Callable[[Any, Any, Key | None], Float[Array, ""]]
+"""Of a model on samples; with a key in training, without one in validation."""
 
 
 class C2SSamples(NamedTuple):
@@ -603,17 +605,13 @@ def c2a_samples(arm: ArmSpec, recording: Recording, part: str) -> C2ASamples:
     return C2ASamples(_merged(C[:, t + 1]), history, _merged(A[:, t]))
 
 
-def c2s_loss(
-    model: C2S, samples: C2SSamples, key: PRNGKeyArray | None
-) -> Float[Array, ""]:
+def c2s_loss(model: C2S, samples: C2SSamples, key: Key | None) -> Float[Array, ""]:
     """Mean squared error of the scaled states."""
     error = model(samples.configurations) - samples.states
     return jnp.mean((error / model.state_scaling.half_range) ** 2)
 
 
-def c2a_loss(
-    model: C2A, samples: C2ASamples, key: PRNGKeyArray | None
-) -> Float[Array, ""]:
+def c2a_loss(model: C2A, samples: C2ASamples, key: Key | None) -> Float[Array, ""]:
     """Mean squared error of the normalized actions; noisy history if there is a key."""
     history = samples.history
     if key is not None:
@@ -623,13 +621,7 @@ def c2a_loss(
 
 
 def fit(
-    model: Any,
-    loss: Callable[[Any, Any, PRNGKeyArray | None], Array],
-    training: Any,
-    validation: Any,
-    key: PRNGKeyArray,
-    epochs: int = EPOCHS,
-    progress: Callable[[int, float], None] = lambda *_: None,
+    model: Any, loss: Loss, training: Any, validation: Any, key: Key, epochs: int
 ) -> Any:
     """Train `model.network` with Adam; returns the model of the best validation loss."""
     optimizer = optax.adam(LEARNING_RATE)
@@ -641,10 +633,6 @@ def fit(
 
     @jax.jit
     def train_epoch(network, state, key, training, validation):
-        order_key, loss_key = jax.random.split(key)
-        order = jax.random.permutation(order_key, samples)
-        rows = order[: batches * BATCH_SIZE].reshape(batches, BATCH_SIZE)
-
         def step(carry, inputs):
             network, state = carry
             rows, key = inputs
@@ -653,6 +641,9 @@ def fit(
             updates, state = optimizer.update(gradient, state)
             return (optax.apply_updates(network, updates), state), None
 
+        order_key, loss_key = jax.random.split(key)
+        order = jax.random.permutation(order_key, samples)
+        rows = order[: batches * BATCH_SIZE].reshape(batches, BATCH_SIZE)
         steps = rows, jax.random.split(loss_key, batches)
         (network, state), _ = jax.lax.scan(step, (network, state), steps)
         return network, state, loss_of(network, validation, None)
@@ -666,24 +657,36 @@ def fit(
         losses.append(float(validation_loss))
         if losses[-1] <= min(losses):
             best = network
-        progress(len(losses), min(losses))
+        if len(losses) % 10 == 0:
+            print(f"  epoch {len(losses)}: best validation loss {min(losses):.2e}")
         if len(losses) - 1 - int(np.argmin(losses)) >= PATIENCE:
             break
     return replace(model, network=best)
 
 
-def untrained_c2s(samples: C2SSamples, key: PRNGKeyArray) -> C2S:
-    """NN_C2S with random weights, and the scaling of the data."""
-    network = BiLSTM(3, 6, **C2S_SIZE, key=key)
-    configurations = Scaling.of(np.asarray(samples.configurations))
-    return C2S(network, configurations, Scaling.of_states(np.asarray(samples.states)))
+def train_c2s(recording: Recording, key: Key, epochs: int = EPOCHS) -> C2S:
+    """NN_C2S, trained on a recording."""
+    training = c2s_samples(recording, "training")
+    validation = c2s_samples(recording, "validation")
+    network_key, fit_key = jax.random.split(key)
+    network = BiLSTM(3, 6, **C2S_SIZE, key=network_key)
+    configuration_scaling = Scaling.of(np.asarray(training.configurations))
+    state_scaling = Scaling.of_states(np.asarray(training.states))
+    model = C2S(network, configuration_scaling, state_scaling)
+    return fit(model, c2s_loss, training, validation, fit_key, epochs)
 
 
-def untrained_c2a(samples: C2ASamples, key: PRNGKeyArray) -> C2A:
-    """NN_C2A with random weights, and the scaling of the data."""
+def train_c2a(
+    arm: ArmSpec, recording: Recording, key: Key, epochs: int = EPOCHS
+) -> C2A:
+    """NN_C2A, trained on a recording."""
+    training = c2a_samples(arm, recording, "training")
+    validation = c2a_samples(arm, recording, "validation")
+    network_key, fit_key = jax.random.split(key)
     features = 3 + 3 * CONFIGURATION_HISTORY + 3 * ACTION_HISTORY + 1
-    network = BiLSTM(features, 3, **C2A_SIZE, key=key)
-    return C2A(network, Scaling.of(np.asarray(samples.desired)))
+    network = BiLSTM(features, 3, **C2A_SIZE, key=network_key)
+    model = C2A(network, Scaling.of(np.asarray(training.desired)))
+    return fit(model, c2a_loss, training, validation, fit_key, epochs)
 
 
 # ------------------------------------------------------------------ One control step
@@ -697,11 +700,11 @@ class Memory(NamedTuple):
         history: inputs of the controller.
     """
 
-    planned: Float[Array, "modules 3"]
+    planned: Configurations
     history: History
 
     @classmethod
-    def at_rest(cls, arm: ArmSpec, displacements: Float[Array, "modules 3"]):
+    def at_rest(cls, arm: ArmSpec, displacements: Displacements) -> "Memory":
         """Memory of an arm at rest, from its encoders [m]."""
         sensed = configurations_from_encoders(arm, displacements)
         return cls(sensed, History.at_rest(sensed, cables=3))
@@ -712,9 +715,9 @@ def control_step(
     c2s: C2S,
     c2a: C2A,
     memory: Memory,
-    displacements: Float[Array, "modules 3"],
+    displacements: Displacements,
     goal: Goal,
-) -> tuple[Float[Array, "modules 3"], Memory]:
+) -> tuple[Displacements, Memory]:
     """Sense, plan and act (fig. 1C): from encoders and a goal to displacements [m]."""
     sensed = configurations_from_encoders(arm, displacements)
     planned = plan(arm, c2s, memory.planned, goal)
@@ -734,10 +737,12 @@ def circle(arm: ArmSpec) -> Float[np.ndarray, "steps 3"]:
     """Tip positions [m]: the arm bends along x, then its tip moves along a circle."""
     radius = 0.22 / 0.6 * arm.length
     drop = 0.06 / 0.6 * arm.length
-    share = np.linspace(0.0, 1.0, round(APPROACH_TIME * arm.control_rate))
+    approach_steps = round(APPROACH_TIME * arm.control_rate)
+    share = np.arange(1, approach_steps + 1) / approach_steps
     approach = [radius * share, 0.0 * share, arm.length - drop * share**2]
-    angle = np.linspace(0.0, 2 * np.pi, round(ROUND_TIME * arm.control_rate))
-    height = np.full(len(angle), arm.length - drop)
+    round_steps = round(ROUND_TIME * arm.control_rate)
+    angle = 2 * np.pi * np.arange(1, round_steps + 1) / round_steps
+    height = np.full(round_steps, arm.length - drop)
     turn = [radius * np.cos(angle), radius * np.sin(angle), height]
     return np.concatenate([np.transpose(approach), np.transpose(turn)])
 
@@ -773,60 +778,34 @@ def _merged(values: np.ndarray) -> Array:
     return _float32(values.reshape(-1, *values.shape[2:]))
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Collect, train, and follow the circle."""
     from s2c2a.robots.simulation import SimulatedRobot
 
-    parser = argparse.ArgumentParser(prog="python -m s2c2a.paper", description=__doc__)
+    description = "The paper in one file: collect, train, follow the circle."
+    parser = argparse.ArgumentParser("python -m s2c2a.paper", description=description)
     parser.add_argument("--arm", default="twin_arm", help="name or file of an arm")
     parser.add_argument("--episodes", type=int, default=18, help="of 50 s at 10 Hz")
     parser.add_argument("--epochs", type=int, default=EPOCHS, help="at most")
     parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     arm = load_arm(options.arm)
-    first_cable_angles(arm)
+    first_cable_angles(arm)  # refuses other arms
+    make_robot = partial(SimulatedRobot, arm, "fast")
+    c2s_key, c2a_key = jax.random.split(jax.random.key(options.seed))
     started = time.perf_counter()
-
-    def say(text: str, end: str = "\n") -> None:
-        print(f"{time.perf_counter() - started:5.0f} s  {text}", end=end, flush=True)
-
-    def progress_of(name: str) -> Callable[[int, float], None]:
-        def progress(epoch: int, loss: float) -> None:
-            if epoch % 10 == 0:
-                say(f"{name}: epoch {epoch}, best validation loss {loss:.2e}")
-
-        return progress
-
-    say(f"collecting {options.episodes} episodes of staged babbling with {arm.name}")
-    recording = collect(
-        arm, partial(SimulatedRobot, arm, "fast"), options.episodes, seed=options.seed
+    print(f"{options.episodes} episodes of staged babbling with {arm.name}")
+    recording = collect(arm, make_robot, options.episodes, SAMPLES, options.seed)
+    print(f"NN_C2S, from configurations to states: at most {options.epochs} epochs")
+    c2s = train_c2s(recording, c2s_key, options.epochs)
+    print(f"NN_C2A, from configurations to actions: at most {options.epochs} epochs")
+    c2a = train_c2a(arm, recording, c2a_key, options.epochs)
+    errors = 100 * follow(arm, make_robot(options.seed), c2s, c2a, circle(arm))
+    print(
+        f"circle: the tip was {errors.mean():.1f} +- {errors.std():.1f} cm from its "
+        f"target, on average over {len(errors)} steps; "
+        f"{time.perf_counter() - started:.0f} s in all"
     )
-    keys = jax.random.split(jax.random.key(options.seed), 4)
-    pairs = c2s_samples(recording, "training")
-    c2s = fit(
-        untrained_c2s(pairs, keys[0]),
-        c2s_loss,
-        pairs,
-        c2s_samples(recording, "validation"),
-        keys[1],
-        options.epochs,
-        progress_of("C2S"),
-    )
-    windows = c2a_samples(arm, recording, "training")
-    c2a = fit(
-        untrained_c2a(windows, keys[2]),
-        c2a_loss,
-        windows,
-        c2a_samples(arm, recording, "validation"),
-        keys[3],
-        options.epochs,
-        progress_of("C2A"),
-    )
-    say("following the circle of sec. IV-B")
-    errors = 100 * follow(
-        arm, SimulatedRobot(arm, seed=options.seed), c2s, c2a, circle(arm)
-    )
-    say(f"the tip was {errors.mean():.1f} +- {errors.std():.1f} cm from its target")
 
 
 if __name__ == "__main__":
