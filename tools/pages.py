@@ -30,6 +30,7 @@ REASONS = (
     "another machine",
     "a server that runs until stopped",
     "installs software",
+    "trains networks for minutes",
     "quoted code",
     "data that are not shipped",
 )

@@ -253,6 +253,9 @@ class Scaling(eqx.Module):
         return values * self.half_range + self.center
 
 
+UNROLLED = 8  # modules; only longer arms compile to a loop
+
+
 class Direction(eqx.Module):
     """LSTM layer in one direction; gates are ordered input, forget, cell, output."""
 
@@ -286,9 +289,6 @@ class Direction(eqx.Module):
             unit, (zeros, zeros), input_gates, reverse=reverse, unroll=UNROLLED
         )
         return jnp.moveaxis(outputs, 0, -2)
-
-
-UNROLLED = 8  # modules; only longer arms compile to a loop
 
 
 def random_weights(key: Key, hidden: int, *shape: int) -> Array:
@@ -387,7 +387,10 @@ def cost(
     goal: Goal,
     unit: float,
 ) -> Float[Array, ""]:
-    """The cost that planning minimizes, eq. (7). Add a term of your own here.
+    """The cost that planning minimizes, eq. (7).
+
+    Add a term of your own here, or to a recipe (docs/guides/extending.md), such as
+    `0.2 * jnp.sum(norm(configurations[1:] - configurations[:-1]))` for an even shape.
 
     Args:
         configurations: C, which is searched for.
