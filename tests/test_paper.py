@@ -237,4 +237,4 @@ def test_the_circle_is_that_of_the_task_but_for_the_approach():
     desired = circle(TWIN).desired_positions()[:, -1]
     ours = paper.circle(TWIN)
     assert len(ours) == len(desired)
-    assert np.linalg.norm(ours - desired, axis=-1).max() < 0.01
+    assert np.linalg.norm(ours - desired, axis=-1).max() < 0.001
