@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.cli.live import running_page
 from s2c2a.compilation import compilations
+from s2c2a.live.cli.live import running_page
 
 pytest.importorskip(
     "viser", reason="the live page is not installed: `pip install '.[live]'`"

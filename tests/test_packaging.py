@@ -173,7 +173,7 @@ def test_the_command_of_the_dockerfile_opens_the_page(monkeypatch):
     def page(arm, robot, port, *_, host, **__):
         raise PageOpenedError(host, str(port))
 
-    monkeypatch.setattr("s2c2a.cli.live.running_page", page)
+    monkeypatch.setattr("s2c2a.live.cli.live.running_page", page)
     ((_, *words),) = _instructions("ENTRYPOINT")
     program, *arguments = re.findall(r'"([^"]*)"', " ".join(words))
     assert program == "s2c2a"

@@ -302,7 +302,7 @@ print(Patience.of(arm.control_rate, unsound=1.0, alone=10.0))
     Page(
         "tracking.md",
         "Tracking",
-        ("s2c2a.tracking",),
+        ("s2c2a.lab.tracking",),
         "poses of module ends from motion capture or cameras",
         """
 A `Tracker` returns the poses of rigid bodies; `tracker_of` builds one from a source such
@@ -311,7 +311,7 @@ real arm. [Pose tracking](../../guides/tracking.md) shows how to set up and cali
 """,
         """
 from s2c2a.arm import load_arm
-from s2c2a.tracking import ModuleEnds, UdpTracker
+from s2c2a.lab.tracking import ModuleEnds, UdpTracker
 
 print(ModuleEnds.of_arm(load_arm("twin_arm")).bodies)
 with UdpTracker(port=0) as tracker:  # any free port
@@ -321,7 +321,7 @@ with UdpTracker(port=0) as tracker:  # any free port
     Page(
         "hardware.md",
         "Hardware",
-        ("s2c2a.hardware",),
+        ("s2c2a.lab.hardware",),
         "real arms: servo buses, calibration, bring-up, and the robot above them",
         """
 `DynamixelRobot` and `FeetechRobot` are robots of bus servos that wind the cables of an
@@ -332,8 +332,8 @@ leads from parts to a circle.
 """,
         """
 from s2c2a.arm import load_arm, servos_of
-from s2c2a.hardware.calibration import default_path
-from s2c2a.hardware.servo_robot import DynamixelRobot
+from s2c2a.lab.hardware.calibration import default_path
+from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 
 arm = load_arm("twin_arm")
 print(servos_of(arm).ids)  # one row a module
@@ -341,20 +341,20 @@ if default_path(arm).is_file():  # the calibration that `s2c2a motors home` writ
     robot = DynamixelRobot(arm, port="/dev/ttyUSB0")
 """,
         (
-            "s2c2a.hardware.servo_robot.ServoRobot",
-            "s2c2a.hardware.servo_robot.DynamixelRobot",
-            "s2c2a.hardware.servo_robot.FeetechRobot",
-            "s2c2a.hardware.buses.open_bus",
-            "s2c2a.hardware.bus.ServoBus",
-            "s2c2a.hardware.bus.ServoInfo",
-            "s2c2a.hardware.bus.ServoState",
-            "s2c2a.hardware.bring_up.BringUp",
-            "s2c2a.hardware.bring_up.CableCheck",
-            "s2c2a.hardware.calibration.Calibration",
-            "s2c2a.hardware.calibration.CalibratedServo",
-            "s2c2a.hardware.calibration.load_calibration",
-            "s2c2a.hardware.calibration.save_calibration",
-            "s2c2a.hardware.timing.measure_timing",
+            "s2c2a.lab.hardware.servo_robot.ServoRobot",
+            "s2c2a.lab.hardware.servo_robot.DynamixelRobot",
+            "s2c2a.lab.hardware.servo_robot.FeetechRobot",
+            "s2c2a.lab.hardware.buses.open_bus",
+            "s2c2a.lab.hardware.bus.ServoBus",
+            "s2c2a.lab.hardware.bus.ServoInfo",
+            "s2c2a.lab.hardware.bus.ServoState",
+            "s2c2a.lab.hardware.bring_up.BringUp",
+            "s2c2a.lab.hardware.bring_up.CableCheck",
+            "s2c2a.lab.hardware.calibration.Calibration",
+            "s2c2a.lab.hardware.calibration.CalibratedServo",
+            "s2c2a.lab.hardware.calibration.load_calibration",
+            "s2c2a.lab.hardware.calibration.save_calibration",
+            "s2c2a.lab.hardware.timing.measure_timing",
         ),
     ),
     Page(

@@ -14,8 +14,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.live import running_page
 from s2c2a.evaluation import rollout
+from s2c2a.live.cli.live import running_page
 from s2c2a.live.request import Obstacle
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import s2c2a_strategy, shipped_networks

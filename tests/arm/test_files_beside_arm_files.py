@@ -10,8 +10,8 @@ from s2c2a.arm import arm_to_toml, load_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import S2C2AError
+from s2c2a.lab.tracking import sources
 from s2c2a.plugins import located, resolve, run_with_trust, trusted_code
-from s2c2a.tracking import sources
 from s2c2a.user_code import code_digest
 
 PLACES = {

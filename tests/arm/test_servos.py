@@ -3,8 +3,8 @@
 import pytest
 
 from s2c2a.arm.servos import MODEL_NUMBERS, Servos
-from s2c2a.hardware.dynamixel import tables as dynamixel
-from s2c2a.hardware.feetech import tables as feetech
+from s2c2a.lab.hardware.dynamixel import tables as dynamixel
+from s2c2a.lab.hardware.feetech import tables as feetech
 
 
 def test_models_of_arm_files_are_those_of_the_drivers():

@@ -11,7 +11,7 @@ import pytest
 import s2c2a
 from s2c2a.cli.main import _check_options, main
 from s2c2a.data import load_recording
-from s2c2a.studies.tables import TABLES
+from s2c2a_experiments.tables import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

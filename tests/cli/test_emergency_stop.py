@@ -52,9 +52,9 @@ def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
 @pytest.mark.parametrize("verb", ["latency", "frames"])
 def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb):
     monkeypatch.chdir(tmp_path)
-    measure = f"s2c2a.identification.tracking.measure_{verb}"
+    measure = f"s2c2a.lab.tracking.calibration_motions.measure_{verb}"
     monkeypatch.setattr(measure, signal_this_process)
-    monkeypatch.setattr("s2c2a.tracking.tracker_of", lambda source: None)
+    monkeypatch.setattr("s2c2a.lab.tracking.tracker_of", lambda source: None)
     command = getattr(tracking_calibration, verb)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         command("twin_arm", robot="sim", tracking="udp:9763")

@@ -14,8 +14,8 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import recipe_named, s2c2a_strategy, shipped_networks
 from s2c2a.strategies.pcc import PlainPCC
-from s2c2a.studies.sensors import with_sensors
 from s2c2a.tasks import circle
+from s2c2a_experiments.sensors import with_sensors
 
 TWIN = load_arm("twin_arm")
 WITH_IMU = TWIN.model_copy(update={"sensors": Sensors(imu=Inertial())})

@@ -20,12 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2c2a.emulation import natnet_protocol, qualisys_protocol
-from s2c2a.emulation.plant import Pose as SentPose
-from s2c2a.emulation.pose_datagrams import encode_poses
-from s2c2a.emulation.tracked_bodies import StreamedBody, to_stream
 from s2c2a.errors import S2C2AError
-from s2c2a.tracking import NatNetTracker, QualisysTracker, UdpTracker
+from s2c2a.lab.emulation import natnet_protocol, qualisys_protocol
+from s2c2a.lab.emulation.plant import Pose as SentPose
+from s2c2a.lab.emulation.pose_datagrams import encode_poses
+from s2c2a.lab.emulation.tracked_bodies import StreamedBody, to_stream
+from s2c2a.lab.tracking import NatNetTracker, QualisysTracker, UdpTracker
 
 SECONDS = 5.0  # for one packet
 GOOD = ("our error", "unchanged", "plausible", "no frame")
@@ -100,7 +100,7 @@ def read_natnet(version):
 
 
 def read_qualisys(content):
-    from s2c2a.tracking.qualisys.packets import PacketStream
+    from s2c2a.lab.tracking.qualisys.packets import PacketStream
 
     tracker = QualisysTracker()
     tracker._session.connect(0.0)

@@ -21,6 +21,7 @@ from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError, UntrustedCodeError
 from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
 from s2c2a.executors import submit
+from s2c2a.lab.tracking import tracker_of
 from s2c2a.logs.arm_file import Layout, format_arm
 from s2c2a.logs.cable_model import Parameters
 from s2c2a.logs.cable_search import Assignment
@@ -36,7 +37,6 @@ from s2c2a.strategies import (
     save_recipe,
     save_strategy,
 )
-from s2c2a.tracking import tracker_of
 
 SOURCE = Path(__file__).parents[2] / "src" / "s2c2a"
 EVIL = """
@@ -410,7 +410,7 @@ def test_no_command_runs_the_code_that_data_names(
     """Most end with an error; some do their work without the code."""
     (tmp_path / "map.toml").write_text(MAP)
     (tmp_path / "log.csv").write_text("time,a,b,c,x,y,z\n0,1,2,3,0,0,0.6\n" * 9)
-    monkeypatch.setattr("s2c2a.cli.view.wait_for_interrupt", lambda: None)
+    monkeypatch.setattr("s2c2a.live.cli.view.wait_for_interrupt", lambda: None)
     path = list(sys.path)
     with contextlib.suppress(SystemExit):
         main(command.split())

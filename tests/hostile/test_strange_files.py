@@ -26,18 +26,18 @@ from s2c2a.errors import (
 )
 from s2c2a.evaluation.report import load_rows
 from s2c2a.files import holds, write_atomically
-from s2c2a.hardware.calibration import load_calibration
+from s2c2a.lab.hardware.calibration import load_calibration
+from s2c2a.lab.tracking.calibration import load_or_empty, load_tracking_calibration
+from s2c2a.lab.tracking.tags.camera import load_camera
+from s2c2a.lab.tracking.tags.capture import open_device
+from s2c2a.lab.tracking.tags.layout import load_layout
+from s2c2a.lab.tracking.tags.live_calibration import read_pictures
 from s2c2a.logs import load_map
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_recipe, load_strategy
 from s2c2a.strategies.files import arm_of_strategy
 from s2c2a.tasks import load_task, load_waypoints, waypoints_task
-from s2c2a.tracking.calibration import load_or_empty, load_tracking_calibration
-from s2c2a.tracking.tags.camera import load_camera
-from s2c2a.tracking.tags.capture import open_device
-from s2c2a.tracking.tags.layout import load_layout
-from s2c2a.tracking.tags.live_calibration import read_pictures
 
 TWIN = load_arm("twin_arm")
 READERS = {

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from s2c2a.cli.live import running_page
+from s2c2a.live.cli.live import running_page
 from s2c2a.live.request import Obstacle
 from s2c2a.live.window import across_the_screen
 from s2c2a.spaces import POSITION, Stage

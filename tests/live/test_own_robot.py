@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from s2c2a.cli.execution import robot_factory_for
-from s2c2a.cli.live import running_page
+from s2c2a.live.cli.live import running_page
 from s2c2a.live.page import MODEL_DRAWN
 from s2c2a.live.recorder import Recorder
 from s2c2a.spaces import Stage

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.cli.view import open_window
 from s2c2a.episodes import save_episodes
 from s2c2a.errors import S2C2AError
+from s2c2a.live.cli.view import open_window
 from s2c2a.live.viewing import view_arm, view_recording, view_runs, view_training
 from s2c2a.strategies import shipped_networks
 from s2c2a.viz import Trace

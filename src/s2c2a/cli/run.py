@@ -184,7 +184,7 @@ def _given_networks(
 
 
 def _tracking_calibration(spec: "arm.ArmSpec") -> str:
-    from s2c2a.tracking.calibration import describe_tracking_calibration
+    from s2c2a.lab.tracking.calibration import describe_tracking_calibration
 
     return describe_tracking_calibration(spec)
 

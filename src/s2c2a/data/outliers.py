@@ -16,7 +16,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import KDTree
 
 from s2c2a.data.frozen_ends import find_frozen
-from s2c2a.tracking.plausibility import MOUNTING, STRETCH
+from s2c2a.lab.tracking.plausibility import MOUNTING, STRETCH
 
 MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""

@@ -13,13 +13,13 @@ from jaxtyping import Bool, Float
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, read_text, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
 from s2c2a.spaces import POSITION, Stage
-from s2c2a.tracking.frame_jumps import describe_frame_jump, find_frame_jumps
 
 MAX_BYTES = 20_000_000
 PLAN_OUTCOMES = {

@@ -12,11 +12,11 @@ from s2c2a.robots.robot import Robot
 
 SIMULATED = "sim"
 NO_TRACKING = "none"
-TRACKED = "s2c2a.tracking.tracked_robot:TrackedRobot"
+TRACKED = "s2c2a.lab.tracking.tracked_robot:TrackedRobot"
 KNOWN = {
     SIMULATED: "s2c2a.robots.simulation:SimulatedRobot",
-    "dynamixel": "s2c2a.hardware.servo_robot:DynamixelRobot",
-    "feetech": "s2c2a.hardware.servo_robot:FeetechRobot",
+    "dynamixel": "s2c2a.lab.hardware.servo_robot:DynamixelRobot",
+    "feetech": "s2c2a.lab.hardware.servo_robot:FeetechRobot",
 }
 """Import paths of the package's own robots: users of real arms need no MuJoCo."""
 

@@ -1,0 +1,346 @@
+"""Forward models compared on recordings of real arms, with held-out data.
+
+Held-out samples are whole blocks, the ends of episodes, those with the largest pulls, or
+other recordings. The hysteresis state follows the whole recording, as on the arm; the
+true states of held-out samples are hidden from training.
+"""
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import label
+
+from s2c2a.arm import ArmSpec
+from s2c2a.data import Recording, load_recording
+from s2c2a.episodes import Episode
+from s2c2a.errors import RecordingError, StrategyError, did_you_mean
+from s2c2a.evaluation.report import Row, over_seeds
+from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import recipe_named, training_data
+from s2c2a.training import FitOptions, TrainingData
+from s2c2a_experiments.real_models import FittedArcs, KernelRegression, Recurrent
+
+EXPERIMENT = "real"
+HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
+STRETCH_END = 0.9  # of the threshold of a stretch of large pulls
+MAX_LARGEST = 0.5  # share of the rows with the largest pulls
+BEST = recipe_named("best")
+PAPER = recipe_named("paper")
+MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
+    "best": (BEST.c2s, BEST.c2s_fit),
+    "chain": (ChainOptions(), BEST.c2s_fit),
+    "paper": (C2SOptions(layers=4, hidden=64), PAPER.c2s_fit),
+    "pcc-fitted": (FittedArcs(), PAPER.c2s_fit),
+    "kernels": (KernelRegression(plays=False), PAPER.c2s_fit),
+    "kernels with plays": (KernelRegression(), PAPER.c2s_fit),
+    "recurrent": (Recurrent(), BEST.c2s_fit),
+}
+
+
+@dataclass(frozen=True)
+class Split:
+    """Held-out samples of a recording.
+
+    Attributes:
+        name: in the rows.
+        held_out: mask of these samples, shape (episodes, samples).
+    """
+
+    name: str
+    held_out: Bool[np.ndarray, "episodes samples"]
+
+
+def _no_samples(recording: Recording) -> np.ndarray:
+    return np.zeros((len(recording.episodes), max(recording.lengths)), bool)
+
+
+def split_blocks(recording: Recording, size: int) -> Split:
+    """Hold out the 7th, 14th and 20th of every twenty blocks over all episodes.
+
+    Args:
+        recording: to split.
+        size: samples of a block.
+
+    Raises:
+        RecordingError: the recording has too few samples.
+    """
+    held_out = _no_samples(recording)
+    total = 0
+    for row, length in zip(held_out, recording.lengths, strict=True):
+        blocks = (total + np.arange(length)) // size
+        row[:length] = np.isin(blocks % 20, HELD_OUT_BLOCKS)
+        total += length
+    if not held_out.any():
+        raise RecordingError(
+            f"blocks of {size} rows hold nothing out of {total} rows; "
+            f"give a block of at most {total // (HELD_OUT_BLOCKS[0] + 1)} rows"
+        )
+    return Split(f"blocks of {size}", held_out)
+
+
+def split_end(recording: Recording, count: int) -> Split:
+    """Hold out the last samples of every episode.
+
+    Args:
+        recording: to split.
+        count: number of samples of an episode.
+
+    Raises:
+        RecordingError: an episode has too few samples.
+    """
+    shortest = min(recording.lengths)
+    if not 0 < count < shortest:
+        number = list(recording.lengths).index(shortest) + 1
+        raise RecordingError(
+            f"cannot hold out the last {count} rows of every episode: episode {number} "
+            f"has {shortest} rows; give 1 to {shortest - 1}"
+        )
+    held_out = _no_samples(recording)
+    for row, length in zip(held_out, recording.lengths, strict=True):
+        row[length - count : length] = True
+    return Split(f"last {count}", held_out)
+
+
+def split_largest(recording: Recording, share: float) -> Split:
+    """Hold out the samples with the largest pulls, as whole stretches.
+
+    A pull is the norm of the displacements from rest [m], or tensions [N], of all
+    cables. A stretch reaches a threshold and ends where the pull falls below
+    `STRETCH_END` of it. Of all thresholds, the lowest is used whose stretches have at
+    most this share of the samples.
+
+    Args:
+        recording: to split.
+        share: largest share of the samples, above 0 and at most 0.5.
+
+    Raises:
+        RecordingError: the share is out of range, or no stretch is short enough.
+    """
+    if not 0 < share <= MAX_LARGEST:
+        raise RecordingError(
+            f"cannot hold out a share of {share:g} with the largest pulls; give a share "
+            f"above 0 and at most {MAX_LARGEST:g}, such as 0.15"
+        )
+    pulls = [_pulls(episode) for episode in recording.episodes]
+    limit = share * sum(recording.lengths)
+    thresholds = np.unique(np.concatenate(pulls))
+
+    def is_within_limit(threshold: float) -> bool:
+        counts = [int(_large_pulls(values, threshold).sum()) for values in pulls]
+        return sum(counts) <= limit
+
+    # bisection: a higher threshold never holds out more samples
+    first = bisect_left(thresholds, True, key=is_within_limit)
+    if first == len(thresholds):
+        raise RecordingError(
+            f"no stretch of the largest pulls has at most {100 * share:g} % of the rows; "
+            "give a larger share, or hold out blocks (--block)"
+        )
+    held_out = _no_samples(recording)
+    for row, values in zip(held_out, pulls, strict=True):
+        row[: len(values)] = _large_pulls(values, thresholds[first])
+    return Split(f"largest {100 * share:g} %", held_out)
+
+
+def _pulls(episode: Episode) -> Float[np.ndarray, " samples"]:
+    """Norm of the displacements [m] or tensions [N] of all cables."""
+    measured = "cables" in episode.sensors
+    cables = episode.sensor("cables") if measured else episode["actions"]
+    return np.linalg.norm(cables.reshape(len(cables), -1), axis=1)
+
+
+def _large_pulls(
+    pulls: Float[np.ndarray, " samples"], threshold: float
+) -> Bool[np.ndarray, " samples"]:
+    """Mask of the stretches that reach a threshold (`split_largest`)."""
+    stretches, _ = label(pulls >= STRETCH_END * threshold)
+    return np.isin(stretches, np.unique(stretches[pulls >= threshold]))
+
+
+class RealComparison(NamedTuple):
+    """Recordings, splits and models to compare.
+
+    Attributes:
+        recording: to train on.
+        splits: of it.
+        unseen: other recordings of the same arm, for tests only, by file path.
+        models: names of `MODELS`.
+    """
+
+    recording: Recording
+    splits: tuple[Split, ...]
+    unseen: dict[str, Recording]
+    models: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        recording: Path,
+        unseen: Sequence[Path],
+        block: int,
+        last: int,
+        models: Sequence[str],
+        largest: float = 0.0,
+    ) -> "RealComparison":
+        """Load a comparison from files.
+
+        Args:
+            recording: to train on.
+            unseen: other recordings.
+            block: samples of a block; 0 for no held-out blocks.
+            last: held-out samples at the end of every episode; 0 for none.
+            models: names of `MODELS`; all if empty.
+            largest: held-out share of the samples with the largest pulls; 0 for none.
+
+        Raises:
+            RecordingError: a file is no recording, is of another arm, or is too short;
+                an option is out of range; or nothing is held out.
+            StrategyError: a model is unknown.
+        """
+        unknown = [name for name in models if name not in MODELS]
+        if unknown:
+            raise StrategyError(
+                f"unknown model {', '.join(unknown)}{did_you_mean(unknown[0], MODELS)}; "
+                f"choose among {', '.join(MODELS)}"
+            )
+        if min(block, last) < 0:
+            raise RecordingError(
+                f"--block {block} and --last {last}: give zero or more rows"
+            )
+        whole = load_recording(recording)
+        others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
+        for name, other in others.items():
+            _check_same_arm(name, other.arm, Path(recording).stem, whole.arm)
+        splits = []
+        if block:
+            splits.append(split_blocks(whole, block))
+        if last:
+            splits.append(split_end(whole, last))
+        if largest:
+            splits.append(split_largest(whole, largest))
+        if not splits:
+            if not others:
+                raise RecordingError(
+                    f"--block {block}, --last {last} and --largest {largest:g} hold "
+                    "nothing out; give a positive number, or --unseen RECORDING"
+                )
+            splits.append(Split("nothing", _no_samples(whole)))
+        return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))
+
+
+def _check_same_arm(
+    name: str, arm: ArmSpec, first_name: str, first_arm: ArmSpec
+) -> None:
+    if _description(arm) != _description(first_arm):
+        raise RecordingError(
+            f"{name} is of {_description(arm)}, {first_name} of "
+            f"{_description(first_arm)}; give recordings of one arm, imported --like "
+            "the first"
+        )
+
+
+def _description(arm: ArmSpec) -> str:
+    return (
+        f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, "
+        f"{arm.actuation})"
+    )
+
+
+def real_rows(
+    comparison: RealComparison,
+    seeds: Sequence[int],
+    progress: Callable[[str, int, int], None],
+    keep: Callable[[list[Row]], object] = lambda rows: None,
+) -> list[Row]:
+    """Make rows of every split and model.
+
+    Args:
+        comparison: recordings, splits and models.
+        seeds: of training.
+        progress: called with a label, the number done and the total.
+        keep: called with all rows so far whenever a model is finished, so that an
+            interruption loses none.
+    """
+    rows: list[Row] = []
+    pairs = list(product(comparison.splits, comparison.models))
+    for number, (split, name) in enumerate(pairs):
+        progress("models", number, len(pairs))
+        unseen = comparison.unseen if split is comparison.splits[-1] else {}
+        rows += split_rows(comparison.recording, split, [name], seeds, unseen)
+        keep(rows)
+    return rows
+
+
+def split_rows(
+    recording: Recording,
+    split: Split,
+    models: Sequence[str],
+    seeds: Sequence[int],
+    unseen: Mapping[str, Recording] | None = None,
+) -> Iterator[Row]:
+    """Make rows of one split, model by model: errors of the tip where it is known [mm].
+
+    Args:
+        recording: to train on.
+        split: its held-out samples.
+        models: names of `MODELS`.
+        seeds: of training.
+        unseen: other recordings of the same arm, for tests only, by name.
+    """
+    data = training_data(recording, BEST)
+    states = np.array(data.states)
+    states[split.held_out] = np.nan
+    training = replace(data, states=states)
+    tests: list[tuple[str, TrainingData, np.ndarray | None]] = []
+    if split.held_out.any():
+        tests.append((split.name, data, split.held_out))
+    for name, other in (unseen or {}).items():
+        tests.append((name, training_data(other, BEST), None))
+    for name in models:
+        options, fit = MODELS[name]
+        networks = [
+            options.train(training, fit, jax.random.key(seed)).network for seed in seeds
+        ]
+        for test_name, test_data, mask in tests:
+            errors = [
+                _tip_errors(options, network, test_data, mask) for network in networks
+            ]
+            yield from _error_rows(recording.arm.name, test_name, name, errors, seeds)
+
+
+def _tip_errors(
+    options: ForwardOptions, network: Any, data: TrainingData, mask: np.ndarray | None
+) -> np.ndarray:
+    """Distances between predicted and known positions of the tip [mm]."""
+    errors = (options.predictions(network, data) - data.states)[:, :, -1, POSITION]
+    known = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
+    for row, length in zip(known, data.lengths or (), strict=False):
+        row[length:] = False
+    if mask is not None:
+        known &= mask
+    return 1e3 * np.linalg.norm(errors, axis=-1)[known]
+
+
+def _error_rows(
+    arm: str, split: str, model: str, errors: list[np.ndarray], seeds: Sequence[int]
+) -> list[Row]:
+    rows = []
+
+    def add(metric: str, values: list, spreads: Sequence[float] = ()) -> None:
+        heading = (EXPERIMENT, f"{arm}, {split}", arm, "real", model, model)
+        statistics = over_seeds([float(value) for value in values], spreads)
+        rows.append(Row(*heading, metric, "mm", seeds=tuple(seeds), **statistics))
+
+    spreads = [float(each.std()) for each in errors]
+    add("tip", [each.mean() for each in errors], spreads)
+    add("tip, rms", [np.sqrt(np.mean(each**2)) for each in errors])
+    add("tip, 95 %", [np.percentile(each, 95) for each in errors])
+    return rows

@@ -1,0 +1,217 @@
+"""Sensors compared: sets of them beside encoders, under unknown payloads."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2c2a import jobs
+from s2c2a.arm import ArmSpec, randomized_arm
+from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
+from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.estimation import EstimationSettings
+from s2c2a.evaluation import Row, position_errors
+from s2c2a.robots import RobotFactory
+from s2c2a.robots.simulation.events import parse_events
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import RunOptions, recipe_named
+from s2c2a_experiments.randomized_arms import over_arms
+
+EXPERIMENT = "sensors"
+CURRENT = {"current_noise": 0.15, "current_friction": 0.2}
+"""Of a motor such as the XL330 on a pulley of 10 mm [N]."""
+MOTION_CAPTURE = Camera(rate=10.0, delay=0.02, lost=0.0, sees="ends")
+SENSOR_SETS: dict[str, Sensors] = {
+    "encoders": Sensors(),
+    "bends": Sensors(bends=True),
+    "imu": Sensors(imu=Inertial()),
+    "current": Sensors(),
+    "camera": Sensors(camera=Camera()),
+    "flex": Sensors(flex=Flex()),
+    "motion-capture": Sensors(camera=MOTION_CAPTURE),
+    "imu-current-camera": Sensors(imu=Inertial(), camera=Camera()),
+}
+"""Sensors beside encoders; `current` in a name adds the motors' currents."""
+KNOWN_PAYLOAD = "encoders-known-payload"
+"""Encoders alone, and a strategy that knows the payload."""
+SETTLING_STEPS = 20  # after which the path length of the tip counts
+MIN_PATH = 0.01  # m; a target with a shorter path is at rest
+LAST_QUARTER = 0.75  # of a run; what follows is also scored on its own
+
+
+@dataclass(frozen=True)
+class SensorStudy:
+    """What is compared.
+
+    Attributes:
+        arms: that carry the sensors.
+        sets: names in `SENSOR_SETS`, or `KNOWN_PAYLOAD`.
+        payloads: at the tip [kg].
+        tasks: names.
+        seeds: of data, training and start.
+        strength: of the randomized arms' mismatch, for the rows.
+        events: during every run (`robots.simulation.events`).
+    """
+
+    arms: tuple[ArmSpec, ...]
+    sets: tuple[str, ...]
+    payloads: tuple[float, ...]
+    tasks: tuple[str, ...]
+    seeds: tuple[int, ...]
+    strength: float = 0.0
+    events: str = ""
+
+    def __post_init__(self):
+        """Refuse unknown sets and empty studies."""
+        parse_events(self.events)
+        valid = (*SENSOR_SETS, KNOWN_PAYLOAD)
+        for name in self.sets:
+            if name not in valid:
+                raise S2C2AError(
+                    f"no set of sensors '{name}'{did_you_mean(name, valid)}; "
+                    f"choose among {', '.join(valid)}"
+                )
+        axes = (self.arms, self.sets, self.payloads, self.tasks, self.seeds)
+        if not all(axes):
+            raise S2C2AError(
+                "nothing to compare; give at least one arm, set, payload, task and seed"
+            )
+
+
+@dataclass(frozen=True)
+class Case:
+    """One cell of the study.
+
+    Attributes:
+        arm: without sensors.
+        sensors: name of their set.
+        payload: at the tip [kg].
+    """
+
+    arm: ArmSpec
+    sensors: str
+    payload: float
+
+
+def randomized_arms(base: ArmSpec, count: int, strength: float) -> tuple[ArmSpec, ...]:
+    """So many randomized arms; the given arm for none."""
+    arms = [randomized_arm(base, seed, strength) for seed in range(count)]
+    return tuple(arms) or (base,)
+
+
+def with_sensors(arm: ArmSpec, name: str) -> ArmSpec:
+    """An arm with a set of sensors."""
+    currents = CURRENT if "current" in name else {"current_noise": None}
+    sensors = SENSOR_SETS.get(name, Sensors())
+    motor = arm.motor.model_copy(update=currents)
+    return arm.model_copy(update={"sensors": sensors, "motor": motor})
+
+
+def sensor_rows(study: SensorStudy, make: jobs.Make) -> list[Row]:
+    """Result rows of every case; of several arms, also their mean.
+
+    Args:
+        study: what is compared.
+        make: finds or makes runs, networks and recordings.
+    """
+    cases = [
+        Case(arm, name, payload)
+        for arm in study.arms
+        for name in study.sets
+        for payload in study.payloads
+    ]
+    runs_of_cases = jobs.in_groups(make, [_jobs(study, case) for case in cases])
+    rows_of_arms: dict[str, list[Row]] = {}
+    for case, runs in zip(cases, runs_of_cases, strict=True):
+        rows = _rows(runs, _label(study, case))
+        rows_of_arms.setdefault(case.arm.name, []).extend(rows)
+    rows = [row for group in rows_of_arms.values() for row in group]
+    if len(study.arms) == 1:
+        return rows
+    return over_arms(list(rows_of_arms.values()), study.strength) + rows
+
+
+def errors_by_set(
+    rows: Sequence[Row], arm: str, task: str
+) -> dict[str, dict[str, float]]:
+    """Mean position errors [cm], by set of sensors, then by payload and events."""
+    errors: dict[str, dict[str, float]] = {}
+    for row in rows:
+        is_error = row.experiment == EXPERIMENT and row.metric == "position"
+        if is_error and row.arm == arm and row.task == task:
+            name, condition = row.strategy.split(", ", 1)
+            errors.setdefault(name, {})[condition] = row.mean
+    return errors
+
+
+def _jobs(study: SensorStudy, case: Case) -> list[jobs.Job]:
+    known = case.payload if case.sensors == KNOWN_PAYLOAD else 0.0
+    robot = RobotFactory.simulation(payload=case.payload, events=study.events)
+    run = RunOptions(estimation=EstimationSettings(known_payload=known))
+    return jobs.jobs_for(
+        study.tasks,
+        with_sensors(case.arm, case.sensors),
+        ["s2c2a"],
+        study.seeds,
+        recipe_named("best"),
+        jobs.Conditions(robot, run),
+    )
+
+
+def _label(study: SensorStudy, case: Case) -> str:
+    """What stands in place of the strategy's name."""
+    label = f"{case.sensors}, {1000 * case.payload:g} g"
+    return f"{label}, {study.events}" if study.events else label
+
+
+def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
+    """Scores, relative path length of the tip, and both in the last quarter."""
+    rows = jobs.score_rows(EXPERIMENT, runs)
+    for task in dict.fromkeys(run.task for run in runs):
+        task_runs = [run for run in runs if run.task == task]
+        heading = jobs.Heading.of(EXPERIMENT, task_runs)
+        metrics = {
+            ("path length", "times"): [
+                relative_path_length(run, SETTLING_STEPS) for run in task_runs
+            ],
+            ("path length, last quarter", "times"): [
+                relative_path_length(run, last_quarter(run)) for run in task_runs
+            ],
+            ("position, last quarter", "cm"): [
+                mean_error(run, last_quarter(run)) for run in task_runs
+            ],
+        }
+        for (metric, unit), values in metrics.items():
+            if np.isfinite(values).all():
+                rows.append(heading.row(task, "s2c2a", metric, unit, values, []))
+    return [
+        replace(row, strategy=label, paper_mean=None, paper_std=None) for row in rows
+    ]
+
+
+def last_quarter(run: jobs.Run) -> int:
+    """The first step of the last quarter."""
+    return int(LAST_QUARTER * len(run.job.task.desired_positions()))
+
+
+def mean_error(run: jobs.Run, first: int) -> float:
+    """Mean distance of the tip from its target, from a step on [cm]; NaN without one."""
+    states = run.episode.after("states")
+    errors = position_errors(states, run.job.task.desired_positions())[first:]
+    errors = errors[np.isfinite(errors)]
+    return float(errors.mean()) if len(errors) else np.nan
+
+
+def relative_path_length(run: jobs.Run, first: int) -> float:
+    """Path length of the tip over that of its target; NaN for a target at rest."""
+    desired = run.job.task.desired_positions()[:, -1]
+    tip = run.episode.after("states")[: len(desired), -1, POSITION]
+    desired_length = _path_length(desired[first:])
+    if desired_length <= MIN_PATH:
+        return np.nan
+    return _path_length(tip[first:]) / desired_length
+
+
+def _path_length(positions: np.ndarray) -> float:
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
+    return float(np.nansum(steps))

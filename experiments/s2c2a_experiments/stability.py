@@ -1,0 +1,137 @@
+"""Stability: whether the loop makes the arm vibrate, over arms, sensors and payloads.
+
+A point is held for a minute, since vibration can take half a minute to build up; and
+the circle is followed while a force acts on the tip. The unknown payload is compared with
+encoders alone that know it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from s2c2a import jobs
+from s2c2a.arm import ArmSpec
+from s2c2a.estimation import EstimationSettings
+from s2c2a.evaluation import Row
+from s2c2a.planning import Goal
+from s2c2a.robots import RobotFactory
+from s2c2a.spaces import POSITION
+from s2c2a.strategies import RunOptions, recipe_named
+from s2c2a.tasks import Task, load_task
+from s2c2a.tasks.lines import still
+from s2c2a_experiments.sensors import (
+    KNOWN_PAYLOAD,
+    Case,
+    last_quarter,
+    mean_error,
+    relative_path_length,
+    with_sensors,
+)
+
+EXPERIMENT = "stability"
+HELD_POINT = (0.3, 0.0, 0.83)  # of the arm's length
+HOLD_TIME = 60.0  # s
+LAST_TIME = 20.0  # s, in which the peak-to-peak motion of the held tip counts
+PUSH = "8 force 0.2 0 0; 11 force 0 0 0"
+MAX_PEAK_TO_PEAK = 2.0  # cm
+MAX_PATH_LENGTH = 1.3  # of the target's
+
+
+@dataclass(frozen=True)
+class StabilityStudy:
+    """What is compared.
+
+    Attributes:
+        arms: that carry the sensors.
+        sets: of sensors (`sensors.SENSOR_SETS`).
+        payloads: at the tip, unknown [kg].
+        seeds: of data, training and start.
+        hold_time: for which a point is held [s].
+    """
+
+    arms: tuple[ArmSpec, ...]
+    sets: tuple[str, ...] = ("bends", "imu", "current", "camera")
+    payloads: tuple[float, ...] = (0.0, 0.05, 0.1, 0.15)
+    seeds: tuple[int, ...] = (0,)
+    hold_time: float = HOLD_TIME
+
+
+def hold_task(arm: ArmSpec, time: float) -> Task:
+    """Hold the tip at `HELD_POINT`."""
+    point = arm.length * np.array(HELD_POINT)
+    path = still(point, time, arm.control_rate)
+    return Task.along("hold-point", path, Goal.of(arm.module_count))
+
+
+def stability_rows(study: StabilityStudy, make: jobs.Make) -> list[Row]:
+    """Rows of all cases, with those of encoders that know the payload.
+
+    Args:
+        study: what is compared.
+        make: finds or makes runs, networks and recordings.
+    """
+    cases = [
+        Case(arm, name, payload)
+        for arm in study.arms
+        for name in (KNOWN_PAYLOAD, *study.sets)
+        for payload in study.payloads
+    ]
+    groups = []
+    for case in cases:
+        groups.append(_jobs(study, case, hold_task(case.arm, study.hold_time), ""))
+        groups.append(_jobs(study, case, load_task("circle", case.arm), PUSH))
+    rows = []
+    labels = [f"{case.sensors}, {1000 * case.payload:g} g" for case in cases]
+    for number, runs in enumerate(jobs.in_groups(make, groups)):
+        rows += rows_of(runs, labels[number // 2])
+    return rows
+
+
+def vibrating(rows: Sequence[Row]) -> list[Row]:
+    """The rows whose motion exceeds a limit."""
+    limits = {
+        "peak to peak, last 20 s": MAX_PEAK_TO_PEAK,
+        "path length, last quarter": MAX_PATH_LENGTH,
+    }
+    return [row for row in rows if row.mean > limits.get(row.metric, np.inf)]
+
+
+def _jobs(study: StabilityStudy, case: Case, task: Task, events: str) -> list[jobs.Job]:
+    known = case.payload if case.sensors == KNOWN_PAYLOAD else 0.0
+    robot = RobotFactory.simulation(payload=case.payload, events=events)
+    run = RunOptions(estimation=EstimationSettings(known_payload=known))
+    arm = with_sensors(case.arm, case.sensors)
+    conditions = jobs.Conditions(robot, run)
+    recipe = recipe_named("best")
+    return jobs.jobs_for([task], arm, ["s2c2a"], study.seeds, recipe, conditions)
+
+
+def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
+    """Error, vibrations, and motion of the tip in the runs of one case."""
+    heading = jobs.Heading.of(EXPERIMENT, runs)
+    task = runs[0].task
+    errors = [mean_error(run, last_quarter(run)) for run in runs]
+    found = [float(len(run.episode.options.get("vibrations", ()))) for run in runs]
+    metrics = {
+        ("position, last quarter", "cm"): errors,
+        ("vibrations", "times"): found,
+    }
+    if task == "circle":
+        lengths = [relative_path_length(run, last_quarter(run)) for run in runs]
+        metrics["path length, last quarter", "times"] = lengths
+    else:
+        spans = [_peak_to_peak(run) for run in runs]
+        metrics["peak to peak, last 20 s", "cm"] = spans
+    rows = []
+    for (metric, unit), values in metrics.items():
+        row = heading.row(task, "s2c2a", metric, unit, values, [])
+        rows.append(replace(row, strategy=label, paper_mean=None, paper_std=None))
+    return rows
+
+
+def _peak_to_peak(run: jobs.Run) -> float:
+    """Diagonal of the box that the tip visits in the last seconds [cm]."""
+    steps = round(LAST_TIME * run.job.arm.control_rate)
+    tip = run.episode.after("states")[-steps:, -1, POSITION]
+    return 100.0 * float(np.linalg.norm(np.ptp(tip, axis=0)))

@@ -1,7 +1,0 @@
-"""Emulated servos of a real arm, on a pseudo-terminal, with the arm's physics behind.
-
-The packets are written from the manuals and share no code with `s2c2a.hardware`, so
-that one tests the other.
-"""
-
-from s2c2a.emulation.emulator import Emulator, EmulatorOptions

@@ -1,3 +1,0 @@
-"""DYNAMIXEL servos: protocol 2.0, control tables, and the bus."""
-
-from s2c2a.hardware.dynamixel.bus import DynamixelBus

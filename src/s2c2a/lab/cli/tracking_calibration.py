@@ -1,0 +1,144 @@
+"""Commands `s2c2a tracking latency` and `frames`: calibration of a pose tracker."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.emergency import emergency_controls
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    robot_factory_for,
+)
+from s2c2a.errors import S2C2AError
+from s2c2a.plugins import trust_code
+from s2c2a.robots.factory import NO_TRACKING
+
+if TYPE_CHECKING:
+    from s2c2a.lab.tracking.calibration_motions import CalibrationFile
+    from s2c2a.lab.tracking.frames import Frames
+
+
+def latency(
+    arm: Arm,
+    robot: RobotName = "dynamixel",
+    robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
+    duration: float = 40.0,
+    out: Path | None = None,
+) -> None:
+    """Find the latency of a tracker relative to the servos; the base module bends.
+
+    Args:
+        arm: a preset or an arm file.
+        robot: servos (dynamixel, feetech), or your own class.
+        robot_option: further arguments of that class.
+        tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
+            (docs/guides/tracking.md); by default that of the arm file.
+        duration: of the motion [s].
+        out: file of the result; by default that of the arm file, or
+            NAME.tracking.json.
+    """
+    from s2c2a.lab.tracking.calibration_motions import measure_latency
+
+    spec = load_arm(arm)
+    file = _calibration_file(spec, out)
+    found = _measure(
+        measure_latency, spec, tracking, robot, robot_option, duration=duration
+    )
+    path = file.store_latency(found)
+    print(
+        f"latency: {1000 * found.seconds:.1f} ms, standard deviation "
+        f"{1000 * found.std:.1f} ms; the servos explain {100 * found.explained:.0f} % "
+        f"of the tracked motion; {path}"
+    )
+
+
+def frames(
+    arm: Arm,
+    robot: RobotName = "dynamixel",
+    robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
+    out: Path | None = None,
+) -> None:
+    """Find the frames of an arm in the tracked bodies; every module bends.
+
+    Args:
+        arm: a preset or an arm file.
+        robot: servos (dynamixel, feetech), or your own class.
+        robot_option: further arguments of that class.
+        tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
+            (docs/guides/tracking.md); by default that of the arm file.
+        out: file of the result; by default that of the arm file, or
+            NAME.tracking.json.
+    """
+    from s2c2a.lab.tracking.calibration_motions import measure_frames
+
+    spec = load_arm(arm)
+    file = _calibration_file(spec, out)
+    found = _measure(measure_frames, spec, tracking, robot, robot_option)
+    path = file.store_frames(found)
+    _print_residuals(found)
+    print(f"frames: {path}")
+
+
+def _calibration_file(spec: ArmSpec, out: Path | None) -> "CalibrationFile":
+    """Refuse the file of another arm before the arm moves."""
+    from s2c2a.lab.tracking.calibration_motions import CalibrationFile
+
+    return CalibrationFile(spec, out)
+
+
+def _measure(
+    procedure: Callable[..., Any],
+    spec: ArmSpec,
+    source: str,
+    robot: str,
+    options: tuple[str, ...],
+    **settings,
+) -> Any:
+    """Run a procedure on an arm, with the keys and signals of an emergency stop."""
+    from s2c2a.lab.tracking import tracker_of
+
+    tracker = tracker_of(_source_of(spec, source))
+    factory = robot_factory_for(robot, options, tracking=NO_TRACKING)
+    with emergency_controls(factory), progress_bar() as progress:
+        return procedure(
+            factory.make(spec),
+            tracker,
+            progress=lambda done, total: progress("motion", done, total),
+            **settings,
+        )
+
+
+def _source_of(spec: ArmSpec, given: str) -> str:
+    """Return the source of the command or of the arm file.
+
+    Raises:
+        S2C2AError: neither names one.
+    """
+    if given:
+        trust_code(given)
+        return given
+    if spec.tracking is None:
+        raise S2C2AError(
+            f"'{spec.name}' names no tracker; add --tracking SOURCE, or a table "
+            "[tracking] to the arm file (docs/guides/tracking.md)"
+        )
+    return spec.tracking.source
+
+
+def _print_residuals(found: "Frames") -> None:
+    rotations = np.rad2deg(found.rotation_residuals)
+    rows = [
+        (f"module {number}", f"{1000 * position:.2f}", f"{rotation:.2f}")
+        for number, (position, rotation) in enumerate(
+            zip(found.position_residuals, rotations, strict=True), 1
+        )
+    ]
+    print_table("Residuals", ("end of", "position [mm]", "rotation [deg]"), rows)

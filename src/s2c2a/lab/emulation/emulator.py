@@ -1,0 +1,344 @@
+"""Event loop of emulated servos: the line, the servos and the arm behind them."""
+
+import select
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.servos import MODEL_NUMBERS, Servos
+from s2c2a.errors import S2C2AError
+from s2c2a.files import write_atomically
+from s2c2a.lab.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
+from s2c2a.lab.emulation.line import Line
+from s2c2a.lab.emulation.motive import MotiveOptions, MotiveOutput
+from s2c2a.lab.emulation.outputs import (
+    PoseSender,
+    PositionRecord,
+    StatusFile,
+    parse_address,
+)
+from s2c2a.lab.emulation.plant import Plant
+from s2c2a.lab.emulation.protocols import protocol_of
+from s2c2a.lab.emulation.servo import Drive, MotorState, Servo
+from s2c2a.lab.emulation.winch import Pulley, Winch
+
+_LATEST = 0.2  # s; physics that is later than this loses the time
+_PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
+_NEARLY = 0.0006  # s
+_LONGEST_SLEEP = 0.1  # s
+
+Output = StatusFile | PoseSender | PositionRecord | MotiveOutput
+
+_TURN_STREAM = 12
+_NOISE_STREAM = 13
+_LINE_STREAM = 14
+
+
+@dataclass(frozen=True)
+class EmulatorOptions:
+    """Options of an emulator.
+
+    Attributes:
+        fidelity: of the simulation.
+        seed: of slack, positions, noise and faults.
+        payload: mass at the tip [kg].
+        homed: whether the arm is in use: its cables start without slack, and its servos
+            store the settings of `motors home`.
+        firmware: of Dynamixel servos.
+        faults: as texts (`faults.EXAMPLE`).
+        link: symbolic link to the port; None: in a new temporary folder.
+        port_file: file for the name of the port.
+        status_file: JSON file with the state of the servos.
+        poses_to: HOST:PORT that gets the true poses; none if empty.
+        pose_rate: poses and recorded positions a second [Hz].
+        record: CSV file with the true positions of the module ends.
+        mocap: an emulated Motive that tracks the same arm; None for none.
+        duration: time after which the emulator ends [s].
+    """
+
+    fidelity: str = "fast"
+    seed: int = 0
+    payload: float = 0.0
+    homed: bool = False
+    firmware: int = 52
+    faults: tuple[str, ...] = ()
+    link: Path | None = None
+    port_file: Path | None = None
+    status_file: Path | None = None
+    poses_to: str = ""
+    pose_rate: float = 100.0
+    record: Path | None = None
+    mocap: MotiveOptions | None = None
+    duration: float = float("inf")
+
+    def __post_init__(self):
+        if not 1 <= self.pose_rate <= 1000:
+            raise S2C2AError(
+                f"pose_rate {self.pose_rate} Hz is not allowed; give 1 to 1000 Hz"
+            )
+        if not 1 <= self.firmware <= 255:
+            raise S2C2AError(
+                f"firmware {self.firmware} is not allowed; give a version from 1 to 255"
+            )
+        if self.poses_to:
+            parse_address(self.poses_to)
+        if not self.duration > 0:
+            raise S2C2AError(
+                f"duration {self.duration} s is not allowed; give more than 0 s"
+            )
+
+
+def default_servos(arm: ArmSpec) -> Servos:
+    """Return the servos of an arm without a table `[servos]`.
+
+    Ids count from 1, row by row.
+    """
+    count = arm.cable_count
+    rows = range(arm.module_count)
+    ids = tuple(tuple(range(1 + row * count, 1 + (row + 1) * count)) for row in rows)
+    return Servos.model_validate({"ids": ids})
+
+
+class Emulator:
+    """Servos of an arm on a pseudo-terminal, in real time.
+
+    Attributes:
+        options: of the emulator.
+        plant: the arm and its motors.
+        winches: servos with their cables, module by module.
+        line: the port.
+        disturbances: of the line.
+        voltage: of the supply [V].
+        now: time since the start [s].
+        late: time that the physics lost on a busy machine [s].
+        packet_count: instructions that arrived.
+        largest_command: largest displacement that a powered motor was sent to [m].
+        largest_current: largest current of a motor [A].
+    """
+
+    def __init__(self, arm: ArmSpec, options: EmulatorOptions):
+        """Power the servos up; `run` opens the port.
+
+        Raises:
+            S2C2AError: the arm cannot be driven by servos, or an option is invalid.
+        """
+        self.options = options
+        self.table = arm.servos or default_servos(arm)
+        self._protocol = protocol_of(self.table)
+        self._schedule = FaultSchedule(self._parse_faults())
+        self.plant = Plant(
+            arm, options.fidelity, options.seed, options.payload, options.homed
+        )
+        self.disturbances = Disturbances(self._random_stream(_LINE_STREAM))
+        self._noise = self._random_stream(_NOISE_STREAM)
+        self.winches = self._make_winches()
+        self.voltage = self._protocol.supply
+        self._folder: Path | None = None
+        self.line = Line(self._choose_link(), self.table.baud_rate)
+        self._decoder = self._protocol.decoder()
+        self._plug_time = float("inf")
+        self._stopped = False
+        self._mocap: MotiveOutput | None = None
+        self.now = 0.0
+        self.late = 0.0
+        self.packet_count = 0
+        self.largest_command = 0.0
+        self.largest_current = 0.0
+
+    @property
+    def servos(self) -> list[Servo]:
+        """The servos, module by module."""
+        return [winch.servo for winch in self.winches]
+
+    def stop(self) -> None:
+        """Let `run` end soon; for signal handlers and other threads."""
+        self._stopped = True
+
+    def unplug(self, seconds: float) -> None:
+        """Take the port away for a time [s]; the servos keep their power."""
+        self.line.unplug()
+        self._plug_time = self.now + seconds
+
+    def run(self, on_ready: Callable[[str], None] = lambda port: None) -> None:
+        """Serve the port until `stop` is called or the duration is over.
+
+        Args:
+            on_ready: gets the name of the port when it is open.
+
+        Raises:
+            S2C2AError: a file cannot be written.
+            SimulationError: the simulation diverged.
+        """
+        self.line.plug()
+        outputs = self._open_outputs()
+        try:
+            if self.options.port_file is not None:
+                write_atomically(f"{self.line.link}\n", self.options.port_file)
+            on_ready(str(self.line.link))
+            start = time.monotonic()
+            while not self._stopped and self.now < self.options.duration:
+                self._wait(start)
+                self.now = time.monotonic() - start
+                self.serve()
+                for output in outputs:
+                    output.write(self, self.now)
+        finally:
+            self._close(outputs)
+
+    def _close(self, outputs: list[Output]) -> None:
+        self.line.unplug()
+        for output in outputs:
+            output.close()
+        if self._folder is not None:
+            self._folder.rmdir()
+
+    def serve(self) -> None:
+        """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
+        self._schedule.apply_until(self)
+        if self.now >= self._plug_time:
+            self._plug_time = float("inf")
+            self.line.plug()
+        if self.line.is_plugged:
+            self._receive()
+            self.line.transmit(self.now)
+        self._advance()
+
+    def _wait(self, start: float) -> None:
+        """Sleep until bytes arrive or something is due."""
+        due = min(self.line.next_time, self.late + self.plant.time + self.plant.chunk)
+        if self._mocap is not None:  # a frame must not wait for the physics
+            due = min(due, self._mocap.next_time)
+        timeout = due - (time.monotonic() - start)
+        files = [self.line.file] if self.line.is_plugged else []
+        select.select(files, [], [], min(max(0.0, timeout), _LONGEST_SLEEP))
+
+    def _receive(self) -> None:
+        data = self.line.receive()
+        if not data:
+            return
+        self.line.occupy(len(data), self.now)
+        for packet in self._decoder.feed(data, self.now):
+            self.packet_count += 1
+            answers = self._protocol.answer(packet, self._listening(), self.now)
+            self.line.queue(self.disturbances.disturb(answers))
+
+    def _listening(self) -> list[Servo]:
+        """Return the servos that hear the line: those at its baud rate."""
+        baud_rate = self.line.user_baud_rate()
+        return [
+            servo
+            for servo in self.servos
+            if servo.is_present(self.now) and baud_rate in (None, servo.baud_rate)
+        ]
+
+    def _advance(self) -> None:
+        """Advance the physics by at most one chunk, towards the wall clock."""
+        behind = self.now - self.late - self.plant.time
+        if behind < self.plant.chunk:
+            return
+        if behind < _PATIENCE and self.line.next_time - self.now < _NEARLY:
+            return
+        if behind > _LATEST:
+            self.late += behind - self.plant.chunk
+        self.advance_chunk()
+
+    def advance_chunk(self) -> None:
+        """Advance motors, arm and servos by one chunk of physics."""
+        for winch in self.winches:
+            winch.set_targets(self.plant)
+        self.plant.advance()
+        for winch in self.winches:
+            state = winch.measure(self.plant, self.voltage, self._noise)
+            winch.servo.update(state, self.plant.chunk, self.now)
+        self._note_extremes()
+
+    def _note_extremes(self) -> None:
+        targets = self.plant.targets
+        driven = targets.torque & targets.follows(Drive.POSITION)
+        largest = float(np.max(np.abs(targets.goal), where=driven, initial=0.0))
+        self.largest_command = max(self.largest_command, largest)
+        current = max(abs(servo.state.current) for servo in self.servos)
+        self.largest_current = max(self.largest_current, current)
+
+    def _open_outputs(self) -> list[Output]:
+        options = self.options
+        outputs: list[Output] = []
+        if options.status_file is not None:
+            outputs.append(StatusFile(options.status_file))
+        if options.poses_to:
+            address = parse_address(options.poses_to)
+            outputs.append(PoseSender(address, options.pose_rate))
+        if options.record is not None:
+            modules = self.plant.arm.module_count
+            outputs.append(PositionRecord(options.record, modules, options.pose_rate))
+        if options.mocap is not None:
+            outputs.append(self._open_mocap(options.mocap))
+        return outputs
+
+    def _open_mocap(self, options: MotiveOptions) -> MotiveOutput:
+        # physics reads the motors' positions earlier than their encoders do, so that
+        # the arm leads; frames wait for the encoders
+        latency = options.latency + self.plant.lead
+        self._mocap = MotiveOutput(
+            list(self.plant.poses()), replace(options, latency=latency)
+        )
+        return self._mocap
+
+    def _parse_faults(self) -> tuple[Fault, ...]:
+        faults = parse_faults(self.options.faults, self._ids)
+        stuffed = any(fault.kind == "stuffed" for fault in faults)
+        if stuffed and not self._protocol.stuffs:
+            raise S2C2AError(
+                f"the fault 'stuffed' needs a protocol with byte stuffing, and the arm "
+                f'has servos.protocol = "{self.table.protocol}"; leave it out'
+            )
+        return faults
+
+    @property
+    def _ids(self) -> list[int]:
+        return [id for row in self.table.ids for id in row]
+
+    def _choose_link(self) -> Path:
+        if self.options.link is not None:
+            return self.options.link
+        self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
+        return self._folder / "port"
+
+    def _random_stream(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng([self.options.seed, stream])
+
+    def _make_winches(self) -> list[Winch]:
+        """Power up one servo a cable, each somewhere within its turn."""
+        ids = self._ids
+        random = self._random_stream(_TURN_STREAM)
+        directions = [1] * len(ids)
+        if self.table.directions is not None:
+            directions = [one for row in self.table.directions for one in row]
+        ticks = random.uniform(0, self.plant.arm.motor.ticks_per_turn, len(ids))
+        return [
+            self._make_winch(cable, ids[cable], directions[cable], float(ticks[cable]))
+            for cable in range(len(ids))
+        ]
+
+    def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
+        motor = self.plant.arm.motor
+        servo = self._protocol.make_servo(
+            id, MotorState(ticks=ticks), self.options.firmware
+        )
+        servo.ticks_per_turn = motor.ticks_per_turn
+        servo.baud_rate = self.table.baud_rate
+        servo["model_number"] = MODEL_NUMBERS[self.table.protocol][self.table.model]
+        if self.options.homed:
+            servo.set_up(self.table.limits.current)
+        if self.table.torque_constant is not None:
+            servo.torque_constant = self.table.torque_constant
+        pulley = Pulley(motor.pulley_radius, self.table.layer_growth)
+        winch = Winch(servo, id, cable, direction, pulley)
+        start = float(self.plant.positions[cable])
+        winch.home_ticks = ticks - winch.ticks(start)
+        return winch

@@ -1,0 +1,231 @@
+"""What all emulated motion capture shares: schedule, faults, queue of frames."""
+
+import heapq
+import math
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2c2a.errors import S2C2AError
+from s2c2a.lab.emulation.mocap_faults import SHARE_KINDS, MocapFault, parse_mocap_faults
+from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.tracked_bodies import StreamedBody, TrackedBodies
+
+_LONGEST_GARBAGE = 300  # bytes
+_REORDERING = 1.5  # frames; later than the next frame, earlier than the one after it
+_NOISE_STREAM = 15
+
+PoseSource = Callable[[], Mapping[str, Pose]]
+
+
+@dataclass(frozen=True)
+class StreamOptions:
+    """Options of every stream.
+
+    Attributes:
+        up: vertical axis of the stream, "y" or "z".
+        rate: frames a second [Hz].
+        noise: standard deviation of positions [m].
+        latency: from exposure to transmission [s].
+        faults: as texts (`mocap_faults.EXAMPLE`).
+        host: address on which it listens.
+        seed: of noise and faults.
+    """
+
+    up: str = "y"
+    rate: float = 120.0
+    noise: float = 0.0
+    latency: float = 0.0
+    faults: tuple[str, ...] = ()
+    host: str = "127.0.0.1"
+    seed: int = 0
+
+    def __post_init__(self):
+        require(self.up in ("y", "z"), "up", self.up, "y or z")
+        require(1 <= self.rate <= 1000, "rate", self.rate, "1 to 1000 Hz")
+        require(0 <= self.noise <= 1, "noise", self.noise, "0 to 1 m")
+        require(0 <= self.latency <= 10, "latency", self.latency, "0 to 10 s")
+
+
+def require(is_valid: bool, name: str, value: object, allowed: str) -> None:
+    """Check an option.
+
+    Raises:
+        S2C2AError: it is not valid.
+    """
+    if not is_valid:
+        raise S2C2AError(f"{name} {value!r} is not allowed; give {allowed}")
+
+
+class MocapServer(ABC):
+    """Server of one stream; `serve` does what is due, and never waits.
+
+    A subclass knows the protocol. Faults act on the bodies before a frame is encoded,
+    and on the frames in the queue.
+
+    Attributes:
+        frame_count: frames since the start.
+        drift: of the clock [s/s].
+    """
+
+    def __init__(self, names: Sequence[str], options: StreamOptions):
+        """A server that is not open yet.
+
+        Args:
+            names: of the rigid bodies.
+            options: of the stream.
+
+        Raises:
+            S2C2AError: a fault is invalid.
+        """
+        self._stream = options
+        self._names = list(names)
+        self._pending = parse_mocap_faults(options.faults, self._names)
+        self._random = np.random.default_rng([options.seed, _NOISE_STREAM])
+        self._bodies = TrackedBodies(
+            self._names, options.noise, options.up, self._random
+        )
+        self._queue: list[tuple[float, int, bytes]] = []
+        self._queued = 0
+        self._disturbances: dict[str, tuple[float, ...]] = {}
+        self._boot_time = 0.0
+        self._next_frame = 0.0
+        self.frame_count = 0
+        self.drift = 0.0
+
+    @property
+    @abstractmethod
+    def files(self) -> list[socket.socket]:
+        """Sockets on which requests arrive; empty while the server is closed."""
+
+    @property
+    @abstractmethod
+    def label(self) -> str:
+        """Program, protocol and addresses, for messages."""
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the sockets; without effect if they are open."""
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Close the sockets and forget the clients; allowed more than once."""
+
+    @abstractmethod
+    def _answer_requests(self, now: float) -> None:
+        """Answer what has arrived."""
+
+    @abstractmethod
+    def _encode(
+        self, number: int, time: float, bodies: Mapping[str, StreamedBody]
+    ) -> bytes:
+        """Return a frame of data."""
+
+    @abstractmethod
+    def _without_part(self, content: bytes) -> bytes:
+        """Return a frame that lacks a part."""
+
+    @abstractmethod
+    def _send_frame(self, content: bytes, now: float) -> None:
+        """Send a frame to all clients."""
+
+    def open(self) -> None:
+        """Listen for requests.
+
+        Raises:
+            S2C2AError: the port is taken, or the address is not of this computer.
+        """
+        self._open()
+
+    def close(self) -> None:
+        """Stop listening; allowed more than once."""
+        self._close()
+        self._queue.clear()
+
+    @property
+    def next_time(self) -> float:
+        """Time at which `serve` is due again [s]."""
+        sending = self._queue[0][0] if self._queue else math.inf
+        return min(self._next_frame, sending)
+
+    def serve(self, now: float, poses: PoseSource) -> None:
+        """Apply faults, answer requests, send frames that are due.
+
+        Args:
+            now: time since the start [s].
+            poses: returns `T_world_body` by name, z up.
+        """
+        while self._pending and self._pending[0].time <= now:
+            self._apply(self._pending.pop(0), now)
+        if now < self._boot_time:
+            return
+        self._open()
+        self._answer_requests(now)
+        if now >= self._next_frame:
+            period = 1 / self._stream.rate
+            self._next_frame = max(self._next_frame + period, now)
+            self._publish(now, poses())
+        self._send_queued(now)
+
+    def _apply(self, fault: MocapFault, now: float) -> None:
+        if fault.kind in SHARE_KINDS:
+            self._disturbances[fault.kind] = fault.values
+        elif fault.kind == "drift":
+            self.drift = fault.values[0] * 1e-6
+        elif fault.kind == "restart":
+            self._restart(now + fault.values[0])
+        else:
+            self._bodies.apply(fault, now)
+
+    def _restart(self, boot_time: float) -> None:
+        self.close()
+        self._boot_time = boot_time
+        self._next_frame = boot_time
+        self.frame_count = 0
+
+    def _publish(self, now: float, poses: Mapping[str, Pose]) -> None:
+        """Encode the poses and queue the frame."""
+        time = (now - self._boot_time) * (1 + self.drift)
+        bodies = self._bodies.see(poses, now)
+        if self._hits("absurd"):
+            bodies = self._bodies.corrupt(bodies)
+        content = self._encode(self.frame_count, time, bodies)
+        self.frame_count += 1
+        if self._hits("incomplete"):
+            content = self._without_part(content)
+        self._queue_disturbed(content, now + self._stream.latency)
+
+    def _queue_disturbed(self, content: bytes, due: float) -> None:
+        if self._hits("lost"):
+            return
+        if self._hits("late"):
+            due += self._disturbances["late"][0]
+        if self._hits("reordered"):
+            due += _REORDERING / self._stream.rate
+        self._push(due, content)
+        if self._hits("duplicated"):
+            self._push(due, content)
+        if self._hits("garbage"):
+            self._push(due, self._damage(content))
+
+    def _hits(self, kind: str) -> bool:
+        values = self._disturbances.get(kind)
+        return values is not None and self._random.random() < values[-1]
+
+    def _damage(self, content: bytes) -> bytes:
+        """Return a frame that lacks a part, or random bytes."""
+        if self._random.random() < 0.5:
+            return self._without_part(content)
+        return self._random.bytes(int(self._random.integers(_LONGEST_GARBAGE)))
+
+    def _push(self, due: float, content: bytes) -> None:
+        heapq.heappush(self._queue, (due, self._queued, content))
+        self._queued += 1
+
+    def _send_queued(self, now: float) -> None:
+        while self._queue and self._queue[0][0] <= now:
+            _, _, content = heapq.heappop(self._queue)
+            self._send_frame(content, now)

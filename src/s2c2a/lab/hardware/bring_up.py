@@ -1,0 +1,446 @@
+"""Bring-up of an arm with servos: jog, home and check its cables.
+
+Nothing moves without the consent of the operator, who is asked before every motion.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.errors import S2C2AError
+from s2c2a.lab.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
+from s2c2a.lab.hardware.cable_range import check_plausible
+from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
+from s2c2a.lab.hardware.monitor import describe_faults
+from s2c2a.lab.hardware.presence import check_presence
+from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.standstill import StandstillCheck
+
+HOME_SPEED = 0.02  # m/s
+MAX_LEAD = 0.005
+"""Largest distance of a goal from its cable [m]. A servo whose program died goes no
+farther, also without a watchdog. A servo 5 mm from its goal pulls with its full current,
+and the cable moves by 1 mm between two goals."""
+MAX_SLACK = 0.08  # m; the longest slack that is wound in
+STILL_TICKS = 8  # largest change of a position that counts as standing still
+STILL_TIME = 0.5  # s for which a taut cable stands still
+CURRENT_STEPS = (0.5, 0.75, 1.0)  # parts of the home current
+AVERAGED_READINGS = 10
+TIMEOUT = 15.0  # s for one motion
+POLL_PERIOD = 0.05  # s
+WATCHDOG_POLLS = 4  # at least, before the watchdog of a servo stops it
+RELAXATION = 0.004  # m that a cable is paid out between repeated homings
+CHECK_TRAVEL = 0.003  # m
+CHECK_ERROR = 0.0007  # m; largest error of the position
+CHECK_TENSION = 0.3  # N; smallest rise of the tension
+PATIENCE = 1.0  # s for an answer of a servo
+
+Confirm = Callable[[str], bool]
+Report = Callable[[str], None]
+
+
+class DeclinedError(S2C2AError):
+    """The operator declined a motion."""
+
+
+@dataclass(frozen=True)
+class CableCheck:
+    """Result of a small motion of one cable.
+
+    Attributes:
+        id: servo of the cable.
+        place: module and cable, for users.
+        error: of the position at the end of the motion [m].
+        rise: of the tension while the cable was wound in [N].
+        fault: description with advice; empty if there is none.
+    """
+
+    id: int
+    place: str
+    error: float
+    rise: float
+    fault: str = ""
+
+
+class BringUp:
+    """Careful motions of single cables and modules, before an arm is calibrated."""
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        arm: ArmSpec,
+        confirm: Confirm,
+        report: Report,
+        guard: Callable[[], AbstractContextManager] = nullcontext,
+    ):
+        """Prepare motions of an arm; nothing moves yet.
+
+        Args:
+            bus: servo bus of the arm.
+            arm: description of the arm; without a table `[servos]`, with default servos.
+            confirm: announces a motion, or a change of stored settings, to the operator
+                and returns whether the operator agrees.
+            report: receives a line for the user.
+            guard: is open during every motion, such as the keys that stop it.
+        """
+        check_ticks(arm, bus)
+        bus.accept_stored = confirm
+        self._bus = bus
+        self._arm = arm
+        self._servos = servos_of(arm)
+        self._ids = np.array(self._servos.ids)
+        self._confirm = confirm
+        self._report = report
+        self._guard = guard
+        self._powered: set[int] = set()
+        self._poll_period = min(POLL_PERIOD, self._servos.watchdog / WATCHDOG_POLLS)
+        self._torque_constant = self._servos.torque_constant or bus.torque_constant
+
+    def jog(self, id: int, distance: float) -> float:
+        """Move one cable and return the distance that it moved [m].
+
+        Args:
+            id: servo of the cable.
+            distance: positive pays the cable out, negative winds it in [m].
+
+        Raises:
+            BusError: the servo does not answer, or does not belong to the arm.
+            DeclinedError: the operator declined.
+        """
+        if id not in self._ids:
+            raise BusError(
+                f"servo {id} does not belong to '{self._arm.name}'; choose one of "
+                f"{self._ids.ravel().tolist()}"
+            )
+        self._check_presence([id])
+        verb = "pays out" if distance > 0 else "winds in"
+        length = f"{1000 * abs(distance):.1f} mm"
+        self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
+        with self._moving([id], self._servos.limits.current):
+            winches = self._winches_at([id])
+            start = self._displacement(winches, id)
+            self._wind({id: start + distance}, winches)
+            return self._displacement(winches, id) - start
+
+    def home(
+        self,
+        infos: Sequence[ServoInfo],
+        adapter: str = "",
+        repeat: int = 3,
+        before: Calibration | None = None,
+        save: Callable[[Calibration], None] = lambda _: None,
+    ) -> Calibration:
+        """Take up the slack of every cable, module by module; straight is zero.
+
+        All cables of a module are wound in with the same small current, so that the
+        module stands straight. The stretch of the cables and their backlash, as the
+        arm file states them, are subtracted.
+
+        Args:
+            infos: identity of all servos.
+            adapter: serial number of the adapter.
+            repeat: homings of every module; their spread is the repeatability.
+            before: an unfinished calibration; its modules are skipped.
+            save: called with the calibration after every module.
+
+        Returns:
+            The calibration.
+
+        Raises:
+            BusError: a servo does not answer, or a cable does not become taut.
+            DeclinedError: the operator declined.
+        """
+        self._check_presence(self._ids.ravel().tolist())
+        self._check_identities(infos)
+        done = {servo.id: servo for servo in before.servos} if before else {}
+        calibration = self._calibration(done, adapter)
+        for module, ids in enumerate(self._ids.tolist(), 1):
+            if all(id in done for id in ids):
+                self._report(f"module {module}: homed before, skipped")
+                continue
+            current = self._servos.home_current
+            self._ask(f"module {module}: servos {ids} wind in with {current:g} A")
+            homes = self._home_module(module - 1, ids, max(repeat, 1))
+            done |= self._calibrated(ids, homes, infos)
+            calibration = self._calibration(done, adapter)
+            save(calibration)
+        return calibration
+
+    def check(self, calibration: Calibration) -> list[CableCheck]:
+        """Move every cable a little and compare position and tension.
+
+        Raises:
+            BusError: a servo does not answer.
+            DeclinedError: the operator declined.
+            RobotError: a cable is out of its range; nothing moves.
+        """
+        ids = self._ids.ravel().tolist()
+        self._check_presence(ids)
+        self._ask(
+            "all cables go to their homes together, then each one moves by "
+            f"{1000 * CHECK_TRAVEL:g} mm"
+        )
+        with self._moving(ids, self._servos.limits.current):
+            winches = Winches.of(self._arm, calibration.home(self._arm))
+            positions = self._positions(ids)
+            winches = winches.in_same_turn(positions)
+            check_plausible(winches.displacements(positions), self._arm)
+            self._wind(dict.fromkeys(ids, 0.0), winches)
+            return [self._check_cable(id, winches) for id in ids]
+
+    def _check_presence(self, ids: list[int]) -> None:
+        """Check that servos answer, before the operator is asked."""
+        everyone = self._ids.ravel().tolist()
+        check_presence(self._bus, ids, self._servos.number_of, everyone)
+
+    def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
+        missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
+        if missing:
+            raise BusError(
+                f"no answer from servos {sorted(missing)}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
+
+    def _home_module(
+        self, module: int, ids: list[int], repeat: int
+    ) -> dict[int, list[int]]:
+        """Homes [ticks] of the servos of a module, one for every repetition."""
+        homes: dict[int, list[int]] = {id: [] for id in ids}
+        stretch = taut_windings(self._arm, self._torque_constant)
+        with self._moving(ids, self._servos.home_current):
+            for number in range(repeat):
+                winches = self._winches_at(ids)
+                self._take_up(ids, winches)
+                taut = self._mean_positions(ids)
+                at_home = Winches.of(self._arm, taut).positions(stretch)
+                for id in ids:
+                    homes[id].append(int(at_home[self._ids == id][0]))
+                if number + 1 < repeat:
+                    self._relax(ids)
+            last = np.zeros(self._ids.shape, int)
+            for id in ids:
+                last[self._ids == id] = homes[id][-1]
+            self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, last))
+        means = {id: round(float(np.mean(values))) for id, values in homes.items()}
+        self._report(f"module {module + 1}: home at {means} ticks")
+        return homes
+
+    def _take_up(self, ids: list[int], winches: Winches) -> None:
+        """Wind cables in until all are taut, with a current that grows.
+
+        The cables that become taut first are pulled out again by the others. With the
+        last current all of them wind in, so that their backlash is on the same side.
+
+        Raises:
+            BusError: a cable does not become taut.
+        """
+        start = {id: self._displacement(winches, id) for id in ids}
+        targets = {id: place - MAX_SLACK for id, place in start.items()}
+        for share in CURRENT_STEPS:
+            self._bus.set_current(ids, share * self._servos.home_current)
+            self._wind(targets, winches)
+        for id in ids:
+            wound = start[id] - self._displacement(winches, id)
+            if wound > 0.95 * MAX_SLACK:
+                raise BusError(
+                    f"servo {id} ({self._servos.number_of(id)}) wound in "
+                    f"{1000 * wound:.0f} mm and its cable is not taut: is it off its "
+                    "pulley, or does servos.directions have the wrong sign?"
+                )
+
+    def _relax(self, ids: list[int]) -> None:
+        winches = self._winches_at(ids)
+        self._wind(dict.fromkeys(ids, RELAXATION), winches)
+
+    def _check_cable(self, id: int, winches: Winches) -> CableCheck:
+        before = self._tension(id, winches)
+        self._wind({id: -CHECK_TRAVEL}, winches)
+        error = self._displacement(winches, id) + CHECK_TRAVEL
+        rise = self._tension(id, winches) - before
+        self._wind({id: 0.0}, winches)
+        place = self._servos.number_of(id)
+        fault = _cable_fault(error, rise)
+        self._report(
+            f"servo {id} ({place}): position off by {1000 * error:+.2f} mm, tension "
+            f"{rise:+.1f} N{': ' if fault else ''}{fault}"
+        )
+        return CableCheck(id, place, error, rise, fault)
+
+    def _calibrated(
+        self, ids: list[int], homes: dict[int, list[int]], infos: Sequence[ServoInfo]
+    ) -> dict[int, CalibratedServo]:
+        identities = {info.id: info for info in infos}
+        tick = (
+            2 * np.pi * self._arm.motor.pulley_radius / self._arm.motor.ticks_per_turn
+        )
+        servos = {}
+        for id in ids:
+            values = homes[id]
+            spread = float(np.std(values, ddof=1)) * tick if len(values) > 1 else None
+            info = identities[id]
+            servos[id] = CalibratedServo(
+                id=id,
+                model=info.model,
+                firmware=info.firmware,
+                home=round(float(np.mean(values))),
+                spread=spread,
+            )
+        return servos
+
+    def _calibration(
+        self, done: dict[int, CalibratedServo], adapter: str
+    ) -> Calibration:
+        ids = self._ids.ravel().tolist()
+        return Calibration(
+            arm=self._arm.name,
+            date=datetime.now(UTC).replace(microsecond=0),
+            adapter=adapter,
+            servos=tuple(done[id] for id in ids if id in done),
+            finished=all(id in done for id in ids),
+        )
+
+    def _ask(self, motion: str) -> None:
+        if not self._confirm(motion):
+            raise DeclinedError(f"declined: {motion}; nothing moved")
+
+    @contextmanager
+    def _moving(self, ids: list[int], current: float) -> Iterator[None]:
+        """Let servos hold their place with a limited current, also after the motion.
+
+        An error switches their torque off, an emergency stop that of all servos that
+        this object switched on, unless `servos.on_emergency` is "hold".
+        """
+        try:
+            with self._switched_on(ids, current):
+                yield
+        except EmergencyStopError:
+            self._halt(ids)
+            raise
+
+    @contextmanager
+    def _switched_on(self, ids: list[int], current: float) -> Iterator[None]:
+        EMERGENCY_STOP.check()
+        speed = HOME_SPEED / self._arm.motor.pulley_radius
+        self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
+        states = self._states(ids)
+        self._bus.send_goals({id: states[id].position for id in ids})
+        try:
+            # a failure may leave some of them on
+            self._powered |= set(ids)
+            with self._guard():
+                self._bus.set_torque(ids, on=True)
+                yield
+        except EmergencyStopError:
+            raise
+        except BaseException:
+            self._bus.set_torque(ids, on=False)
+            raise
+
+    def _halt(self, ids: list[int]) -> None:
+        """Stop servos where they are, then hold or release all that have torque."""
+        with suppress(BusError):
+            states = self._bus.read_patiently(ids, PATIENCE)
+            self._bus.send_goals({id: state.position for id, state in states.items()})
+        if self._servos.on_emergency == "release":
+            with suppress(BusError):
+                self._bus.set_torque(sorted(self._powered), on=False)
+
+    def _wind(self, displacements: dict[int, float], winches: Winches) -> None:
+        """Move cables to displacements [m], until they stand still.
+
+        Goals go ahead of the cables by `MAX_LEAD` at most.
+
+        Raises:
+            BusError: the cables do not come to rest, or a servo is at fault.
+            RobotError: the program stood still.
+            EmergencyStopError: nothing must move.
+        """
+        ids = list(displacements)
+        gap = StandstillCheck()
+        end = time.monotonic() + TIMEOUT
+        still_since = time.monotonic()
+        last = self._positions(ids)
+        self._lead(displacements, last, winches)
+        while time.monotonic() - still_since < STILL_TIME:
+            if time.monotonic() > end:
+                raise BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
+            time.sleep(self._poll_period)
+            positions = self._positions(ids)
+            gap.check()  # not every servo has a watchdog that stops it
+            self._lead(displacements, positions, winches)
+            if (np.abs(positions - last) > STILL_TICKS).any():
+                still_since = time.monotonic()
+                last = positions
+
+    def _lead(
+        self, targets: Mapping[int, float], positions: np.ndarray, winches: Winches
+    ) -> None:
+        """Send goals on the way from positions [ticks] to displacements [m]."""
+        present = winches.displacements(positions)
+        goals = {}
+        for id, target in targets.items():
+            place = float(present[self._ids == id][0])
+            goals[id] = min(max(target, place - MAX_LEAD), place + MAX_LEAD)
+        self._send(goals, winches)
+
+    def _send(self, displacements: dict[int, float], winches: Winches) -> None:
+        values = np.zeros(self._ids.shape)
+        for id, displacement in displacements.items():
+            values[self._ids == id] = displacement
+        positions = winches.positions(values)
+        goals = {id: int(positions[self._ids == id][0]) for id in displacements}
+        self._bus.send_goals(goals)
+
+    def _states(self, ids: list[int]) -> dict[int, ServoState]:
+        EMERGENCY_STOP.check()
+        states = self._bus.read_patiently(ids, PATIENCE)
+        if fault := describe_faults(states, self._servos, ids):
+            raise BusError(fault)
+        return states
+
+    def _positions(self, ids: list[int]) -> np.ndarray:
+        """Positions [ticks], shape (modules, cables); zero for other servos."""
+        states = self._states(ids)
+        positions = np.zeros(self._ids.shape, int)
+        for id, state in states.items():
+            positions[self._ids == id] = state.position
+        return positions
+
+    def _mean_positions(self, ids: list[int]) -> np.ndarray:
+        """Mean of several readings of the positions [ticks], to average their noise."""
+        readings = [self._positions(ids) for _ in range(AVERAGED_READINGS)]
+        return np.round(np.mean(readings, axis=0)).astype(int)
+
+    def _winches_at(self, ids: list[int]) -> Winches:
+        """Winches whose zero is the present position of the cables."""
+        return Winches.of(self._arm, self._positions(ids))
+
+    def _displacement(self, winches: Winches, id: int) -> float:
+        """Displacement of one cable [m]."""
+        displacements = winches.displacements(self._positions([id]))
+        return float(displacements[self._ids == id][0])
+
+    def _tension(self, id: int, winches: Winches) -> float:
+        """Tension of one cable [N], from its current."""
+        currents = np.where(self._ids == id, self._states([id])[id].current, 0.0)
+        tensions = winches.tensions(currents, self._torque_constant)
+        return float(tensions[self._ids == id][0])
+
+
+def _cable_fault(error: float, rise: float) -> str:
+    if rise < -CHECK_TENSION:
+        return (
+            "the tension falls where the cable should be wound in; change the sign in "
+            "servos.directions"
+        )
+    if rise < CHECK_TENSION:
+        return "no tension: the cable has snapped, or is off its pulley"
+    if abs(error) > CHECK_ERROR:
+        return "it does not arrive: something is in its way, or the current is too low"
+    return ""

@@ -1,0 +1,123 @@
+"""Winches: servo positions and cable displacements."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.lab.hardware.bus import BusError, ServoBus
+from s2c2a.spaces import Actions
+
+Ticks = Int[np.ndarray, "modules cables"]
+
+
+def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
+    """Check that the arm file counts the ticks of a turn as the servos do.
+
+    Raises:
+        BusError: it does not; every motion would be wrong by their ratio.
+    """
+    if arm.motor.ticks_per_turn != bus.ticks_per_turn:
+        raise BusError(
+            f"motor.ticks_per_turn of '{arm.name}' is {arm.motor.ticks_per_turn}; its "
+            f"servos have {bus.ticks_per_turn}. Correct the arm file"
+        )
+
+
+def taut_windings(arm: ArmSpec, torque_constant: float) -> Actions:
+    """Return the lengths that homing winds in from rest to taut cables [m].
+
+    They take up the backlash and stretch the cables by the home current.
+
+    Args:
+        arm: with its servos, or their defaults.
+        torque_constant: of the servos [N m/A].
+    """
+    tension = servos_of(arm).home_current * torque_constant / arm.motor.pulley_radius
+    stiffness = per_module(arm, "cable.stiffness")[:, None]
+    return tension / stiffness + per_cable(arm, "cable.backlash")
+
+
+@dataclass(frozen=True)
+class Winches:
+    """Pulleys that wind the cables of an arm, one on each servo.
+
+    A pulley that has wound n turns since home has taken in 2 pi (r n + g n^2 / 2) of
+    cable, where r is its radius and g the growth of the radius with every turn.
+
+    Attributes:
+        home: servo positions of the straight arm [ticks], shape (modules, cables).
+        directions: 1 where a growing position pays the cable out, -1 where it winds it
+            in, shape (modules, cables).
+        radius: of the pulleys [m].
+        ticks_per_turn: of the servo positions.
+        layer_growth: growth of the radius with every turn wound on [m].
+    """
+
+    home: Ticks
+    directions: Ticks
+    radius: float
+    ticks_per_turn: int
+    layer_growth: float = 0.0
+
+    @classmethod
+    def of(cls, arm: ArmSpec, home: Ticks) -> "Winches":
+        """Return the winches of an arm with homes [ticks], shape (modules, cables)."""
+        servos = servos_of(arm)
+        directions = np.ones(home.shape, int)
+        if servos.directions is not None:
+            directions = np.array(servos.directions)
+        return cls(
+            home,
+            directions,
+            arm.motor.pulley_radius,
+            arm.motor.ticks_per_turn,
+            servos.layer_growth,
+        )
+
+    def displacements(self, positions: Ticks) -> Actions:
+        """Return cable displacements [m], positive where a cable is paid out."""
+        turns = self.directions * (positions - self.home) / self.ticks_per_turn
+        # n turns wound in are -n turns paid out
+        return (
+            2 * np.pi * (self.radius * turns - 0.5 * self.layer_growth * turns * turns)
+        )
+
+    def positions(self, displacements: Actions) -> Ticks:
+        """Return servo positions [ticks] of cable displacements [m]."""
+        lengths = displacements / (2 * np.pi)
+        turns = lengths / self.radius
+        if self.layer_growth:
+            # root of r n - g n^2 / 2 = length that goes to length / r for small g
+            root = self.radius**2 - 2 * self.layer_growth * lengths
+            turns = 2 * lengths / (self.radius + np.sqrt(np.maximum(root, 0.0)))
+        ticks = self.directions * turns * self.ticks_per_turn
+        return self.home + np.round(ticks).astype(int)
+
+    def tensions(
+        self, currents: Float[np.ndarray, "modules cables"], torque_constant: float
+    ) -> Float[np.ndarray, "modules cables"]:
+        """Return cable tensions [N] of motor currents.
+
+        Args:
+            currents: [A], positive where they drive the position up.
+            torque_constant: torque per current [N m/A].
+        """
+        return -self.directions * currents * torque_constant / self.radius
+
+    def in_same_turn(self, positions: Ticks) -> "Winches":
+        """Return winches with homes moved by whole turns, closest to positions.
+
+        Servos forget whole turns without power. If the range of a cable is smaller
+        than a turn, its position tells the turn.
+
+        Args:
+            positions: present servo positions [ticks], shape (modules, cables).
+        """
+        turns = np.round((positions - self.home) / self.ticks_per_turn).astype(int)
+        home = self.home + turns * self.ticks_per_turn
+        return Winches(
+            home, self.directions, self.radius, self.ticks_per_turn, self.layer_growth
+        )

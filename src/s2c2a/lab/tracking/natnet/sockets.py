@@ -1,0 +1,61 @@
+"""Sockets of a NatNet client: one for requests and unicast, one for multicast."""
+
+import os
+import socket
+
+from s2c2a.lab.tracking.poses import TrackingError
+
+RECEIVE_BUFFER = 1 << 20  # bytes; frames wait here while the computer is busy
+
+
+def open_command_socket(local: str) -> socket.socket:
+    """Return a socket for requests, their answers and unicast frames.
+
+    Args:
+        local: address of this computer in the network of Motive.
+
+    Raises:
+        TrackingError: the address is not of this computer.
+    """
+    return _open(local, 0, "")
+
+
+def open_group_socket(group: str, port: int, local: str) -> socket.socket:
+    """Return a socket for multicast frames; several programs may listen.
+
+    Args:
+        group: multicast address.
+        port: of the frames.
+        local: address of this computer in the network of Motive.
+
+    Raises:
+        TrackingError: the group cannot be joined.
+    """
+    return _open(local, port, group)
+
+
+def _open(local: str, port: int, group: str) -> socket.socket:
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        if group:
+            _join(opened, port, group, local)
+        else:
+            opened.bind((local, port))
+    except (OSError, ValueError, TypeError) as error:
+        opened.close()
+        place = f"the group {group!a}:{port} on " if group else ""
+        raise TrackingError(
+            f"cannot listen to {place}{local!a}: {error}; give the address of this "
+            "computer in the network of Motive"
+        ) from error
+    opened.setblocking(False)
+    return opened
+
+
+def _join(opened: socket.socket, port: int, group: str, local: str) -> None:
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    # bound to the group, the socket gets no frames of other groups; Windows refuses it
+    opened.bind((local if os.name == "nt" else group, port))
+    membership = socket.inet_aton(group) + socket.inet_aton(local)
+    opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)

@@ -1,3 +1,0 @@
-"""Poses from Qualisys Track Manager over its real-time (RT) protocol."""
-
-from s2c2a.tracking.qualisys.tracker import QualisysTracker

@@ -1,0 +1,98 @@
+"""Calibration of the twin arms against the printed numbers."""
+
+from functools import partial
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions
+from s2c2a_experiments import calibration
+from s2c2a_experiments.calibration import (
+    C2S_ERROR,
+    ESTIMATION,
+    PCC_CIRCLE,
+    WORKSPACE,
+    Claim,
+    claims_for,
+    measure,
+    search,
+)
+
+SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
+
+
+@pytest.fixture
+def record(monkeypatch):
+    """Set the size of the recordings that are measured."""
+
+    def set_size(**size):
+        smaller = partial(CollectOptions, **size)
+        monkeypatch.setattr(calibration, "CollectOptions", smaller)
+
+    return set_size
+
+
+def test_a_claim_holds_within_its_tolerance():
+    claim = Claim("length", paper=2.0, tolerance=0.25, unit="m")
+    assert claim.holds(2.5)
+    assert claim.holds(1.5)
+    assert not claim.holds(2.51)
+
+
+def test_only_the_twin_has_claims_about_networks_and_pcc():
+    assert {PCC_CIRCLE, C2S_ERROR} <= set(claims_for(load_arm("twin_arm")))
+    assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
+
+
+@pytest.mark.parametrize("name", SIBLINGS)
+def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, record):
+    record(episodes=6)
+    values = measure(load_arm(name), seed=0, with_pcc=False, with_network=False)
+    assert [
+        claim.quantity
+        for claim in ESTIMATION + WORKSPACE
+        if not claim.holds(values[claim.quantity])
+    ] == []
+
+
+def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper(record):
+    record(episodes=6)
+    values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)
+    claims = (*ESTIMATION, *WORKSPACE, PCC_CIRCLE)
+    assert [
+        claim.quantity for claim in claims if not claim.holds(values[claim.quantity])
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("twin_arm", {"backlash"}),
+        ("twin_capstan", {"friction"}),
+        ("twin_creep", {"creep"}),
+        ("twin_both", {"friction", "creep"}),
+    ],
+)
+def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
+    for module in load_arm(name).modules:
+        assert {
+            kind
+            for kind in ("backlash", "friction", "creep")
+            if getattr(module.cable, kind) > 0
+        } == kinds
+
+
+def test_the_search_reduces_the_misfit_of_a_detuned_arm(record):
+    record(episodes=3, samples=200)
+    twin = load_arm("twin_creep")
+    stiff = twin.model_copy(
+        update={
+            "modules": tuple(
+                m.model_copy(update={"bending_stiffness": 0.2}) for m in twin.modules
+            )
+        }
+    )
+    misfits = []
+    search(stiff, 0, 3, lambda count, misfit: misfits.append(misfit))
+    assert len(misfits) >= 2
+    assert min(misfits[1:]) < misfits[0]

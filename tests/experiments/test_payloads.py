@@ -1,0 +1,63 @@
+"""A load in a recording is found while the tip is seen, and counted on afterwards."""
+
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.data import CollectOptions, collect
+from s2c2a.errors import RecordingError
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import shipped_networks
+from s2c2a_experiments import payloads
+from s2c2a_experiments.payloads import payload_rows
+
+TWIN = load_arm("twin_arm")
+PAYLOAD = 0.05
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("loads") / "loaded.episodes"
+    options = CollectOptions(babbling="mixed", episodes=1, samples=300, seed=3)
+    return collect(
+        path,
+        TWIN,
+        lambda seed: SimulatedRobot(TWIN, seed=seed, payload=PAYLOAD),
+        options,
+    )
+
+
+def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):
+    rows = payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=15.0)
+    found = {(row.strategy, row.metric): row.mean for row in rows}
+    assert found["without estimation", "payload"] == 0.0
+    assert found["estimated", "payload"] == pytest.approx(1000 * PAYLOAD, rel=0.3)
+    assert found["estimated", "position"] < found["without estimation", "position"] / 2
+
+
+def test_a_recording_that_ends_before_it_is_refused(loaded):
+    with pytest.raises(RecordingError, match="shorter than the 300 steps"):
+        payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=30.0)
+
+
+def test_rows_of_finished_recordings_are_kept_when_the_next_one_fails(
+    loaded, monkeypatch
+):
+    kept = []
+    started = []
+
+    def recording_rows(networks, disturbance_filter, name, *_):
+        started.append(name)
+        if len(started) == 2:
+            raise KeyboardInterrupt
+        return [name]
+
+    monkeypatch.setattr(payloads, "_recording_rows", recording_rows)
+    recordings = {"first": loaded, "second": loaded}
+    with pytest.raises(KeyboardInterrupt):
+        payload_rows(
+            shipped_networks(TWIN),
+            recordings,
+            seconds=15.0,
+            keep=lambda rows: kept.append(list(rows)),
+        )
+    assert kept == [["first"]]

@@ -1,0 +1,98 @@
+"""Plans compared with a long multi-start search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import BEST, NO_FALLBACK, FallbackSearch, LeastSquares, Pull
+from s2c2a.strategies import shipped_networks
+from s2c2a_experiments import plans as studied
+from s2c2a_experiments.plans import (
+    KINDS,
+    Comparison,
+    compare_with_long_search,
+    sample_problems,
+)
+
+TWIN = load_arm("twin_arm")
+MODEL = PCCForwardModel.of(TWIN)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small():
+    """A short search and small chunks."""
+    with pytest.MonkeyPatch.context() as patched:
+        for name, number in {
+            "CHUNK": 8,
+            "STARTS": 4,
+            "ITERATIONS": 8,
+            "SETTLING": 20,
+        }.items():
+            patched.setattr(studied, name, number)
+        yield
+
+
+def test_a_seed_gives_the_same_problems_and_every_kind_of_goal():
+    first, again, other = (sample_problems(TWIN, MODEL, 8, seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first.histories, again.histories)
+    assert np.abs(first.histories - other.histories).max() > 0.1
+    weights = np.stack(
+        [first.goals.position_weights.sum(-1), first.goals.axis_weights.sum(-1)],
+        axis=-1,
+    )
+    assert dict(zip(KINDS, weights.tolist(), strict=False)) == {
+        "tip": [1, 0],
+        "tip and axis": [1, 2],
+        "middle and tip": [5, 0],
+        "anywhere": [1, 0],
+    }
+
+
+def test_a_plan_is_optimal_near_the_long_search_or_at_the_step_limit():
+    comparison = Comparison(
+        np.array([1.0, 1.2, 1.2, 1e-5]),
+        np.array([0.99, 1.0, 1.0, 1e-6]),
+        np.array([0, 0, 1, 0], bool),
+    )
+    assert comparison.optimal.tolist() == [True, False, True, False]
+    assert comparison.stuck.tolist() == [False, True, False, False]
+
+
+def test_most_plans_are_optimal_and_few_with_one_iteration_are():
+    share = {}
+    for solver, fallback in (
+        (LeastSquares(), FallbackSearch()),
+        (LeastSquares(1), NO_FALLBACK),
+    ):
+        options = replace(BEST, solver=solver, guides=(Pull(),), fallback=fallback)
+        comparisons = compare_with_long_search(TWIN, MODEL, options, 8)
+        assert all(
+            np.isfinite(comparisons[when].cost).all()
+            for when in ("one step", "settled")
+        )
+        share[solver.iterations] = comparisons["settled"].optimal.mean()
+    assert share[20] > 0.8 > share[1]
+
+
+def test_rows_of_finished_networks_are_kept_when_the_next_ones_fail(monkeypatch):
+    kept = []
+    started = []
+    numbers = np.ones(4)
+    comparison = Comparison(numbers, numbers, numbers > 2)
+
+    def compare(arm, *_):
+        started.append(arm.name)
+        if len(started) == 2:
+            raise KeyboardInterrupt
+        return {"one step": comparison}
+
+    monkeypatch.setattr(studied, "compare_with_long_search", compare)
+    networks = shipped_networks(TWIN)
+    with pytest.raises(KeyboardInterrupt):
+        studied.plan_rows(
+            [networks, networks], 4, keep=lambda rows: kept.append(len(rows))
+        )
+    assert kept == [2 * (1 + len(KINDS))]

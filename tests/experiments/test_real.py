@@ -1,0 +1,194 @@
+"""Forward models on recordings: held-out samples are hidden, every model predicts."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.data import Recording
+from s2c2a.episodes import Episode, save_episodes
+from s2c2a.errors import RecordingError
+from s2c2a.models.layers import LSTM
+from s2c2a.progress import quiet
+from s2c2a.strategies import recipe_named, training_data
+from s2c2a_experiments.real import (
+    RealComparison,
+    real_rows,
+    split_blocks,
+    split_end,
+    split_largest,
+    split_rows,
+)
+from s2c2a_experiments.real_models import KernelRegression, Recurrent
+
+
+@pytest.fixture(scope="module")
+def recording(make_arm) -> Recording:
+    """One long episode whose tip is a quadratic function of the cables."""
+    arm = make_arm(1)
+    random = np.random.default_rng(0)
+    path = 0.004 * np.sin(np.cumsum(random.normal(0, 0.15, (600, 2)), axis=0))
+    cables = np.stack([path[:, 0], path[:, 1], -path.sum(axis=1)], axis=-1)[:, None]
+    states = np.full((600, 1, 6), np.nan)
+    states[:, 0, :2] = 20 * path
+    states[:, 0, 2] = 0.2 - 900 * (path**2).sum(axis=1)
+    columns = {
+        "time": np.arange(600) * 0.5,
+        "actions": cables,
+        "sensor.cables": cables,
+        "sensor.states": states,
+    }
+    return Recording(
+        arm, {"name": "log", "babbling": "imported log"}, (Episode(arm, columns),)
+    )
+
+
+def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
+    rows = np.flatnonzero(split_blocks(recording, 25).held_out[0])
+    np.testing.assert_array_equal(
+        rows, [*range(150, 175), *range(325, 350), *range(475, 500)]
+    )
+
+
+def test_more_last_rows_than_the_episode_has_are_rejected(recording):
+    with pytest.raises(RecordingError, match="600"):
+        split_end(recording, 600)
+
+
+def test_the_last_rows_of_every_episode_are_held_out(recording):
+    episode = recording.episodes[0]
+    columns = {name: column[:50] for name, column in episode.columns.items()}
+    several = replace(
+        recording, episodes=(episode, Episode(recording.arm, columns), episode)
+    )
+    held_out = split_end(several, 20).held_out
+    np.testing.assert_array_equal(held_out.sum(axis=1), [20, 20, 20])
+    assert held_out[1, 30:50].all()
+    with pytest.raises(RecordingError, match="episode 2 has 50 rows; give 1 to 49"):
+        split_end(several, 50)
+
+
+def test_the_largest_pulls_are_held_out_as_stretches(recording):
+    split = split_largest(recording, 0.15)
+    assert split.name == "largest 15 %"
+    held_out = split.held_out[0]
+    cables = recording.episodes[0].sensor("cables").reshape(600, -1)
+    pulls = np.linalg.norm(cables, axis=1)
+    assert 0.05 < held_out.mean() <= 0.15
+    assert held_out[np.argmax(pulls)]
+    # a stretch ends at 0.9 of the threshold that it reaches
+    assert pulls[held_out].min() > 0.85 * np.quantile(pulls, 0.85)
+    assert np.abs(np.diff(held_out.astype(int))).sum() < 30
+
+
+@pytest.mark.parametrize("share", [-0.1, 0.6, float("nan")])
+def test_a_share_out_of_range_is_rejected(recording, share):
+    with pytest.raises(RecordingError, match=r"above 0 and at most 0\.5"):
+        split_largest(recording, share)
+
+
+def test_equal_pulls_cannot_be_split(recording):
+    episode = recording.episodes[0]
+    columns = {**episode.columns, "sensor.cables": np.ones((600, 1, 3))}
+    constant = replace(recording, episodes=(Episode(recording.arm, columns),))
+    with pytest.raises(RecordingError, match="give a larger share"):
+        split_largest(constant, 0.15)
+
+
+@pytest.mark.parametrize("name", ["kernels", "kernels with plays", "pcc-fitted"])
+def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, name):
+    split = split_end(recording, 100)
+    rows = list(split_rows(recording, split, [name], [0]))
+    assert [row.metric for row in rows] == ["tip", "tip, rms", "tip, 95 %"]
+    episode = recording.episodes[0]
+    shifted = episode["sensor.states"].copy()
+    shifted[-100:, :, :3] += 10.0  # m; a model that saw it would predict it
+    columns = {**episode.columns, "sensor.states": shifted}
+    other = Recording(
+        recording.arm, recording.options, (Episode(recording.arm, columns),)
+    )
+    moved = list(split_rows(other, split_end(other, 100), [name], [0]))
+    assert 0.0 < rows[0].mean < 60.0
+    # mm; the true states moved, the predictions did not
+    assert abs(moved[0].mean - 1e4 * np.sqrt(3.0)) < 60.0
+
+
+@pytest.fixture(scope="module")
+def log(recording, tmp_path_factory):
+    return save_episodes(
+        recording.episodes,
+        tmp_path_factory.mktemp("real") / "log.episodes",
+        recording.options,
+    )
+
+
+def test_only_blocks_are_held_out_without_last_rows(log):
+    rows = real_rows(RealComparison.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
+    assert [row.task.rpartition(", ")[2] for row in rows] == ["blocks of 25"] * 3
+
+
+@pytest.mark.parametrize(
+    ("block", "last", "message"),
+    [
+        (0, 0, "nothing out"),
+        (-5, 0, "zero or more"),
+        (600, 0, "nothing out"),
+        (25, -1, "zero or more"),
+    ],
+)
+def test_options_that_hold_nothing_out_are_rejected(log, block, last, message):
+    with pytest.raises(RecordingError, match=message):
+        RealComparison.of(log, (), block, last, ())
+
+
+def test_another_arm_is_rejected_and_paths_name_recordings(
+    recording, log, make_arm, tmp_path, monkeypatch
+):
+    columns = {
+        "time": np.arange(3.0),
+        "actions": np.zeros((3, 2, 3)),
+        "sensor.states": np.zeros((3, 2, 6)),
+    }
+    longer = save_episodes(
+        [Episode(make_arm(2), columns)],
+        tmp_path / "longer.episodes",
+        {"babbling": "imported log"},
+    )
+    with pytest.raises(
+        RecordingError, match=r"longer is of test_arm \(2 modules.*imported --like"
+    ):
+        RealComparison.of(log, (longer,), 25, 0, ())
+    monkeypatch.chdir(tmp_path)
+    # the same file name in two directories
+    names = [Path(day) / "log.episodes" for day in ("monday", "tuesday")]
+    for name in names:
+        name.parent.mkdir()
+        save_episodes(recording.episodes, name, recording.options)
+    rows = real_rows(RealComparison.of(log, names, 0, 0, ["pcc-fitted"]), [0], quiet)
+    assert {row.task for row in rows} == {
+        "test_arm, monday/log",
+        "test_arm, tuesday/log",
+    }
+
+
+def test_the_recurrent_network_predicts_states_of_all_samples(recording):
+    data = training_data(recording, recipe_named("best"))
+    windows = Recurrent()._windows(data)
+    network = LSTM(windows.shape[-1], 6, 1, 4, jax.random.key(0))
+    predicted = Recurrent().predictions(network, data)
+    assert predicted.shape == data.states.shape
+    assert np.isfinite(predicted).all()
+
+
+def test_rows_of_finished_models_are_kept_when_a_later_one_fails(log, monkeypatch):
+    def fail(*_):
+        raise ValueError("broken")
+
+    monkeypatch.setattr(KernelRegression, "train", fail)
+    kept = []
+    comparison = RealComparison.of(log, (), 25, 0, ["pcc-fitted", "kernels"])
+    with pytest.raises(ValueError, match="broken"):
+        real_rows(comparison, [0], quiet, lambda rows: kept.append(len(rows)))
+    assert kept == [3]

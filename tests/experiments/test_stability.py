@@ -1,0 +1,57 @@
+"""A small version of the stability campaign: a held point under unknown payloads."""
+
+import pytest
+
+from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
+from s2c2a.jobs.job import Conditions
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import recipe_named, save_strategy, shipped_networks
+from s2c2a_experiments.sensors import with_sensors
+from s2c2a_experiments.stability import (
+    HOLD_TIME,
+    MAX_PEAK_TO_PEAK,
+    StabilityStudy,
+    hold_task,
+    rows_of,
+    stability_rows,
+    vibrating,
+)
+
+
+def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
+    class RequestedError(Exception):
+        pass
+
+    def make(jobs):
+        raise RequestedError(jobs)
+
+    study = StabilityStudy((twin,), ("imu", "camera"), (0.0, 0.1))
+    with pytest.raises(RequestedError) as requested:
+        stability_rows(study, make)
+    jobs = requested.value.args[0]
+    assert len(jobs) == 2 * 3 * 2  # tasks, sets with the compared one, payloads
+    assert {job.task.name for job in jobs} == {"hold-point", "circle"}
+
+
+@pytest.mark.parametrize("sensors", ["imu", "bends"])
+def test_a_held_arm_with_100_g_does_not_vibrate(sensors, twin, tmp_path):
+    path = tmp_path / "twin.safetensors"
+    save_strategy(shipped_networks(twin), path)
+    arm = with_sensors(twin, sensors)
+    given = GivenNetworks.read(path, twin)
+    conditions = Conditions(RobotFactory.simulation(payload=0.1))
+    jobs = jobs_for(
+        [hold_task(twin, HOLD_TIME)],
+        arm,
+        ["s2c2a"],
+        [0],
+        recipe_named("best"),
+        conditions,
+        given,
+    )
+    cache = Cache(tmp_path / "data", tmp_path / "runs")
+    rows = rows_of(run_all(jobs, cache), "imu, 100 g")
+    values = {row.metric: row.mean for row in rows}
+    assert values["peak to peak, last 20 s"] <= MAX_PEAK_TO_PEAK
+    assert values["position, last quarter"] <= 3.0
+    assert vibrating(rows) == []

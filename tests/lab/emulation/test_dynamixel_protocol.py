@@ -1,0 +1,223 @@
+"""Packets of DYNAMIXEL protocol 2.0, against byte strings of the e-manual."""
+
+import pytest
+
+from s2c2a.lab.emulation import dynamixel_protocol as protocol
+from s2c2a.lab.emulation.dynamixel_protocol import (
+    BROADCAST,
+    Decoder,
+    Packet,
+    answer,
+    pack,
+    stuff,
+    unstuff,
+)
+from s2c2a.lab.emulation.servo import MotorState
+from s2c2a.lab.emulation.xl330 import XL330
+
+PING_1 = bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E")
+READ_1 = bytes.fromhex("FF FF FD 00 01 07 00 02 84 00 04 00 1D 15")
+WRITE_1 = bytes.fromhex("FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89")
+READ_STATUS = bytes.fromhex("FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0")
+PING_STATUS = bytes.fromhex("FF FF FD 00 01 07 00 55 00 06 04 26 65 5D")
+
+
+def make_servos(count=2, **state):
+    servos = [XL330(id, MotorState(**state)) for id in range(1, count + 1)]
+    for servo in servos:
+        servo["return_delay"] = 0
+    return servos
+
+
+def decode(data):
+    return Decoder().feed(data, 0.0)
+
+
+def word(value):
+    return value.to_bytes(2, "little")
+
+
+def test_instructions_have_the_bytes_of_the_manual():
+    assert pack(1, protocol.PING) == PING_1
+    assert pack(1, protocol.READ, word(132) + word(4)) == READ_1
+    goal = (512).to_bytes(4, "little")
+    assert pack(1, protocol.WRITE, word(116) + goal) == WRITE_1
+
+
+def test_status_packets_have_the_bytes_of_the_manual():
+    assert pack(1, protocol.STATUS, bytes.fromhex("00 A6 00 00 00")) == READ_STATUS
+    assert pack(1, protocol.STATUS, bytes.fromhex("00 06 04 26")) == PING_STATUS
+
+
+def test_the_decoder_reads_the_packets_of_the_manual():
+    assert decode(PING_1 + READ_1) == [
+        Packet(1, protocol.PING, b""),
+        Packet(1, protocol.READ, word(132) + word(4)),
+    ]
+
+
+def test_a_packet_may_arrive_byte_by_byte_after_noise():
+    decoder = Decoder()
+    packets = []
+    for byte in b"\x00\xff\xff" + READ_1:
+        packets += decoder.feed(bytes((byte,)), 0.0)
+    assert [packet.instruction for packet in packets] == [protocol.READ]
+
+
+def test_the_rest_of_a_packet_that_stays_out_is_not_awaited():
+    decoder = Decoder()
+    assert decoder.feed(READ_1[:9], 0.0) == []
+    assert len(decoder.feed(PING_1, 1.0)) == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "stuffed"),
+    [
+        (b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"),
+        (b"\x01\xff\xff\xfd\xff", b"\x01\xff\xff\xfd\xfd\xff"),
+        (b"\xff\xff\xff\xfd", b"\xff\xff\xff\xfd\xfd"),
+        (b"\xff\xff\xfd\xfd", b"\xff\xff\xfd\xfd\xfd"),
+        (b"\xff\xfd", b"\xff\xfd"),
+    ],
+)
+def test_stuffing_doubles_the_last_byte_of_a_header(data, stuffed):
+    assert stuff(data) == stuffed
+    assert unstuff(stuffed) == data
+
+
+def test_a_stuffed_goal_arrives_whole():
+    goal = (-131_073).to_bytes(4, "little", signed=True)
+    packet = pack(1, protocol.WRITE, word(116) + goal)
+    assert b"\xff\xff\xfd\xfd\xff" in packet
+    assert decode(packet) == [Packet(1, protocol.WRITE, word(116) + goal)]
+
+
+def test_a_goal_without_stuffing_is_dropped_and_the_next_packet_is_read():
+    body = bytes((protocol.WRITE,)) + word(116) + b"\xff\xff\xfd\xff"
+    packet = protocol.HEADER + b"\x01" + word(len(body) + 2) + body
+    packet += word(protocol.crc16(packet))
+    assert decode(packet + PING_1) == [Packet(1, protocol.PING, b"")]
+
+
+def test_a_ping_is_answered_with_model_and_firmware():
+    servos = make_servos()
+    answers = answer(decode(PING_1)[0], servos, 0.0)
+    expected = pack(1, protocol.STATUS, b"\x00" + word(1200) + b"\x34")
+    assert [one.data for one in answers] == [expected]
+
+
+def test_all_servos_answer_a_broadcast_ping_in_the_order_of_their_ids():
+    servos = make_servos(3)[::-1]
+    answers = answer(Packet(BROADCAST, protocol.PING, b""), servos, 0.0)
+    assert [one.id for one in answers] == [1, 2, 3]
+
+
+def test_a_wrong_crc_is_answered_with_an_error():
+    packet = decode(PING_1[:-1] + b"\x00")[0]
+    answers = answer(packet, make_servos(), 0.0)
+    assert answers[0].data == pack(1, protocol.STATUS, b"\x03")
+
+
+@pytest.mark.parametrize(
+    ("address", "data", "code"),
+    [
+        (116, b"\x00\x02\x00\x00", 0),
+        (64, b"\x02", 0x04),
+        (116, b"\x00\x02", 0x05),
+        (116, b"\x00\x20\x00\x00", 0x06),
+        (132, b"\x00\x00\x00\x00", 0x07),
+        (15, b"\x00", 0x07),
+    ],
+)
+def test_a_write_is_answered_with_the_error_of_the_manual(address, data, code):
+    packet = Packet(1, protocol.WRITE, word(address) + data)
+    answers = answer(packet, make_servos(), 0.0)
+    assert answers[0].data == pack(1, protocol.STATUS, bytes((code,)))
+
+
+def test_an_unknown_instruction_is_an_error():
+    answers = answer(Packet(1, 0x33, b""), make_servos(), 0.0)
+    assert answers[0].data == pack(1, protocol.STATUS, b"\x02")
+
+
+def test_a_sync_read_is_answered_in_the_order_asked_up_to_an_absent_servo():
+    servos = make_servos(3)
+    parameters = word(132) + word(4) + bytes((3, 1, 9, 2))
+    answers = answer(Packet(BROADCAST, protocol.SYNC_READ, parameters), servos, 0.0)
+    assert [one.id for one in answers] == [3, 1]
+
+
+def test_a_fast_sync_read_is_one_packet_with_a_crc_after_every_part():
+    servos = make_servos(2, ticks=166.0)
+    parameters = word(132) + word(4) + bytes((1, 2))
+    packet = Packet(BROADCAST, protocol.FAST_SYNC_READ, parameters)
+    parts = [one.data for one in answer(packet, servos, 0.0)]
+    whole = b"".join(parts)
+    start = bytes.fromhex("FF FF FD 00 FE 11 00 55 00 01 A6 00 00 00")
+    assert parts[0] == start + word(protocol.crc16(start))
+    assert len(whole) == 7 + int.from_bytes(whole[5:7], "little")
+    assert whole[-2:] == word(protocol.crc16(whole[:-2]))
+
+
+def test_a_bulk_read_asks_every_servo_for_something_else():
+    servos = make_servos(2, ticks=166.0)
+    request = b"\x02" + word(132) + word(4) + b"\x01" + word(0) + word(2)
+    answers = answer(Packet(BROADCAST, protocol.BULK_READ, request), servos, 0.0)
+    assert [one.data[9:-2] for one in answers] == [b"\xa6\x00\x00\x00", word(1200)]
+
+
+def test_a_sync_write_sets_every_goal_without_an_answer():
+    servos = make_servos()
+    goals = [(id, (100 * id).to_bytes(4, "little")) for id in (1, 2)]
+    parameters = word(116) + word(4)
+    parameters += b"".join(bytes((id,)) + goal for id, goal in goals)
+    packet = Packet(BROADCAST, protocol.SYNC_WRITE, parameters)
+    assert answer(packet, servos, 0.0) == []
+    assert [servo["goal_position"] for servo in servos] == [100, 200]
+
+
+def test_a_registered_write_waits_for_its_action():
+    servos = make_servos(1)
+    write = word(116) + (300).to_bytes(4, "little")
+    answer(Packet(1, protocol.REG_WRITE, write), servos, 0.0)
+    before = servos[0]["goal_position"]
+    answer(Packet(1, protocol.ACTION, b""), servos, 0.0)
+    assert before == 0
+    assert servos[0]["goal_position"] == 300
+
+
+def test_a_factory_reset_is_refused():
+    answers = answer(Packet(1, protocol.FACTORY_RESET, b"\xff"), make_servos(), 0.0)
+    assert answers[0].data == pack(1, protocol.STATUS, b"\x01")
+
+
+def test_a_reboot_is_answered_and_followed_by_silence():
+    servo = make_servos(1)[0]
+    answers = answer(Packet(1, protocol.REBOOT, b""), [servo], 2.0)
+    assert len(answers) == 1
+    assert not servo.is_present(2.2)
+    assert servo.is_present(2.4)
+
+
+def test_the_alert_bit_shows_a_hardware_error():
+    servo = make_servos(1)[0]
+    servo.raise_error("overload")
+    answers = answer(decode(PING_1)[0], [servo], 0.0)
+    assert answers[0].data[8] == protocol.ALERT
+
+
+@pytest.mark.parametrize(("level", "answered"), [(0, 0), (1, 1), (2, 2)])
+def test_the_status_return_level_silences_reads_and_writes(level, answered):
+    servo = make_servos(1)[0]
+    servo["status_return_level"] = level
+    read = Packet(1, protocol.READ, word(132) + word(4))
+    write = Packet(1, protocol.WRITE, word(65) + b"\x01")
+    answers = answer(read, [servo], 0.0) + answer(write, [servo], 0.0)
+    assert len(answers) == answered
+
+
+def test_the_return_delay_precedes_an_answer():
+    servo = make_servos(1)[0]
+    servo["return_delay"] = 250
+    answers = answer(decode(PING_1)[0], [servo], 0.0)
+    assert answers[0].delay == pytest.approx(0.0005)

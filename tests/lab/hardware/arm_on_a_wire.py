@@ -1,0 +1,226 @@
+"""A real robot, its control loop and emulated servos at the other end of a wire."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, load_arm, save_arm, servos_of
+from s2c2a.lab.hardware.calibration import (
+    CalibratedServo,
+    Calibration,
+    save_calibration,
+)
+from s2c2a.lab.hardware.servo_robot import DynamixelRobot, FeetechRobot
+from s2c2a.runtime import Loop, Patience, StepRequest
+from s2c2a.runtime.record import build_episode
+from s2c2a.spaces import Stage
+
+PERIOD = 4.0  # s of the motion
+SHARE = 0.35  # of the full bend
+UNSOUND = 0.3  # s without a sound reading before the arm moves to rest
+IDS = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+MODELS = {"dynamixel": ("xl330-m288", 52), "feetech": ("sts3215", 310)}
+
+
+class Swing:
+    """A driver that bends all modules to and fro, or holds them bent."""
+
+    name = "swing"
+    sensors = ("cables",)
+    feedback = 1.0
+
+    def __init__(self, arm, is_steady=False):
+        self.arm = arm
+        self.geometry = ArmGeometry.of(arm)
+        self.is_steady = is_steady
+
+    def start(self, reading):
+        self.began = reading.time
+
+    def estimate(self, reading, last_command):
+        return reading
+
+    def plan(self, estimate, goal):
+        return goal
+
+    def act(self, goal, reading):
+        phase = 2 * np.pi * (reading.time - self.began) / PERIOD
+        share = SHARE if self.is_steady else SHARE * np.sin(phase)
+        towards_x = self.geometry.cable_matrices[:, :, 0]
+        bend = share * self.geometry.action_scale[:, None] * towards_x
+        return self.geometry.action_neutral + bend
+
+    def sent(self, action):
+        pass
+
+    def diagnostics(self):
+        return {}
+
+
+class ArmOnAWire:
+    """Emulated servos that are homed, and the robot that drives them.
+
+    Attributes:
+        loop: of the robot, while it is driven.
+        records: of all steps so far.
+    """
+
+    def __init__(self, emulator, folder, protocol="dynamixel", homed=True):
+        self.emulator = emulator
+        self.port = folder / "port"
+        self.arm_file = folder / "arm.toml"
+        model, self.firmware = MODELS[protocol]
+        table = {"protocol": protocol, "model": model, "ids": IDS}
+        if protocol == "feetech":
+            table["limits"] = {"high_voltage": 8.4}
+        base = load_arm("twin_arm")
+        self.arm = type(base).model_validate(base.model_dump() | {"servos": table})
+        save_arm(self.arm, self.arm_file)
+        self.calibration = folder / "calibration.json"
+        self.records = []
+        self.emulator.start(self.arm_file, self.port, homed=homed)
+        self._save_homes(model)
+
+    def _save_homes(self, model):
+        servos = [
+            CalibratedServo(
+                id=servo["id"],
+                model=model,
+                firmware=self.firmware,
+                home=servo["position"],
+            )
+            for servo in self.emulator.status()["servos"]
+        ]
+        date = datetime(2026, 1, 1, tzinfo=UTC)
+        calibration = Calibration(arm=self.arm.name, date=date, servos=tuple(servos))
+        save_calibration(calibration, self.calibration)
+
+    def robot(self, **options):
+        kind = {"dynamixel": DynamixelRobot, "feetech": FeetechRobot}
+        make = kind[servos_of(self.arm).protocol]
+        return make(self.arm, str(self.port), str(self.calibration), **options)
+
+    @contextmanager
+    def driven(self, is_steady=False, **options):
+        """Drive the arm; its loop is open meanwhile."""
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, -10)
+        patience = Patience.of(self.arm.control_rate, unsound=UNSOUND)
+        self.loop = Loop(
+            self.robot(**options),
+            Swing(self.arm, is_steady),
+            patience=patience,
+            on_step=self.records.append,
+            monitors_vibration=False,
+        )
+        try:
+            with self.loop:
+                yield self.loop
+        finally:
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, 0, 0)
+
+    def steps(self, count):
+        return [self.loop.tick(StepRequest()) for _ in range(count)]
+
+    def fault_after(self, injected, most=30):
+        """Let a fault occur; the number of steps until it is seen, and its text."""
+        before = self.loop.late_steps
+        self.emulator.inject(injected)
+        for count in range(1, most + 1):
+            (record,) = self.steps(1)
+            if record.fault:
+                return count + self.loop.late_steps - before, record.fault
+        raise AssertionError(f"{injected} was not seen in {most} steps")
+
+    def sees(self, fault, pattern, most):
+        """Let a fault occur, which is seen in a number of steps, in such words."""
+        count, text = self.fault_after(fault, most)
+        assert count <= most, f"{fault} was seen after {count} steps"
+        assert re.search(pattern, text), text
+
+    def wound_in(self):
+        """Servo of the cable that is wound in most."""
+        servos = self.emulator.status()["servos"]
+        return min(servos, key=lambda servo: servo["displacement"])["id"]
+
+    def largest_error(self, records):
+        """Largest distance of what was measured from what was sent before [m]."""
+        return max(
+            np.nanmax(np.abs(now.reading["cables"] - before.action), initial=0.0)
+            for before, now in pairwise(records)
+        )
+
+    def controller(self):
+        """A process that drives the arm until it is killed."""
+        command = [sys.executable, __file__, self.arm_file, self.port, self.calibration]
+        return subprocess.Popen(list(map(str, command)))
+
+    def steps_until(self, stage, most=60):
+        """Steps until the arm is in a stage; the last one."""
+        for _ in range(most):
+            (record,) = self.steps(1)
+            if record.stage is stage:
+                return record
+        raise AssertionError(f"the arm is not in {stage} after {most} steps")
+
+    def led_to_rest(self):
+        """Whether the arm is led to rest, and stays stopped there."""
+        self.steps_until(Stage.RELEASE)
+        last = self.steps_until(Stage.FAULT)
+        return np.allclose(
+            last.action, ArmGeometry.of(self.arm).action_neutral, atol=1e-4
+        )
+
+    def servo(self, id):
+        """State of one servo as the emulator knows it."""
+        (servo,) = [s for s in self.emulator.status()["servos"] if s["id"] == id]
+        return servo
+
+    def wait_until(self, is_reached, seconds=20.0):
+        """Wait until the emulator's state fulfils a condition."""
+        end = time.monotonic() + seconds
+        while not is_reached(self.emulator.status()):
+            assert time.monotonic() < end, f"not reached in {seconds} s"
+            time.sleep(0.02)
+
+    def check_limits(self):
+        """Assert that no command or current exceeded its limit."""
+        status = self.emulator.status()
+        limits = servos_of(self.arm).limits
+        tick = 2 * np.pi * self.arm.motor.pulley_radius / 4096
+        assert (
+            status["largest_command"]
+            <= ArmGeometry.of(self.arm).action_high.max() + tick
+        )
+        assert status["largest_current"] <= 1.05 * limits.current  # with its noise
+
+    def check_records(self):
+        """Assert that every step so far was recorded, with what was measured."""
+        assert [record.number for record in self.records] == list(
+            range(len(self.records))
+        )
+        sound = [record for record in self.records if not record.fault]
+        assert len(sound) >= 3
+        assert all(np.isfinite(record.reading["cables"]).all() for record in sound)
+        episode = build_episode(self.records, self.arm)
+        assert np.isfinite(episode["actions"]).all()
+
+
+def drive_for_ever(arm_file, port, calibration):
+    """Drive an arm, as a controller in a process of its own."""
+    arm = load_arm(arm_file)
+    with Loop(DynamixelRobot(arm, port, calibration), Swing(arm, True)) as loop:
+        while True:
+            loop.tick(StepRequest())
+
+
+if __name__ == "__main__":
+    drive_for_ever(*sys.argv[1:])

@@ -1,0 +1,176 @@
+"""Packets of the DYNAMIXEL protocol: bytes of the manual, and damaged streams."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2c2a.lab.hardware.dynamixel.packets import (
+    BROADCAST,
+    Instruction,
+    StatusPacket,
+    StatusReader,
+    crc16,
+    encode,
+    unstuffed,
+)
+
+STATUS = 0x55
+STREAMS = 1000
+PACKETS = 100  # of a stream
+
+
+def status(id, data=b"", error=0):
+    """The bytes of a servo's answer."""
+    return encode(id, STATUS, bytes([error]) + data)
+
+
+def read(stream, size=64):
+    """All packets in a stream that arrives in pieces."""
+    reader = StatusReader()
+    packets = []
+    for start in range(0, len(stream), size):
+        packets += reader.feed(stream[start : start + size])
+    return [*packets, *reader.flush()]
+
+
+def slow_crc(data):
+    """CRC-16 with polynomial 8005, bit by bit."""
+    value = 0
+    for byte in data:
+        value ^= byte << 8
+        for _ in range(8):
+            carry = value & 0x8000
+            value = (value << 1) & 0xFFFF
+            value ^= 0x8005 if carry else 0
+    return value
+
+
+@pytest.mark.parametrize(
+    ("packet", "expected"),
+    [
+        ((1, Instruction.PING), "ff ff fd 00 01 03 00 01 19 4e"),
+        (
+            (1, Instruction.READ, bytes.fromhex("84 00 04 00")),
+            "ff ff fd 00 01 07 00 02 84 00 04 00 1d 15",
+        ),
+        (
+            (1, Instruction.WRITE, bytes.fromhex("74 00 00 02 00 00")),
+            "ff ff fd 00 01 09 00 03 74 00 00 02 00 00 ca 89",
+        ),
+        ((1, Instruction.REBOOT), "ff ff fd 00 01 03 00 08 2f 4e"),
+    ],
+)
+def test_instructions_are_those_of_the_manual(packet, expected):
+    assert encode(*packet) == bytes.fromhex(expected)
+
+
+def test_the_answer_to_a_ping_is_that_of_the_manual():
+    stream = bytes.fromhex("ff ff fd 00 01 07 00 55 00 06 04 26 65 5d")
+    assert read(stream) == [StatusPacket(1, 0, b"\x06\x04\x26")]
+
+
+@given(st.binary(max_size=200))
+def test_the_checksum_is_that_of_the_polynomial(data):
+    assert crc16(data) == slow_crc(data)
+
+
+@given(st.binary(max_size=200))
+def test_the_checksum_is_that_of_the_manufacturer(data):
+    sdk = pytest.importorskip("dynamixel_sdk")
+    handler = sdk.PacketHandler(2.0)
+    assert crc16(data) == handler.updateCRC(0, data, len(data))
+
+
+HEADER_BYTES = st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x55]), max_size=40)
+
+
+@given(HEADER_BYTES.map(bytes), st.integers(0, 252), st.integers(0, 255))
+def test_stuffing_is_taken_out_again(data, id, error):
+    assert read(status(id, data, error)) == [StatusPacket(id, error, data)]
+
+
+@given(HEADER_BYTES.map(bytes))
+def test_stuffing_leaves_no_header_in_a_packet(data):
+    assert status(1, data).find(b"\xff\xff\xfd\x00", 1) == -1
+
+
+@given(HEADER_BYTES.map(bytes))
+def test_stuffing_is_that_of_the_manufacturer(data):
+    sdk = pytest.importorskip("dynamixel_sdk")
+    raw = bytes([BROADCAST, len(data) + 3, 0, Instruction.SYNC_WRITE]) + data
+    packet = [0xFF, 0xFF, 0xFD, 0, *raw, 0, 0]
+    packet = sdk.PacketHandler(2.0).addStuffing(packet)
+    ours = encode(BROADCAST, Instruction.SYNC_WRITE, data)
+    assert bytes(packet[7:-2]) == ours[7:-2]
+
+
+def test_unstuffing_leaves_other_bytes_alone():
+    data = bytes.fromhex("ff ff fd 00 fd fd ff fd fd")
+    assert unstuffed(data) == data
+
+
+def test_a_damaged_packet_costs_only_itself():
+    good = [status(id, bytes(21)) for id in range(1, 10)]
+    damaged = bytearray(good[3])
+    damaged[10] ^= 0x10
+    stream = b"".join([*good[:3], bytes(damaged), *good[4:]])
+    assert [packet.id for packet in read(stream)] == [1, 2, 3, 5, 6, 7, 8, 9]
+
+
+@pytest.mark.parametrize("place", range(len(status(1, bytes(3)))))
+def test_packets_behind_a_damaged_byte_survive(place):
+    damaged = bytearray(status(1, bytes(3)))
+    damaged[place] ^= 0x7F
+    stream = bytes(damaged) + status(2, b"\x01") + status(3, b"\x02")
+    assert [packet.id for packet in read(stream, 1)][-2:] == [2, 3]
+
+
+def test_a_damaged_length_is_skipped_before_more_bytes_come():
+    damaged = bytearray(status(1, bytes(3)))
+    damaged[6] = 1  # a length of 256 bytes more
+    reader = StatusReader(max_length=40)
+    packets = list(reader.feed(bytes(damaged) + status(2)))
+    assert [packet.id for packet in packets] == [2]
+    assert reader.damaged == 1
+
+
+def mutated(random, packet):
+    """A packet with a byte changed, lost, doubled, or cut off at the end."""
+    data = bytearray(packet)
+    place = int(random.integers(len(data)))
+    match int(random.integers(4)):
+        case 0:
+            data[place] ^= int(random.integers(1, 256))
+        case 1:
+            del data[place]
+        case 2:
+            data.insert(place, data[place])
+        case 3:
+            del data[place:]
+    return bytes(data)
+
+
+def random_stream(random):
+    """Packets that are random or mutated; behind them a sound one."""
+    pieces = []
+    for size in random.integers(1, 16, PACKETS):
+        data = random.bytes(int(size))
+        if size % 3:
+            data = mutated(random, status(int(size), data))
+        pieces.append(data)
+    return b"".join(pieces)
+
+
+def test_no_value_of_random_packets_is_taken_against_its_checksum():
+    random = np.random.default_rng(20)
+    last = status(77, b"the last one")
+    found = 0
+    for _ in range(STREAMS):
+        stream = random_stream(random)
+        packets = read(stream + last, int(random.integers(20, 200)))
+        sound = [status(p.id, p.data, p.error) for p in packets]
+        assert all(packet in stream + last for packet in sound)
+        assert sound[-1] == last
+        found += len(packets) - 1
+    assert found > STREAMS  # whose damage is beyond their end

@@ -1,0 +1,128 @@
+"""Packets and values against bytes worked by hand."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2c2a.lab.hardware.bus import BusError
+from s2c2a.lab.hardware.feetech import packets, tables
+from s2c2a.lab.hardware.feetech.packets import decode_value, encode_value, take_answers
+
+SIGNED = tables.GOAL_POSITION
+ANSWER = bytes.fromhex("ff ff 01 04 00 18 05 dd")  # 1304 ticks, of the manual's form
+
+
+@pytest.mark.parametrize(
+    ("value", "data"),
+    [
+        (0, "00 00"),
+        (1, "01 00"),
+        (-1, "01 80"),
+        (4096, "00 10"),
+        (32_767, "ff 7f"),
+        (-32_767, "ff ff"),
+    ],
+)
+def test_a_position_is_sign_and_magnitude(value, data):
+    assert encode_value(value, SIGNED) == bytes.fromhex(data)
+    assert decode_value(bytes.fromhex(data), SIGNED) == value
+
+
+def test_the_load_has_its_sign_in_bit_ten():
+    assert decode_value(bytes.fromhex("64 04"), tables.PRESENT_LOAD) == -100
+
+
+def test_negative_zero_is_zero():
+    assert decode_value(bytes.fromhex("00 80"), SIGNED) == 0
+
+
+@given(st.integers(-32_767, 32_767))
+def test_an_encoded_position_is_decoded(value):
+    assert decode_value(encode_value(value, SIGNED), SIGNED) == value
+
+
+@pytest.mark.parametrize(
+    ("value", "register"),
+    [
+        (32_768, SIGNED),
+        (-32_768, SIGNED),
+        (-1, tables.TORQUE_LIMIT),
+        (256, tables.TORQUE_ENABLE),
+    ],
+)
+def test_a_value_beyond_its_register_is_rejected(value, register):
+    with pytest.raises(BusError, match="cannot hold"):
+        encode_value(value, register)
+
+
+def test_a_write_switches_the_torque_on():
+    expected = bytes.fromhex("ff ff 01 04 03 28 01 ce")
+    assert packets.write_packet(1, tables.TORQUE_ENABLE, 1) == expected
+
+
+def test_one_packet_writes_the_goals_of_all_servos():
+    expected = bytes.fromhex("ff ff fe 0a 83 2a 02 01 00 10 02 01 80 b4")
+    goals = {1: 4096, 2: -1}
+    assert packets.sync_write_packet(goals, tables.GOAL_POSITION) == expected
+
+
+def test_one_packet_reads_the_states_of_all_servos():
+    expected = bytes.fromhex("ff ff fe 06 82 2e 19 01 02 2f")
+    assert packets.sync_read_packet((1, 2), tables.STATE_BLOCK) == expected
+
+
+def test_the_state_block_reaches_from_speed_limit_to_current():
+    block = tables.STATE_BLOCK
+    assert block.address == 46
+    assert block.address + block.size - 1 == 70
+
+
+def test_too_many_servos_for_a_packet_are_rejected():
+    with pytest.raises(BusError, match="fewer servos"):
+        packets.sync_write_packet(dict.fromkeys(range(100), 0), SIGNED)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [b"", b"\x00", b"\xff", b"\xff\xff", b"\xff\xff\x01\x04", ANSWER[:-1], b"\x7f" * 9],
+)
+def test_an_answer_is_found_behind_noise(noise):
+    (answer,) = take_answers(bytearray(noise + ANSWER), {1}, 2)
+    assert answer.data == b"\x18\x05"
+
+
+@given(st.binary(max_size=40))
+def test_random_bytes_before_an_answer_do_not_hide_it(noise):
+    # noise may begin an answer of its own that ends within the real one
+    buffer = bytearray(noise + ANSWER + ANSWER)
+    assert any(answer.data == b"\x18\x05" for answer in take_answers(buffer, {1}, 2))
+
+
+def test_an_incomplete_answer_waits_for_its_rest():
+    buffer = bytearray(ANSWER[:5])
+    assert take_answers(buffer, {1}, 2) == []
+    buffer += ANSWER[5:]
+    assert [answer.id for answer in take_answers(buffer, {1}, 2)] == [1]
+
+
+@pytest.mark.parametrize("position", range(len(ANSWER)))
+def test_a_changed_byte_spoils_an_answer(position):
+    damaged = bytearray(ANSWER)
+    damaged[position] ^= 0x10
+    assert take_answers(damaged, {1}, 2) == []
+
+
+def test_an_echoed_read_is_no_answer():
+    echo = packets.read_packet(1, tables.TORQUE_ENABLE)
+    assert take_answers(bytearray(echo), {1}, 1) == []
+    assert take_answers(bytearray(echo), {1}, 0) == []
+
+
+def test_an_answer_of_another_length_is_no_answer():
+    # two bytes of data are announced; the checksum fits after one
+    longer = bytes.fromhex("ff ff 01 04 00 10 ea")
+    assert take_answers(bytearray(longer), {1}, 1) == []
+
+
+def test_an_answer_of_another_servo_is_no_answer():
+    assert take_answers(bytearray(ANSWER), {2}, 2) == []

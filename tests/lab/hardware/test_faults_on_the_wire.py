@@ -1,0 +1,287 @@
+"""Faults of servos and wire, with emulated servos at the other end."""
+
+import signal
+import sys
+import time
+
+import numpy as np
+import pytest
+from arm_on_a_wire import ArmOnAWire
+from emulator_process import EmulatorProcess
+
+from s2c2a.arm import servos_of
+from s2c2a.cli import motors
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.lab.hardware.bus import BusError, PortLostError
+from s2c2a.lab.hardware.buses import open_bus
+from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
+from s2c2a.robots import check_robot
+from s2c2a.spaces import Stage
+
+CYCLES = 3  # in which a fault is seen
+PATIENCE = 30.0  # s
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="the emulator needs pseudo-terminals"
+)
+
+
+@pytest.fixture(scope="module")
+def emulator():
+    with EmulatorProcess() as process:
+        yield process
+
+
+@pytest.fixture
+def make_wire(emulator, tmp_path, monkeypatch):
+    """Makes the arm of a test; in the end, no limit was exceeded."""
+    monkeypatch.setattr("s2c2a.lab.hardware.servo_robot.SETTLING_TIME", 0.1)
+    wires = []
+
+    def make(protocol="dynamixel"):
+        wires.append(ArmOnAWire(emulator, tmp_path, protocol))
+        return wires[-1]
+
+    yield make
+    for wire in wires:
+        wire.check_limits()
+        emulator.stop()
+
+
+@pytest.fixture
+def wire(make_wire):
+    return make_wire()
+
+
+@pytest.fixture
+def feetech_wire(make_wire):
+    with pytest.warns(UserWarning, match=NO_WATCHDOG[:30]):
+        yield make_wire("feetech")
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        ("overload 4", "has switched off: overloaded"),
+        ("reboot 4", "does not answer|has restarted"),
+        ("gone 4", "does not answer"),
+    ],
+)
+def test_a_servo_that_fails_leads_the_arm_to_rest(wire, fault, text):
+    with wire.driven():
+        wire.steps(6)
+        wire.sees(fault, rf"servo 4 \(module 2, cable 1\) ({text})", CYCLES)
+        assert wire.led_to_rest()
+    wire.check_records()
+
+
+def test_a_supply_out_of_range_leads_the_arm_to_rest(wire):
+    with wire.driven():
+        wire.steps(6)
+        wire.sees("voltage 3.5", r"servo 1 .*3\.5 V; allowed", CYCLES)
+        assert wire.led_to_rest()
+    wire.check_records()
+
+
+def test_a_hot_servo_leads_the_arm_to_rest_before_it_switches_off(wire):
+    with wire.driven():
+        wire.steps(6)
+        wire.sees("hot 4", r"servo 4 .* deg C; the limit is 65", 100)
+        assert wire.servo(4)["errors"] == []
+        assert wire.led_to_rest()
+    wire.check_records()
+
+
+def test_a_stalled_servo_is_seen_after_a_second_of_motion(wire):
+    with wire.driven():
+        wire.steps(6)
+        # the arm holds before the servo is far enough from its goal to name itself
+        cable = r"do not follow the commands: module 1, cable 1"
+        wire.sees("stalled 1", rf"servo 1 .* does not follow|{cable}", 40)
+        wire.steps_until(Stage.RELEASE)
+    wire.check_records()
+
+
+def test_a_snapped_cable_is_reported_and_the_arm_goes_on(wire):
+    with wire.driven(is_steady=True):
+        wire.steps(15)
+        wire.emulator.inject(f"snapped {wire.wound_in()}")
+        with pytest.warns(UserWarning, match="may have snapped"):
+            wire.steps(40)
+    wire.check_records()
+
+
+@pytest.mark.parametrize(
+    "fault", ["lost 0.08", "corrupted 0.08", "garbage 0.3", "late 0.015 0.08"]
+)
+def test_an_arm_goes_on_over_a_noisy_line(wire, fault):
+    with wire.driven():
+        wire.steps(4)
+        wire.emulator.inject(fault)
+        records = wire.steps(14)
+        wire.emulator.inject(f"{fault[: fault.rindex(' ')]} 0")
+    assert wire.loop.phase.stage is not Stage.FAULT
+    assert sum(not record.fault for record in records) >= 7
+    assert wire.largest_error(records) < 0.006
+    wire.check_records()
+
+
+def test_a_position_that_needs_stuffing_is_read_and_sent(wire):
+    wire.emulator.inject("stuffed 4")
+    with wire.driven():
+        records = wire.steps(15)
+    assert not any(record.fault for record in records)
+    assert wire.largest_error(records) < 0.006
+
+
+@pytest.mark.parametrize("fast_read", [False, True])
+def test_an_absent_servo_costs_the_others_a_cycle_at_most(wire, fast_read):
+    with wire.driven(fast_read=fast_read):
+        wire.steps(6)
+        wire.emulator.inject("gone 2 0.25")
+        records = wire.steps(10)
+    missing = [np.isnan(record.reading["cables"]) for record in records]
+    silent = [places for places in missing if places.any()]
+    assert 1 <= len(silent) <= 5
+    assert sum(places.sum() > 1 for places in silent) <= 1
+    assert records[-1].stage is Stage.RUN
+    wire.check_records()
+
+
+def test_a_servo_that_restarted_moves_only_after_the_robot_was_opened_again(wire):
+    with wire.driven() as loop:
+        wire.steps(6)
+        wire.sees("reboot 4", "servo 4", CYCLES)
+        assert wire.led_to_rest()
+        assert "has restarted" in loop.fault
+        assert not wire.servo(4)["torque"]
+        wire.steps(2)
+        loop.open()
+        wire.records.clear()
+        records = wire.steps(8)
+        assert wire.servo(4)["torque"]
+    assert not any(record.fault for record in records[2:])
+    assert wire.largest_error(records) < 0.006
+
+
+def test_an_unplugged_port_ends_the_run_and_can_be_opened_again(wire):
+    with wire.driven():
+        wire.steps(6)
+        wire.emulator.inject("unplug 0.7")
+        with pytest.raises(PortLostError, match=r"gone .* open the arm again"):
+            wire.steps(CYCLES)
+    wire.check_records()
+    wire.wait_until(has_stopped)
+    wire.wait_until(lambda status: status["plugged"])
+    wire.records.clear()
+    with wire.driven():
+        records = wire.steps(5)
+    assert not any(record.fault for record in records)
+
+
+def test_a_second_program_cannot_take_the_port(wire):
+    with wire.driven():
+        wire.steps(2)
+        with pytest.raises(BusError, match=r"cannot be opened.*no other program uses"):
+            open_bus(servos_of(wire.arm), str(wire.port))
+        records = wire.steps(5)
+    assert not any(record.fault for record in records)
+
+
+def test_an_emergency_stop_releases_the_arm_where_it_is(wire):
+    with wire.driven(is_steady=True):
+        wire.steps(8)
+        EMERGENCY_STOP.trigger("the test")
+        try:
+            with pytest.raises(EmergencyStopError, match="by the test"):
+                wire.steps(1)
+        finally:
+            EMERGENCY_STOP.reset()
+        status = wire.emulator.status()
+    assert not any(servo["torque"] for servo in status["servos"])
+    wire.check_records()
+
+
+def test_a_controller_that_stops_or_dies_leaves_servos_that_stop(wire):
+    controller = wire.controller()
+    try:
+        wire.wait_until(moves)
+        controller.send_signal(signal.SIGSTOP)
+        wire.wait_until(has_stopped)
+        controller.send_signal(signal.SIGCONT)
+        wire.wait_until(lambda status: obeys(status) and moves(status))
+        controller.kill()
+        controller.wait(PATIENCE)
+        wire.wait_until(has_stopped)
+        places = [servo["displacement"] for servo in wire.emulator.status()["servos"]]
+        time.sleep(0.3)
+        later = [servo["displacement"] for servo in wire.emulator.status()["servos"]]
+    finally:
+        controller.kill()
+    np.testing.assert_allclose(later, places, atol=3e-4)
+    with wire.driven():
+        assert not any(record.fault for record in wire.steps(3))
+
+
+def has_stopped(status):
+    """Whether all servos have stopped by their watchdog."""
+    return all(servo["watchdog_tripped"] for servo in status["servos"])
+
+
+def obeys(status):
+    """Whether no servo has stopped by its watchdog."""
+    return not any(servo["watchdog_tripped"] for servo in status["servos"])
+
+
+def moves(status):
+    """Whether the arm is bent by its controller."""
+    return max(abs(servo["displacement"]) for servo in status["servos"]) > 0.003
+
+
+def test_a_feetech_servo_that_restarted_gets_no_goal(feetech_wire):
+    wire = feetech_wire
+    with wire.driven():
+        wire.steps(6)
+        wire.sees("reboot 4", "servo 4", CYCLES)
+        wire.steps_until(Stage.FAULT)
+        assert "has restarted" in wire.loop.fault
+        assert not wire.servo(4)["torque"]
+    wire.check_records()
+
+
+def test_an_arm_of_feetech_servos_survives_a_noisy_line(feetech_wire):
+    wire = feetech_wire
+    with wire.driven():
+        wire.steps(4)
+        wire.emulator.inject("lost 0.05")
+        records = wire.steps(14)
+        wire.emulator.inject("lost 0")
+    assert sum(not record.fault for record in records) >= 7
+    assert wire.largest_error(records) < 0.006
+
+
+def test_a_scan_lists_every_servo_and_its_cable(wire, capsys):
+    motors.scan(str(wire.arm_file), str(wire.port))
+    told = capsys.readouterr().out
+    assert told.count("xl330-m288") == 9
+    assert "module 3, cable 3" in told
+
+
+def test_homing_finds_the_straight_arm_and_the_check_agrees(
+    emulator, tmp_path, monkeypatch, capsys
+):
+    for name, value in (("STILL_TIME", 0.25), ("CURRENT_STEPS", (1.0,))):
+        monkeypatch.setattr(f"s2c2a.lab.hardware.bring_up.{name}", value)
+    wire = ArmOnAWire(emulator, tmp_path, homed=False)  # slack in every cable
+    arm, port = str(wire.arm_file), str(wire.port)
+    path = tmp_path / "homes.json"
+    motors.home(arm, port, path, repeat=1, yes=True)
+    motors.check(arm, port, path, yes=True)
+    status = emulator.stop()
+    assert "all 9 cables move as they should" in capsys.readouterr().out
+    places = [servo["displacement"] for servo in status["servos"]]
+    assert np.abs(places).max() < 0.001
+    assert status["largest_current"] <= 1.05 * servos_of(wire.arm).limits.current
+
+
+def test_the_robot_fulfills_the_contract_of_robots(wire):
+    assert len(check_robot(wire.robot())) >= 5

@@ -1,0 +1,107 @@
+"""First motions of an arm with ideal servos."""
+
+from datetime import UTC, datetime
+
+import pytest
+from ideal_bus import IdealBus
+
+from s2c2a.arm import load_arm, servos_of
+from s2c2a.errors import RobotError
+from s2c2a.lab.hardware import bring_up, servo_robot
+from s2c2a.lab.hardware.bring_up import BringUp
+from s2c2a.lab.hardware.bus import BusError
+from s2c2a.lab.hardware.calibration import (
+    CalibratedServo,
+    Calibration,
+    load_calibration,
+    save_calibration,
+)
+from s2c2a.lab.hardware.servo_robot import DynamixelRobot
+
+ARM = load_arm("twin_arm")
+IDS = range(1, 10)
+
+
+@pytest.fixture
+def calibration_file(tmp_path):
+    servos = [
+        CalibratedServo(id=id, model="xl330-m288", firmware=52, home=0) for id in IDS
+    ]
+    calibration = Calibration(arm=ARM.name, date=datetime.now(UTC), servos=servos)
+    path = tmp_path / "homes.json"
+    save_calibration(calibration, path)
+    return path
+
+
+def test_a_jog_asks_only_the_servo_that_moves(monkeypatch):
+    monkeypatch.setattr(bring_up, "STILL_TIME", 0.0)
+    bus = IdealBus()
+    moved = BringUp(bus, ARM, lambda _: True, print).jog(4, 0.003)
+    assert moved == pytest.approx(0.003, abs=1e-4)
+    assert bus.prepared == {4}
+
+
+@pytest.mark.parametrize("has_watchdog", [True, False])
+def test_an_arm_opens_and_is_released_with_and_without_a_watchdog(
+    monkeypatch, calibration_file, has_watchdog
+):
+    bus = IdealBus(has_watchdog)
+    monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
+    monkeypatch.setattr(servo_robot, "SETTLING_TIME", 0.0)
+    with DynamixelRobot(ARM, calibration=str(calibration_file)):
+        assert bus.torque == dict.fromkeys(IDS, True)
+    assert bus.torque == dict.fromkeys(IDS, False)
+
+
+def test_a_calibration_accepts_firmware_of_three_digits():
+    assert CalibratedServo(id=1, model="sts3215", firmware=310, home=0).firmware == 310
+
+
+def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
+    bus = IdealBus()
+
+    def switch_all_but_the_last(ids, on):
+        bus.torque |= dict.fromkeys(ids[:-1] if on else ids, on)
+        if on:
+            raise BusError("servo 9 does not answer")
+
+    bus.set_torque = switch_all_but_the_last
+    with pytest.raises(BusError, match="servo 9"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(IDS))
+    assert not any(bus.torque.values())
+
+
+def test_homing_names_servos_that_do_not_answer_before_anything_moves():
+    bus = IdealBus()
+    with pytest.raises(BusError, match=r"no answer from servos \[8, 9\]"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(range(1, 8)))
+    assert bus.torque == {}
+
+
+def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration_file):
+    servos = servos_of(ARM)
+    limits = servos.limits.model_copy(update={"displacement": 0.01})
+    table = servos.model_copy(update={"limits": limits})
+    arm = ARM.model_copy(update={"servos": table})
+    bus = IdealBus()
+    bus.positions = {5: 2000}
+    calibration = load_calibration(calibration_file, arm)
+    with pytest.raises(RobotError, match=r"servos \[5\] stand at"):
+        BringUp(bus, arm, lambda _: True, print).check(calibration)
+    assert bus.positions[5] == 2000
+    assert not any(bus.torque.values())
+
+
+def test_an_arm_file_with_other_ticks_than_its_servos_moves_nothing(
+    monkeypatch, calibration_file
+):
+    motor = ARM.motor.model_copy(update={"ticks_per_turn": 1024})
+    arm = ARM.model_copy(update={"motor": motor})
+    bus = IdealBus()
+    monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
+    message = "is 1024; its servos have 4096"
+    with pytest.raises(BusError, match=message):
+        DynamixelRobot(arm, calibration=str(calibration_file)).open()
+    with pytest.raises(BusError, match=message):
+        BringUp(bus, arm, lambda _: True, print)
+    assert not bus.prepared

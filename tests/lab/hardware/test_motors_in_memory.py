@@ -1,0 +1,453 @@
+"""The commands `motors` on emulated servos: torque, models, stored settings, silence."""
+
+import os
+import signal
+from datetime import UTC, datetime
+
+import pytest
+from servos_in_memory import IDS, START, Clock, ServosInMemory, arm_file, serve
+
+from s2c2a.arm import load_arm, servos_of
+from s2c2a.cli import motors
+from s2c2a.cli.interrupts import interrupts_as_exceptions
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.errors import S2C2AError
+from s2c2a.lab.hardware.bring_up import MAX_LEAD
+from s2c2a.lab.hardware.bus import BusError, Mode, StoredSettingsError, WrongModelError
+from s2c2a.lab.hardware.buses import open_bus
+from s2c2a.lab.hardware.calibration import (
+    CalibratedServo,
+    Calibration,
+    save_calibration,
+)
+from s2c2a.lab.hardware.presence import check_presence
+from s2c2a.lab.hardware.servo_robot import DynamixelRobot
+from s2c2a.lab.hardware.timing import measure_timing
+
+PROTOCOLS = ("dynamixel", "feetech")
+TICK = 2 * 3.14159 * 0.01 / 4096  # m
+WRONG_MODELS = {"dynamixel": 1020, "feetech": 1029}
+STATED = {
+    "dynamixel": ("return_delay", "drive_mode", "operating_mode", "current_limit"),
+    "feetech": ("min_position", "max_position", "max_torque", "operating_mode"),
+}
+needs_signals = pytest.mark.skipif(
+    not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1"
+)
+
+
+@pytest.fixture(autouse=True)
+def quiet(monkeypatch):
+    monkeypatch.setattr("s2c2a.lab.hardware.bring_up.CURRENT_STEPS", (1.0,))
+    yield
+    EMERGENCY_STOP.reset()
+
+
+class Bench:
+    """Servos in memory, an arm file, and the commands that drive them."""
+
+    def __init__(self, folder, monkeypatch, protocol="dynamixel", **table):
+        self.protocol = protocol
+        self.folder = folder
+        self.clock = Clock()
+        self.port = ServosInMemory(self.clock, protocol)
+        serve(self.port, monkeypatch)
+        self.arm = arm_file(folder, protocol, **table)
+        self.homes = folder / "homes.json"
+
+    def run(self, verb, yes=True):
+        if verb == "jog":
+            return motors.jog(2, 20.0, self.arm, "fake", yes)
+        if verb == "home":
+            self.port.taut = START - 400
+            return motors.home(
+                self.arm, "fake", self.folder / "new.json", repeat=1, yes=yes
+            )
+        if verb == "check":
+            self.save_homes()
+            return motors.check(self.arm, "fake", self.homes, yes)
+        if verb == "timing":
+            return motors.timing(self.arm, "fake", cycles=5, yes=yes)
+        return motors.release(self.arm, "fake")
+
+    def save_homes(self):
+        firmware = {"dynamixel": ("xl330-m288", 52), "feetech": ("sts3215", 310)}
+        model, version = firmware[self.protocol]
+        servos = [
+            CalibratedServo(id=id, model=model, firmware=version, home=int(START) - 200)
+            for id in IDS
+        ]
+        date = datetime(2026, 1, 1, tzinfo=UTC)
+        name = load_arm(self.arm).name
+        save_calibration(
+            Calibration(arm=name, date=date, servos=tuple(servos)), self.homes
+        )
+
+    def stored(self):
+        names = STATED[self.protocol]
+        return [[servo[name] for name in names] for servo in self.port.servos]
+
+    def stand_still_while_moving(self, monkeypatch):
+        """Let the program stand still for 30 s once some servo has moved by 1 mm."""
+        slept = []
+
+        def sleep(_):
+            moved = [abs(servo.state.ticks - START) for servo in self.port.servos]
+            if not slept and max(moved) > 0.001 / TICK:
+                slept.append(30.0)
+
+        self.clock.sleepers.append(sleep)
+        monkeypatch.setattr(
+            "s2c2a.standstill.time_with_sleep", lambda: self.clock.now + sum(slept)
+        )
+        return slept
+
+    def signal_while_moving(self, number):
+        """Send a signal once some servo has moved by 1 mm."""
+        sent = []
+
+        def send(_):
+            moved = [abs(servo.state.ticks - START) for servo in self.port.servos]
+            if not sent and max(moved) > 0.001 / TICK:
+                sent.append(number)
+                os.kill(os.getpid(), number)
+
+        self.clock.sleepers.append(send)
+        return sent
+
+
+@pytest.fixture
+def make_bench(tmp_path, monkeypatch):
+    def make(protocol="dynamixel", **table):
+        return Bench(tmp_path, monkeypatch, protocol, **table)
+
+    return make
+
+
+def attempt(bench, verb):
+    """Run a verb; `check` finds no tension in motors without cables."""
+    if verb != "check":
+        return bench.run(verb)
+    with pytest.raises(S2C2AError, match="check the cables"):
+        bench.run(verb)
+
+
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_no_servo_has_torque_without_a_watchdog_in_any_verb(make_bench, verb):
+    bench = make_bench()
+    seen = []
+
+    def watch():
+        for servo in bench.port.servos:
+            if servo.torque:
+                seen.append(servo["bus_watchdog"] != 0)
+
+    bench.port.watch = watch
+    attempt(bench, verb)
+    assert len(seen) > 10
+    assert all(seen)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_a_servo_whose_program_dies_has_its_goal_near(make_bench, verb, protocol):
+    bench = make_bench(protocol)
+    leads = []
+    bench.port.watch = lambda: leads.extend(map(bench.port.lead, bench.port.servos))
+    attempt(bench, verb)
+    assert 0.001 / TICK < max(leads) <= MAX_LEAD / TICK + 1
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_jog_in_small_steps_arrives(make_bench, protocol):
+    bench = make_bench(protocol)
+    bench.run("jog")
+    assert bench.port[2].state.ticks - START == pytest.approx(0.020 / TICK, abs=9)
+
+
+def test_a_jogged_servo_stops_and_holds_by_its_watchdog_afterwards(make_bench):
+    bench = make_bench()
+    bench.run("jog")
+    bench.clock.sleep(0.5)
+    assert bench.port[2].torque
+    assert bench.port[2].watchdog_tripped
+    bench.run("jog")  # and obeys again
+    assert bench.port[2].state.ticks - START == pytest.approx(0.040 / TICK, abs=9)
+
+
+@needs_signals
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_the_emergency_signal_releases_the_servos_in_every_verb(
+    make_bench, verb, protocol
+):
+    bench = make_bench(protocol)
+    sent = bench.signal_while_moving(signal.SIGUSR1)
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+        bench.run(verb)
+    assert sent
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+@needs_signals
+def test_the_emergency_signal_holds_the_servos_where_they_are_if_so_configured(
+    make_bench,
+):
+    bench = make_bench(on_emergency="hold")
+    bench.signal_while_moving(signal.SIGUSR1)
+    with pytest.raises(EmergencyStopError):
+        bench.run("jog")
+    assert bench.port[2].torque
+    assert bench.port.lead(bench.port[2]) <= 1
+
+
+@needs_signals
+def test_an_emergency_stop_at_a_question_releases_the_modules_homed_before(
+    make_bench, monkeypatch
+):
+    bench = make_bench()
+
+    def confirm(text, yes):
+        if "module 2" in text:
+            os.kill(os.getpid(), signal.SIGUSR1)
+        return True
+
+    monkeypatch.setattr(motors, "_confirm", confirm)
+    with pytest.raises(EmergencyStopError):
+        bench.run("home")
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+@needs_signals
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_a_request_to_end_releases_the_servos_in_every_verb(make_bench, verb, name):
+    bench = make_bench()
+    bench.signal_while_moving(getattr(signal, name))
+    with pytest.raises(KeyboardInterrupt), interrupts_as_exceptions():
+        bench.run(verb)
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check", "timing"])
+def test_a_servo_of_another_model_is_refused_in_every_verb(make_bench, verb, protocol):
+    bench = make_bench(protocol)
+    bench.port[2]["model_number"] = WRONG_MODELS[protocol]
+    torques = []
+    bench.port.watch = lambda: torques.append(bench.port[2].torque)
+    before = bench.stored()
+    with pytest.raises(WrongModelError, match=rf"servo 2 .*{WRONG_MODELS[protocol]}"):
+        bench.run(verb)
+    assert bench.stored()[1] == before[1]
+    assert not any(torques)
+
+
+def test_a_robot_with_a_servo_of_another_model_does_not_open(make_bench):
+    bench = make_bench()
+    bench.port[2]["model_number"] = 1020
+    bench.save_homes()
+    robot = DynamixelRobot(load_arm(bench.arm), "fake", str(bench.homes))
+    with pytest.raises(S2C2AError, match=r"servo 2 is .*xm430-w350"):
+        robot.open()
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+def test_a_servo_of_another_model_is_not_set_up(make_bench):
+    bench = make_bench()
+    del bench.port.servos[1:]
+    bench.port[1]["model_number"] = 1020
+    with pytest.raises(WrongModelError, match="xm430-w350"):
+        motors.setup(5, bench.arm, "fake", yes=True)
+    assert bench.port.servos[0].id == 1
+
+
+@pytest.mark.parametrize(
+    ("protocol", "name", "value"),
+    [("dynamixel", "current_limit", 500), ("feetech", "max_torque", 200)],
+)
+def test_a_smaller_stored_limit_is_kept_and_announced(
+    make_bench, protocol, name, value
+):
+    bench = make_bench(protocol)
+    bench.port[2][name] = value
+    with pytest.warns(UserWarning, match=r"servo 2 stores a current limit of 0\."):
+        bench.run("jog")
+    assert bench.port[2][name] == value
+    goal = {"dynamixel": "goal_current", "feetech": "torque_limit"}[protocol]
+    assert bench.port[2][goal] == value
+
+
+@pytest.mark.parametrize(
+    ("protocol", "name", "text"),
+    [
+        ("dynamixel", "current_limit", "current_limit 1750 -> 600"),
+        ("feetech", "max_torque", "max_torque 1000 -> 250"),
+    ],
+)
+def test_a_stored_limit_is_lowered_to_that_of_the_arm_file_and_announced(
+    make_bench, capsys, protocol, name, text
+):
+    bench = make_bench(protocol)
+    bench.run("jog")
+    lines = [line for line in capsys.readouterr().out.splitlines() if "EEPROM" in line]
+    assert len(lines) == 1
+    assert text in lines[0]
+    assert bench.port[2][name] == int(text.split()[-1])
+    bench.run("jog")
+    assert "EEPROM" not in capsys.readouterr().out
+
+
+def test_declined_changes_of_stored_settings_change_nothing(make_bench, monkeypatch):
+    bench = make_bench()
+    bench.port[2]["homing_offset"] = 77
+    before = bench.stored()
+    monkeypatch.setattr(motors, "_confirm", lambda text, yes: "EEPROM" not in text)
+    with pytest.raises(StoredSettingsError, match="homing_offset 77 -> 0"):
+        bench.run("jog")
+    assert bench.stored() == before
+    assert bench.port[2]["homing_offset"] == 77
+    assert not bench.port[2].torque
+
+
+def test_a_declined_limit_stays_and_the_servo_moves(make_bench, monkeypatch):
+    bench = make_bench()
+    bench.port[2]["operating_mode"] = 5
+    monkeypatch.setattr(motors, "_confirm", lambda text, yes: "EEPROM" not in text)
+    bench.run("jog")
+    assert bench.port[2]["current_limit"] == 1750
+    assert bench.port[2]["goal_current"] == 600
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_bus_that_asks_nobody_changes_no_stored_setting(make_bench, protocol):
+    bench = make_bench(protocol)
+    before = bench.stored()
+    with (
+        open_bus(servos_of(load_arm(bench.arm)), "fake") as bus,
+        pytest.raises(StoredSettingsError, match="nothing was changed"),
+    ):
+        bus.prepare(IDS, Mode.CURRENT_LIMITED_POSITION, 0.6, 1.0)
+    assert bench.stored() == before
+
+
+VERBS = ("jog", "home", "check", "timing", "release")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", VERBS)
+def test_one_silent_servo_is_named(make_bench, verb, protocol):
+    bench = make_bench(protocol)
+    bench.port.servos.remove(bench.port[2])
+    with pytest.raises(BusError, match=r"no answer from servo 2 \(module 1, cable 2\)"):
+        bench.run(verb)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_bus_that_is_silent_altogether_is_told_apart(make_bench, verb, protocol):
+    bench = make_bench(protocol)
+    bench.port.servos.clear()
+    with pytest.raises(BusError, match=r"none of the 9 servos answers.*baud rate"):
+        bench.run(verb)
+
+
+@pytest.mark.parametrize("overlaps", [False, True])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check", "timing"])
+def test_two_servos_with_one_id_are_told_apart(make_bench, verb, protocol, overlaps):
+    bench = make_bench(protocol)
+    bench.port.overlaps = overlaps
+    twin = bench.port[2]
+    other = bench.port[3]
+    other["id"] = 2
+    assert twin is not other
+    other.state = type(other.state)(ticks=2345.0, voltage=bench.port.protocol.supply)
+    text = "damaged answers" if overlaps else "more than one answer"
+    with pytest.raises(BusError, match=rf"{text} from servo 2 .*setup"):
+        bench.run(verb)
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+def test_noise_that_spoils_single_answers_is_no_collision(make_bench):
+    bench = make_bench()
+    bench.port.disturbances.set("corrupted", (0.05,))
+    bench.run("jog")
+    assert bench.port[2].state.ticks - START == pytest.approx(0.020 / TICK, abs=9)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_answers_that_are_late_are_no_second_servo(make_bench, protocol):
+    bench = make_bench(protocol)
+    bench.port.lags = True
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        check_presence(bus, IDS, str)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_a_motion_ends_where_the_program_stood_still(
+    make_bench, monkeypatch, verb, protocol
+):
+    bench = make_bench(protocol)
+    slept = bench.stand_still_while_moving(monkeypatch)
+    with pytest.raises(S2C2AError, match=r"stood still for 30\.\d s"):
+        bench.run(verb)
+    assert slept
+    assert not any(servo.torque for servo in bench.port.servos)
+
+
+def test_a_failed_check_names_the_age_of_the_calibration(make_bench):
+    with pytest.raises(S2C2AError, match=r"since 2026-01-01 .*motors home --overwrite"):
+        make_bench().run("check")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_scan_lists_servos_and_tells_silent_and_doubled_ones_apart(
+    make_bench, capsys, protocol
+):
+    bench = make_bench(protocol)
+    bench.port.servos.remove(bench.port[2])
+    bench.port[9]["id"] = 8
+    motors.scan(bench.arm, "fake")
+    text = capsys.readouterr().out
+    assert "module 1, cable 1" in text
+    assert "no answer from servo 2 (module 1, cable 2), 9 (module 3, cable 3)" in text
+    assert "more than one answer from servo 8" in text
+
+
+def test_a_scan_of_a_silent_bus_fails(make_bench):
+    bench = make_bench()
+    bench.port.servos.clear()
+    with pytest.raises(S2C2AError, match=r"none of the 9 servos answers.*--all-rates"):
+        motors.scan(bench.arm, "fake")
+
+
+def test_timing_ends_with_a_verdict(make_bench, capsys, monkeypatch):
+    bench = make_bench()
+    bench.run("timing")
+    assert "ok: the bus is fit for 50 Hz" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("gone", "text"),
+    [
+        ([2], r"servo 2 \(module 1, cable 2\) is missing in 5 of 5 cycles"),
+        (IDS, "none of the 9 servos answers in any cycle"),
+    ],
+)
+def test_timing_fails_where_servos_do_not_answer(
+    make_bench, capsys, monkeypatch, gone, text
+):
+    bench = make_bench()
+    measure = "s2c2a.lab.hardware.timing.measure_timing"
+
+    def lose_and_measure(*arguments):
+        lost = [bench.port[id] for id in gone]
+        bench.port.servos[:] = [s for s in bench.port.servos if s not in lost]
+        return measure_timing(*arguments)
+
+    monkeypatch.setattr(measure, lose_and_measure)
+    with pytest.raises(S2C2AError, match=text):
+        bench.run("timing")
+    assert "in 5 a servo did not answer" in capsys.readouterr().out

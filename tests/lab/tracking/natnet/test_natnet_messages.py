@@ -1,0 +1,200 @@
+"""NatNet messages: bytes worked by hand, and bytes that break their layout."""
+
+import random
+import struct
+
+import numpy as np
+import pytest
+from natnet_bytes import (
+    BODY,
+    DEFINITIONS,
+    FRAMES,
+    NONE,
+    NUMBER,
+    ONE,
+    SECTIONS_3,
+    SECTIONS_41,
+    SERVER_INFO,
+    SUFFIX_3,
+    SUFFIX_4,
+    TWO,
+    message,
+    sized,
+)
+
+from s2c2a.lab.tracking import DropReason
+from s2c2a.lab.tracking.datagrams import DatagramError
+from s2c2a.lab.tracking.natnet.axes import z_up_pose
+from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Version
+from s2c2a.lab.tracking.natnet.messages import (
+    Body,
+    MessageKind,
+    encode_request,
+    parse_definitions,
+    parse_frame,
+    parse_server_info,
+    split_message,
+)
+from s2c2a.lab.tracking.poses import PoseError, TrackingError
+
+VERSIONS = sorted(LAYOUTS)
+IDENTITY = (0.0, 0.0, 0.0, 1.0)
+
+
+def frame(content, version):
+    _, reader = split_message(content)
+    return parse_frame(reader, LAYOUTS[version])
+
+
+def definitions(content, version):
+    _, reader = split_message(content)
+    return parse_definitions(reader, LAYOUTS[version])
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_frame_by_hand_has_its_tracked_body(version):
+    parsed = frame(FRAMES[version], version)
+    assert (parsed.number, parsed.time) == (7, 1.5)
+    assert parsed.bodies == (Body(5, (1.0, 2.0, 3.0), IDENTITY),)
+    assert parsed.models_changed == (version == (4, 1))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_zero_at_the_end_of_a_frame_may_be_absent(version):
+    content = message(7, FRAMES[version][4:-4].hex())
+    assert frame(content, version) == frame(FRAMES[version], version)
+
+
+def test_version_4_0_may_have_the_precise_time():
+    parsed = frame(message(7, NUMBER, *SECTIONS_3, *SUFFIX_4), (4, 0))
+    assert (parsed.time, parsed.models_changed) == (1.5, True)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_definitions_by_hand_name_the_body(version):
+    assert definitions(DEFINITIONS[version], version) == {5: "base"}
+
+
+def test_server_info_by_hand_has_version_and_group():
+    _, reader = split_message(SERVER_INFO)
+    info = parse_server_info(reader)
+    assert info.version == Version(4, 1)
+    assert info.group == ("239.255.42.99", 1511)
+
+
+def test_server_info_without_connection_is_unicast():
+    _, reader = split_message(message(1, SERVER_INFO[4:268].hex()))
+    assert parse_server_info(reader).group is None
+
+
+def test_a_request_to_connect_prefers_version_4_1():
+    content = encode_request(MessageKind.CONNECT)
+    assert content[:8] == b"\0\0\x0f\x01Ping"
+    assert content[269:273] == b"\4\1\0\0"
+    assert encode_request(MessageKind.KEEP_ALIVE) == b"\x0a\0\1\0\0"
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("parse", [frame, definitions])
+def test_every_truncated_message_is_malformed(version, parse):
+    content = FRAMES[version][:-4] if parse is frame else DEFINITIONS[version]
+    for size in range(4, len(content)):
+        with pytest.raises(DatagramError) as caught:
+            parse(message(7, content[4:size].hex()), version)
+        assert caught.value.reason is DropReason.MALFORMED
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        ("ff ff ff ff", *SECTIONS_3[1:]),  # a count that does not fit
+        (NONE, NONE, TWO, BODY, BODY, *[NONE] * 4),  # a body twice
+        (NONE, NONE, ONE, BODY, *[NONE] * 5),  # a section too many
+    ],
+)
+def test_impossible_sections_are_malformed(sections):
+    with pytest.raises(DatagramError) as caught:
+        frame(message(7, NUMBER, *sections, *SUFFIX_3), (3, 1))
+    assert caught.value.reason is DropReason.MALFORMED
+
+
+def test_a_size_that_contradicts_the_count_is_malformed():
+    sections = list(SECTIONS_41)
+    sections[2] = sized(TWO, BODY)
+    with pytest.raises(DatagramError, match="2 rigid bodies"):
+        frame(message(7, NUMBER, *sections, *SUFFIX_4), (4, 1))
+
+
+def test_a_time_that_is_not_finite_is_implausible():
+    suffix = list(SUFFIX_3)
+    suffix[1] = struct.pack("<d", float("nan")).hex()
+    with pytest.raises(DatagramError) as caught:
+        frame(message(7, NUMBER, *SECTIONS_3, *suffix), (3, 1))
+    assert caught.value.reason is DropReason.IMPLAUSIBLE
+
+
+def test_an_id_with_two_names_is_malformed():
+    two = DEFINITIONS[3, 1][8:]
+    other = two.replace(b"base\0", b"tip1\0")
+    count = struct.pack("<I", 8)
+    content = message(5, (count + two + other).hex())
+    with pytest.raises(DatagramError, match="two names"):
+        definitions(content, (3, 1))
+
+
+def test_y_up_becomes_z_up():
+    quarter = np.sqrt(0.5)
+    pose = z_up_pose(Body(1, (1.0, 2.0, 3.0), (0.0, quarter, 0.0, quarter)), "y")
+    np.testing.assert_allclose(pose.position, [1.0, -3.0, 2.0])
+    np.testing.assert_allclose(pose.rotation, [0.0, 0.0, quarter, quarter])
+
+
+def test_z_up_stays_as_it_is():
+    pose = z_up_pose(Body(1, (1.0, 2.0, 3.0), IDENTITY), "z")
+    np.testing.assert_array_equal(pose.position, [1.0, 2.0, 3.0])
+
+
+def mutated(rng):
+    """A random datagram: noise, or a valid message with damage."""
+    version = rng.choice(VERSIONS)
+    source = bytearray(rng.choice([FRAMES, DEFINITIONS])[version])
+    match rng.randrange(4):
+        case 0:
+            return rng.randbytes(rng.randrange(600))
+        case 1:
+            source = source[: rng.randrange(len(source))]
+            source[2:4] = struct.pack("<H", max(0, len(source) - 4))
+        case 2:
+            start = rng.randrange(4, len(source))
+            source[start : start + 4] = rng.randbytes(4)
+        case 3:
+            for _ in range(rng.randrange(1, 6)):
+                source[rng.randrange(len(source))] ^= 1 << rng.randrange(8)
+    return bytes(source)
+
+
+def outcome(content, version, parse):
+    """Poses or names, or the error."""
+    try:
+        parsed = parse(content, version)
+        if parse is definitions:
+            return list(parsed)
+        return [z_up_pose(body, "y") for body in parsed.bodies]
+    except TrackingError as error:
+        return error
+
+
+def test_random_datagrams_raise_our_errors_or_give_plausible_poses():
+    rng = random.Random(0)
+    contents = [mutated(rng) for _ in range(20_000)]
+    pairs = [(content, VERSIONS[n % 3]) for n, content in enumerate(contents)]
+    outcomes = [outcome(*pair, frame) for pair in pairs]
+    others = [outcome(*pair, definitions) for pair in pairs]
+    errors = [one for one in outcomes + others if isinstance(one, TrackingError)]
+    accepted = [one for one in outcomes if isinstance(one, list)]
+    poses = [pose for one in accepted for pose in one]
+    assert all(isinstance(one, DatagramError | PoseError) for one in errors)
+    assert len(poses) > 100
+    assert max(np.abs(pose.position).max() for pose in poses) <= 100
+    lengths = [np.linalg.norm(pose.rotation) for pose in poses]
+    np.testing.assert_allclose(lengths, 1.0)

@@ -1,0 +1,172 @@
+"""The tracker and an emulated Motive, over loopback."""
+
+import socket
+import time
+
+import numpy as np
+import pytest
+from streaming import POSES, free_port, streaming, wait_until
+
+from s2c2a.lab.tracking import DropReason, ModuleEnds, NatNetTracker, TrackingError
+
+GROUP = "239.255.42.99"
+
+
+def frames_arrive(tracker, count=5):
+    before = tracker.counts.accepted
+    wait_until(lambda: tracker.counts.accepted >= before + count)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("version", ["3.1", "4.0", "4.1"])
+def test_poses_arrive_as_they_are(version, up):
+    with (
+        streaming(version=version, up=up) as ports,
+        NatNetTracker(**ports, up=up) as tracker,
+    ):
+        frames_arrive(tracker)
+        frame = tracker.latest()
+        age = time.perf_counter() - frame.arrival_time
+        counts = tracker.counts
+        problem = tracker.problem
+    assert sorted(frame.poses) == sorted(POSES)
+    for name, pose in POSES.items():
+        np.testing.assert_allclose(frame.poses[name].position, pose.position)
+        received = frame.poses[name].rotation
+        np.testing.assert_allclose(received, pose.rotation, atol=1e-6)
+    assert 0 <= age < 20
+    assert counts.dropped[DropReason.MALFORMED] == 0
+    assert problem == ""
+
+
+@pytest.mark.parametrize("stated", [GROUP, None])
+def test_multicast_frames_arrive_with_the_group_given_or_stated(stated):
+    with (
+        streaming(multicast=GROUP) as ports,
+        NatNetTracker(**ports, multicast=stated) as tracker,
+    ):
+        frames_arrive(tracker)
+        assert tracker.bodies == ["base", "end-1"]
+
+
+def test_a_hidden_body_is_absent_until_it_is_seen_again():
+    with (
+        streaming(faults=("0.5 hidden end-1 1",)) as ports,
+        NatNetTracker(**ports) as tracker,
+    ):
+        frames_arrive(tracker)
+        wait_until(lambda: "end-1" not in tracker.latest().poses)
+        states = ModuleEnds.of(1).states(tracker.latest()).states
+        assert np.isnan(states).all()
+        wait_until(lambda: "end-1" in tracker.latest().poses)
+
+
+def test_swapped_bodies_have_each_others_poses():
+    with (
+        streaming(faults=("0 swapped base end-1",)) as ports,
+        NatNetTracker(**ports) as tracker,
+    ):
+        frames_arrive(tracker)
+        position = tracker.latest().poses["base"].position
+    np.testing.assert_allclose(position, POSES["end-1"].position)
+
+
+def test_the_tracker_connects_again_after_a_restart():
+    with (
+        streaming(faults=("1 restart 1.5",)) as ports,
+        NatNetTracker(**ports) as tracker,
+    ):
+        frames_arrive(tracker)
+        wait_until(lambda: "does not answer" in tracker.problem)
+        wait_until(lambda: tracker.counts.restarts == 1)
+        frames_arrive(tracker)
+        assert tracker.problem == ""
+        assert tracker.latest().number < 1000
+
+
+def test_faults_of_the_network_are_counted_by_reason():
+    faults = ("0 reordered 0.2", "0 duplicated 0.2", "0 garbage 0.3", "0 lost 0.1")
+    with streaming(faults=faults) as ports, NatNetTracker(**ports) as tracker:
+        frames_arrive(tracker, 60)
+        wait_until(lambda: tracker.counts.dropped[DropReason.LATE] > 0)
+        dropped = tracker.counts.dropped
+    assert dropped[DropReason.DUPLICATE] + dropped[DropReason.LATE] > 2
+    assert dropped[DropReason.MALFORMED] > 2
+    assert dropped[DropReason.FAILED] == 0
+
+
+def test_an_unsupported_version_is_refused_at_the_start():
+    with streaming(version="4.2") as ports:
+        tracker = NatNetTracker(**ports)
+        with pytest.raises(TrackingError, match=r"NatNet 4\.2, and s2c2a reads 3\.1"):
+            tracker.start()
+
+
+def test_an_absent_motive_is_reported_with_its_address():
+    port = free_port()
+    tracker = NatNetTracker(command_port=port, timeout=0.2)
+    with pytest.raises(TrackingError, match=f"{port} does not answer"):
+        tracker.start()
+
+
+def test_the_receiver_survives_a_failure_of_its_own(monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    with streaming() as ports, NatNetTracker(**ports) as tracker:
+        with monkeypatch.context() as patch:
+            patch.setattr("s2c2a.lab.tracking.natnet.tracker.parse_frame", fail)
+            wait_until(lambda: tracker.counts.dropped[DropReason.FAILED] > 0)
+        frames_arrive(tracker)
+
+
+def test_a_flood_of_bad_datagrams_leaves_the_receiver_alive():
+    rng = np.random.default_rng(0)
+    with (
+        streaming() as ports,
+        NatNetTracker(**ports) as tracker,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        address = tracker._sockets[0].getsockname()
+        for _ in range(500):
+            sender.sendto(rng.bytes(rng.integers(100)), address)
+        frames_arrive(tracker)
+
+
+def test_closing_twice_and_starting_again_works():
+    with streaming() as ports:
+        tracker = NatNetTracker(**ports)
+        tracker.close()
+        tracker.start()
+        tracker.start()
+        tracker.close()
+        tracker.close()
+        with tracker:
+            frames_arrive(tracker)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"command_port": 0}, "choose 1 to 65535"),
+        ({"data_port": 65_536}, "choose 1 to 65535"),
+        ({"up": "x"}, "give y or z"),
+    ],
+)
+def test_invalid_options_are_refused(options, words):
+    with pytest.raises(TrackingError, match=words):
+        NatNetTracker(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"host": "256.1.1.1"}, "no host"),
+        ({"host": "a\0b"}, "no host"),
+        ({"local": "192.0.2.1"}, "cannot listen"),
+        ({"multicast": "10.0.0.1"}, "cannot listen to the group"),
+    ],
+)
+def test_impossible_addresses_are_reported(options, words):
+    with pytest.raises(TrackingError, match=words):
+        NatNetTracker(**options, timeout=0.1).start()

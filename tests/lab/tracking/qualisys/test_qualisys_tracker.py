@@ -1,0 +1,166 @@
+"""The tracker receives the frames of an emulated QTM."""
+
+import socket
+import struct
+import threading
+import time
+
+import numpy as np
+import pytest
+from qtm_stream import POSES, free_tcp_port, qtm_streaming, wait_until
+
+from s2c2a.lab.tracking import DropReason, QualisysTracker, TrackingError
+
+
+def frames_arrive(tracker, count=3):
+    accepted = tracker.counts.accepted
+    wait_until(lambda: tracker.counts.accepted >= accepted + count)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_poses_arrive_by_name_with_z_up(up):
+    with qtm_streaming(up=up) as (port, _), QualisysTracker(port=port) as tracker:
+        frames_arrive(tracker)
+        frame = tracker.latest()
+        assert tracker.bodies == ["base", "end-1"]
+        assert tracker.problem == ""
+    assert 0 <= time.perf_counter() - frame.arrival_time < 20
+    for name, pose in POSES.items():
+        np.testing.assert_allclose(frame.poses[name].position, pose.position)
+        rotation = frame.poses[name].rotation
+        np.testing.assert_allclose(rotation, pose.rotation, atol=1e-6)
+
+
+def test_a_hidden_body_is_absent():
+    with (
+        qtm_streaming(faults=("0 hidden end-1",)) as (port, _),
+        QualisysTracker(port=port) as tracker,
+    ):
+        frames_arrive(tracker)
+        assert sorted(tracker.latest().poses) == ["base"]
+
+
+def test_the_tracker_connects_again_after_a_restart():
+    with (
+        # after more than a second, so that the clock steps back far enough
+        qtm_streaming(faults=("1.6 restart 0.5",)) as (port, _),
+        QualisysTracker(port=port) as tracker,
+    ):
+        frames_arrive(tracker)
+        wait_until(lambda: "does not answer" in tracker.problem)
+        wait_until(lambda: tracker.counts.restarts == 1)
+        frames_arrive(tracker)
+        assert tracker.problem == ""
+
+
+def test_faults_of_the_stream_are_counted_by_reason():
+    faults = ("0 duplicated 0.2", "0 reordered 0.2", "0 incomplete 0.2", "0 absurd 0.2")
+    with (
+        qtm_streaming(faults=faults) as (port, _),
+        QualisysTracker(port=port) as tracker,
+    ):
+        reasons = ("DUPLICATE", "LATE", "MALFORMED", "IMPLAUSIBLE")
+        wait_until(
+            lambda: all(tracker.counts.dropped[DropReason[one]] for one in reasons)
+        )
+        frames_arrive(tracker)
+        assert tracker.counts.dropped[DropReason.FAILED] == 0
+
+
+def test_random_bytes_in_the_stream_end_in_a_new_connection():
+    with (
+        qtm_streaming(faults=("0.3 garbage 1", "0.5 garbage 0")) as (port, _),
+        QualisysTracker(port=port) as tracker,
+    ):
+        wait_until(lambda: tracker.counts.dropped[DropReason.MALFORMED] > 0)
+        frames_arrive(tracker, 20)
+        assert tracker.counts.dropped[DropReason.FAILED] == 0
+
+
+def test_a_missing_version_is_refused_at_the_start():
+    with (
+        qtm_streaming(version="1.8") as (port, _),
+        pytest.raises(TrackingError, match=r"does not have version 1\.20"),
+    ):
+        QualisysTracker(port=port).start()
+
+
+def test_an_absent_qtm_is_reported_with_its_address():
+    port = free_tcp_port()
+    with pytest.raises(TrackingError, match=f"{port} does not answer"):
+        QualisysTracker(port=port, timeout=0.2).start()
+
+
+def test_a_program_that_accepts_and_stays_silent_is_no_qtm():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        port = listener.getsockname()[1]
+        with pytest.raises(TrackingError, match="does not answer"):
+            QualisysTracker(port=port, timeout=0.3).start()
+
+
+def test_without_bodies_the_start_fails():
+    with (
+        qtm_streaming(poses={}) as (port, _),
+        pytest.raises(TrackingError, match="Parameters not available"),
+    ):
+        QualisysTracker(port=port, timeout=0.3).start()
+
+
+def test_without_a_measurement_the_tracker_waits_and_says_so():
+    with (
+        qtm_streaming(is_measuring=False) as (port, _),
+        QualisysTracker(port=port) as tracker,
+    ):
+        wait_until(lambda: "start a measurement" in tracker.problem)
+        assert tracker.bodies == ["base", "end-1"]
+        assert tracker.latest() is None
+
+
+def test_the_receiver_survives_a_failure_of_its_own(monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    with qtm_streaming() as (port, _), QualisysTracker(port=port) as tracker:
+        with monkeypatch.context() as patch:
+            patch.setattr("s2c2a.lab.tracking.qualisys.tracker.parse_frame", fail)
+            wait_until(lambda: tracker.counts.dropped[DropReason.FAILED] > 0)
+        frames_arrive(tracker)
+
+
+def test_bodies_in_another_order_get_their_new_names():
+    with qtm_streaming() as (port, qtm), QualisysTracker(port=port) as tracker:
+        frames_arrive(tracker)
+        event = struct.pack("<IIB", 9, 6, 3)
+        qtm._names.reverse()
+        qtm._encode = lambda number, time, bodies: (
+            event + type(qtm)._encode(qtm, number, time, dict(reversed(bodies.items())))
+        )
+        wait_until(lambda: tracker.counts.dropped[DropReason.EARLY] > 0)
+        position = tracker.latest().poses["base"].position
+        np.testing.assert_allclose(position, POSES["base"].position)
+
+
+def test_closing_twice_and_starting_again_works():
+    with qtm_streaming() as (port, _):
+        tracker = QualisysTracker(port=port)
+        tracker.close()
+        tracker.start()
+        tracker.start()
+        tracker.close()
+        tracker.close()
+        with tracker:
+            frames_arrive(tracker)
+    assert "qualisys-receiver" not in [one.name for one in threading.enumerate()]
+
+
+@pytest.mark.parametrize("port", [0, 65_536])
+def test_an_impossible_port_is_refused(port):
+    with pytest.raises(TrackingError, match="choose 1 to 65535"):
+        QualisysTracker(port=port)
+
+
+def test_an_impossible_host_is_reported():
+    with pytest.raises(TrackingError, match="no host"):
+        QualisysTracker(host="a\0b").start()

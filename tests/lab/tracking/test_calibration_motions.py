@@ -1,0 +1,178 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tracked_simulation import SimulatedTracker, TrackedSimulation
+
+from s2c2a.arm import ArmGeometry, Tracking, load_arm
+from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.errors import RobotError
+from s2c2a.lab.tracking import Pose, Tracker, TrackingError
+from s2c2a.lab.tracking.tracked_robot import calibration_of
+from s2c2a.logs.identification import tracking
+from s2c2a.runtime import CommandLimits, StepClock
+
+ARM = load_arm("twin_arm")
+
+
+class SilentTracker(Tracker):
+    def start(self):
+        pass
+
+    def latest(self):
+        return None
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def emergency_stop():
+    yield EMERGENCY_STOP
+    EMERGENCY_STOP.reset()
+
+
+def test_the_latency_of_a_simulated_tracker_is_found():
+    robot = TrackedSimulation(ARM)
+    tracker = SimulatedTracker(robot, latency=0.02, noise=0.001)
+    found = tracking.measure_latency(robot, tracker)
+    assert abs(found.seconds - 0.02) < 0.003
+
+
+def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
+    monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.5)
+    monkeypatch.setattr(tracking, "SETTLING_TIME", 1.5)
+    base = Pose(
+        np.array([0.01, 0.02, -0.03]),
+        Rotation.from_rotvec([0.4, -0.2, 0.8]).as_quat(),
+    )
+    robot = TrackedSimulation(ARM)
+    tracker = SimulatedTracker(robot, noise=0.001, base=base)
+    found = tracking.measure_frames(robot, tracker)
+    for one, true in zip(
+        (found.base_offset, *found.end_offsets),
+        (base, *[Pose.identity()] * 3),
+        strict=True,
+    ):
+        error = one.inverse() @ true
+        assert np.linalg.norm(error.position) < 0.001
+        assert 2 * np.arccos(abs(error.rotation[3])) < np.deg2rad(0.4)
+
+
+def test_the_chirp_stays_within_the_limits():
+    rate = tracking.COMMAND_RATE
+    bend = tracking.chirp(ARM, duration=20.0)
+    geometry = ArmGeometry.of(ARM)
+    speed = np.abs(np.diff(bend)).max() * rate
+    acceleration = np.abs(np.diff(bend, 2)).max() * rate**2
+    assert speed < geometry.step_limit * ARM.control_rate
+    assert acceleration < geometry.acceleration_limit * ARM.control_rate**2
+
+
+def test_faster_commands_have_the_same_speed_and_acceleration():
+    own = CommandLimits.of(ARM)
+    faster = tracking.limits_at(ARM, 5 * ARM.control_rate)
+    assert np.allclose(5 * faster.step_limit, own.step_limit)
+    assert np.allclose(25 * faster.acceleration_limit, own.acceleration_limit)
+
+
+def test_held_bends_are_symmetric():
+    bends = np.array([bend for bend, _ in tracking.held_bends(ARM)])
+    assert np.allclose(bends.sum(axis=0), 0.0)
+
+
+def test_an_arm_does_not_move_without_all_bodies(monkeypatch):
+    monkeypatch.setattr(tracking, "FIRST_POSES", 0.05)
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    robot = TrackedSimulation(ARM)
+    with pytest.raises(TrackingError, match="no poses of base, end-1"):
+        tracking.measure_latency(robot, SilentTracker())
+    assert robot.data.time == 0.0
+
+
+def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):
+    robot = TrackedSimulation(ARM)
+
+    def stop_after_ten(done, total):
+        if done == 10:
+            emergency_stop.trigger("a test")
+
+    with pytest.raises(EmergencyStopError):
+        tracking.measure_latency(
+            robot, SimulatedTracker(robot), 5.0, progress=stop_after_ten
+        )
+    assert robot.data.time < 0.3
+
+
+def test_results_go_to_the_file_that_the_arm_file_names(tmp_path):
+    named = Tracking(calibration=str(tmp_path / "lab.json"))
+    arm = ARM.model_copy(update={"tracking": named})
+    found = tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0))
+    path = tracking.CalibrationFile(arm).store_latency(found)
+    assert path == tmp_path / "lab.json"
+    assert calibration_of(arm).latency == 0.02
+
+
+def test_each_result_changes_its_part_of_the_file(tmp_path):
+    path = tmp_path / "arm.tracking.json"
+    stored = tracking.CalibrationFile(ARM, path)
+    stored.store_latency(tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0)))
+    frames = tracking.Frames(
+        Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3), np.zeros(0)
+    )
+    tracking.CalibrationFile(ARM, path).store_frames(frames)
+    calibration = tracking.load_or_empty(path, ARM)
+    assert calibration.latency == 0.02
+    assert set(calibration.end_offsets) == {"end-1", "end-2", "end-3"}
+
+
+def with_travel(travel):
+    """The arm with cables of a travel [m]."""
+    modules = tuple(
+        module.model_copy(
+            update={"cable": module.cable.model_copy(update={"travel": travel})}
+        )
+        for module in ARM.modules
+    )
+    return ARM.model_copy(update={"modules": modules})
+
+
+@pytest.mark.parametrize("travel", [0.002, 0.008])
+def test_held_bends_are_within_the_travel_of_the_cables(travel):
+    arm = with_travel(travel)
+    limits = ArmGeometry.of(arm).action_bends
+    targets = [bend for pair in tracking.held_bends(arm) for bend in pair]
+    sizes = np.linalg.norm(targets, axis=-1)
+    assert (sizes <= limits + 1e-9).all()
+    assert np.abs(tracking.chirp(arm, 5.0)).max() <= limits[0]
+
+
+def test_a_bend_out_of_reach_is_an_error_and_no_endless_motion():
+    robot = TrackedSimulation(with_travel(0.008))
+    robot.open()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
+    bends = np.zeros((robot.arm.module_count, 2))
+    bends[1, 0] = np.deg2rad(40.0)
+    with pytest.raises(RobotError, match="module 2 shall bend by 40 deg"):
+        motion.hold(bends, 0.0)
+
+
+def test_a_motion_that_does_not_arrive_ends_in_time(monkeypatch):
+    robot = TrackedSimulation(ARM)
+    robot.open()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot))
+    monkeypatch.setattr(motion._limiter, "changed", lambda target: True)
+    with pytest.raises(RobotError, match="does not reach its target in time"):
+        motion.hold(np.zeros((robot.arm.module_count, 2)), 0.0)
+
+
+def test_a_motion_does_not_go_on_after_a_standstill(monkeypatch):
+    robot = TrackedSimulation(ARM)
+    robot.open()
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    clock = StepClock()
+    motion = tracking.TrackedMotion(robot, SimulatedTracker(robot), clock)
+    bends = np.zeros((robot.arm.module_count, 2))
+    motion.step(bends)
+    clock.wait_until(clock.now() + 30.0)
+    with pytest.raises(RobotError, match=r"stood still for 30\.0 s"):
+        motion.step(bends)

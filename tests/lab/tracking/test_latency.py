@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.lab.tracking.latency import (
+    LatencyError,
+    MotionRecord,
+    bends_of,
+    find_latency,
+    play,
+)
+
+ARM = load_arm("twin_arm")
+OMEGA = 2 * np.pi * 1.5
+DAMPING = 0.14
+STEP = 0.001
+
+
+@pytest.fixture(scope="module")
+def record():
+    return record_of(latency=0.0)
+
+
+def record_of(latency, size=0.2):
+    """Ends that follow an exact mode of 1.5 Hz, with noise of 0.5 mm."""
+    times = np.arange(0.0, 20.0, STEP)
+    growth = np.log(2.5 / 0.2) / 20.0
+    phase = 2 * np.pi * 0.2 * (np.exp(growth * times) - 1) / growth
+    bend = size * np.sin(phase) * np.exp(-growth * times / 2)
+    response = vibrate(bend)
+    frames = np.arange(0.003, 19.8, 1 / 120)
+    positions = np.zeros((len(frames), 3, 3))
+    for module, gain in enumerate((0.1, 0.3, 0.5)):
+        positions[:, module, 1] = gain * np.interp(frames, times, response)
+    positions += np.random.default_rng(0).normal(0.0, 5e-4, positions.shape)
+    readings = np.arange(0.0, 20.0, 0.02)
+    return MotionRecord(
+        readings,
+        cables_at(np.interp(readings, times, bend)),
+        frames + latency,
+        positions,
+    )
+
+
+def vibrate(bend):
+    position = 0.0
+    velocity = 0.0
+    response = np.empty_like(bend)
+    for step, value in enumerate(bend):
+        spring = OMEGA**2 * (value - position)
+        velocity += STEP * (spring - 2 * DAMPING * OMEGA * velocity)
+        position += STEP * velocity
+        response[step] = position
+    return response
+
+
+def cables_at(bend):
+    geometry = ArmGeometry.of(ARM)
+    shares = np.zeros((len(bend), 3, 2))
+    shares[:, 0, 1] = bend / geometry.action_bends[0]
+    return geometry.actions_at(shares)
+
+
+@pytest.mark.parametrize("latency", [0.005, 0.08])
+def test_the_latency_is_not_the_lag_of_the_arm(latency):
+    found = find_latency(ARM, record_of(latency))
+    assert abs(found.seconds - latency) < 0.003
+    assert found.std < 0.005
+
+
+def test_bends_of_cables_are_those_that_moved_them(record):
+    bends = bends_of(ARM, record.cables)
+    assert np.allclose(bends[:, 1:], 0.0, atol=1e-12)
+    assert np.allclose(bends[0, 0], 0.0, atol=1e-12)
+
+
+def test_a_reversal_passes_after_the_backlash_only():
+    path = np.array([[0.0], [2.0], [1.5], [0.5]])
+    moved = play(path, np.array([1.0]))
+    assert moved[:, 0].tolist() == [0.0, 1.5, 1.5, 1.0]
+
+
+def test_too_little_motion_is_refused():
+    with pytest.raises(LatencyError, match="the arm moved by"):
+        find_latency(ARM, record_of(0.02, size=0.01))
+
+
+def test_a_tracker_that_stands_still_is_refused(record):
+    still = np.zeros_like(record.positions)
+    frozen = MotionRecord(record.times, record.cables, record.arrival_times, still)
+    with pytest.raises(LatencyError, match="stand still"):
+        find_latency(ARM, frozen)
+
+
+def test_a_tracker_of_something_else_is_refused(record):
+    random = np.random.default_rng(1)
+    walk = random.normal(0.0, 0.002, record.positions.shape).cumsum(axis=0)
+    arrivals = record.arrival_times[:800]
+    other = MotionRecord(record.times, record.cables, arrivals, walk[:800, :1])
+    with pytest.raises(LatencyError):
+        find_latency(ARM, other)
+
+
+def test_few_frames_are_refused(record):
+    few = MotionRecord(
+        record.times,
+        record.cables,
+        record.arrival_times[:50],
+        record.positions[:50],
+    )
+    with pytest.raises(LatencyError, match="frames with all module ends"):
+        find_latency(ARM, few)

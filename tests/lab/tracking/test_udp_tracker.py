@@ -1,0 +1,165 @@
+"""The tracker receives datagrams and survives bad ones."""
+
+import json
+import random
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from s2c2a.lab.tracking import DropReason, ModuleEnds, TrackingError, UdpTracker
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "send_poses.py"
+BODY = {"position": [0.0, 0.0, 0.2], "rotation": [0.0, 0.0, 0.0, 1.0]}
+PATIENCE = 20.0  # [s], on a busy machine
+
+
+@pytest.fixture
+def tracker():
+    with UdpTracker(port=0) as started:
+        yield started
+
+
+@pytest.fixture
+def sender():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        yield opened
+
+
+def datagram(frame):
+    return json.dumps(
+        {"time": 0.1 * frame, "frame": frame, "bodies": {"end-1": BODY}}
+    ).encode()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def dropped(tracker):
+    return sum(tracker.counts.dropped.values())
+
+
+def test_before_the_first_datagram_there_is_no_frame(tracker):
+    assert tracker.latest() is None
+
+
+def test_the_newest_frame_is_kept_with_its_arrival_time(tracker, sender):
+    sent_at = time.perf_counter()
+    for frame in (1, 2):
+        sender.sendto(datagram(frame), tracker.address)
+    wait_until(lambda: tracker.counts.accepted == 2)
+    latest = tracker.latest()
+    assert (latest.number, latest.source_time) == (2, 0.2)
+    assert sent_at <= latest.arrival_time <= time.perf_counter()
+    assert tracker.latest() is latest
+
+
+def test_bad_datagrams_are_counted_and_the_next_good_one_arrives(tracker, sender):
+    for content in (datagram(1), datagram(1), datagram(0), b"", b"x" * 20_000):
+        sender.sendto(content, tracker.address)
+    wait_until(lambda: dropped(tracker) == 4)
+    counts = tracker.counts.dropped
+    assert counts[DropReason.DUPLICATE] == 1
+    assert counts[DropReason.LATE] == 1
+    assert counts[DropReason.MALFORMED] == 1
+    assert counts[DropReason.OVERSIZED] == 1
+    sender.sendto(datagram(2), tracker.address)
+    wait_until(lambda: tracker.counts.accepted == 2)
+
+
+def test_a_second_sender_is_refused(tracker, sender):
+    sender.sendto(datagram(1), tracker.address)
+    wait_until(lambda: tracker.counts.accepted == 1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(datagram(2), tracker.address)
+        wait_until(lambda: tracker.counts.dropped[DropReason.OTHER_SENDER] == 1)
+    assert tracker.latest().number == 1
+
+
+def test_the_receiver_survives_a_failure_of_its_own(tracker, sender, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("s2c2a.lab.tracking.udp.parse_datagram", fail)
+        sender.sendto(datagram(1), tracker.address)
+        wait_until(lambda: tracker.counts.dropped[DropReason.FAILED] == 1)
+    sender.sendto(datagram(2), tracker.address)
+    wait_until(lambda: tracker.counts.accepted == 1)
+
+
+def test_a_flood_of_random_bytes_leaves_the_receiver_alive(tracker, sender):
+    rng = random.Random(0)
+    for _ in range(500):
+        sender.sendto(rng.randbytes(rng.randint(0, 100)), tracker.address)
+    frame = 0
+
+    def arrived():
+        nonlocal frame
+        frame += 1
+        sender.sendto(datagram(frame), tracker.address)
+        return tracker.counts.accepted > 0
+
+    wait_until(arrived)
+
+
+def test_a_taken_port_is_reported_with_its_number(tracker):
+    host, port = tracker.address
+    with pytest.raises(TrackingError, match=str(port)):
+        UdpTracker(host, port).start()
+
+
+@pytest.mark.parametrize("host", ["256.1.1.1", "\ud800", "a" * 300, "a\0b"])
+def test_an_impossible_host_is_reported(host):
+    with pytest.raises(TrackingError, match="cannot listen"):
+        UdpTracker(host, 0).start()
+
+
+@pytest.mark.parametrize("port", [-1, 65_536, 10**30])
+def test_an_impossible_port_is_reported(port):
+    with pytest.raises(TrackingError, match="choose 0 to 65535"):
+        UdpTracker(port=port)
+
+
+def test_closing_twice_and_starting_again_works():
+    tracker = UdpTracker(port=0)
+    tracker.close()
+    tracker.start()
+    tracker.start()
+    tracker.close()
+    tracker.close()
+    with pytest.raises(TrackingError, match="start"):
+        _ = tracker.address
+    with tracker:
+        assert tracker.address[0] == "127.0.0.1"
+
+
+def test_the_example_sender_moves_a_module_end(tracker):
+    port = str(tracker.address[1])
+    subprocess.run([sys.executable, EXAMPLE, port, "3"], check=True)
+    wait_until(lambda: tracker.counts.accepted == 3)
+    (state,) = ModuleEnds.of(1, base=None).states(tracker.latest()).states
+    assert state.tolist() == pytest.approx([0.002, 0, 0.2, 0, 0, 1])
+
+
+def test_the_example_sender_has_ten_lines_of_code():
+    (_, _, code) = EXAMPLE.read_text().split('"""')
+    assert len([line for line in code.splitlines() if line]) == 10
+
+
+def test_a_tracker_says_why_it_has_no_frames():
+    with UdpTracker(port=0) as tracker:
+        assert "nothing arrives on 127.0.0.1" in tracker.problem
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"unit": "mm"}', tracker.address)
+        end = time.monotonic() + 10.0
+        while "MALFORMED" not in tracker.problem and time.monotonic() < end:
+            time.sleep(0.01)
+        assert "1 MALFORMED" in tracker.problem

@@ -1,0 +1,225 @@
+"""Fit of a simulated arm to recordings: accuracy, identifiability, and files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, arm_from_toml
+from s2c2a.data import Recording, episode_actions
+from s2c2a.episodes import Episode
+from s2c2a.errors import RecordingError, S2C2AError
+from s2c2a.logs.identification import (
+    FitOptions,
+    Replay,
+    arm_at,
+    errors_of,
+    fitted_numbers,
+    fitted_toml,
+    held_out,
+    identify,
+    options_for,
+    replayed,
+    thinned,
+    undetermined_combinations,
+    unknowns_of,
+    with_default_starts,
+)
+
+ROWS = 130
+NOISE = 0.0005  # m
+GROUPS = ("stiffness", "routing", "backlash")
+
+
+def recorded(arm, rows=ROWS, seed=0, how=None, moved=True) -> Episode:
+    """Babbling of an arm, with noisy positions of the tip alone."""
+    actions = episode_actions(ArmGeometry.of(arm), "motor", 0, 1, rows, seed) * moved
+    columns = {"time": np.arange(rows) / arm.control_rate, "actions": actions}
+    unseen = Episode(arm, columns | {"sensor.cables": np.zeros_like(actions)})
+    states = replayed(arm, [unseen], how or Replay())[0]
+    states[:, -1, :3] += np.random.default_rng(seed).normal(scale=NOISE, size=(rows, 3))
+    states[:, :-1] = np.nan
+    states[:, -1, 3:] = np.nan
+    return Episode(arm, {**unseen.columns, "sensor.states": states})
+
+
+@pytest.fixture(scope="module")
+def start(make_arm):
+    """Described arm of two modules."""
+    return make_arm(
+        modules=2, module={"cable": {"stiffness": 4000.0, "backlash": 0.0005}}
+    )
+
+
+@pytest.fixture(scope="module")
+def truth(start):
+    """Coordinates of a randomized arm within the prior."""
+    unknowns = unknowns_of(start, GROUPS)
+    return np.random.default_rng(6).uniform(-0.9, 0.9, size=len(unknowns))
+
+
+@pytest.fixture(scope="module")
+def fit(start, truth):
+    """Described arm fitted to a recording of the randomized one."""
+    unknowns = unknowns_of(start, GROUPS)
+    return identify(
+        start,
+        unknowns,
+        [recorded(arm_at(start, unknowns, truth))],
+        FitOptions(rounds=8),
+    )
+
+
+def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
+    fit, truth
+):
+    off = (fit.coordinates - truth) / fit.posterior.std
+    assert np.abs(off).max() < 3
+    assert np.sqrt(np.mean(off**2)) < 1.5
+
+
+def test_the_recording_reduces_the_uncertainty_of_most_numbers(fit):
+    assert np.median(fit.posterior.std) < 0.2
+
+
+def test_the_error_on_held_out_rows_is_close_to_the_noise(fit):
+    errors = errors_of(fit, {"another": [recorded(fit.arm, 60, seed=3)]})
+    assert errors["held-out rows"].rms < 2.5 * NOISE
+    assert errors["another"].rms < 2.5 * NOISE
+
+
+def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
+    text = fitted_toml(fit, "a remark")
+    assert arm_from_toml(text) == fit.arm
+    assert text.startswith("# a remark\n")
+    commented = [line for line in text.splitlines()[2:] if "  # " in line]
+    # length, angles, radius, stiffness, backlash of each cable
+    assert len(commented) == 2 * (1 + 3 + 1 + 1 + 3)
+    assert all("+-" in line and "was" in line for line in commented)
+
+
+def test_found_numbers_are_those_of_the_file(fit):
+    found = {one.name: one.value for one in fitted_numbers(fit)}
+    assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
+    assert (
+        found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
+    )
+
+
+def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
+    """Rest under gravity alone determines their ratio, not their size."""
+    arm = make_arm(
+        modules=1,
+        actuation="tension",
+        module={"tension_range": 5.0},
+        gravity_direction=(1.0, 0.0, 0.0),
+    )
+    how = Replay(settling=2.0)
+    seen = recorded(arm, 8, how=how, moved=False)
+    unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
+    texts = undetermined_combinations(
+        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).posterior
+    )
+    assert len(texts) == 1
+    assert "modules.0.bending_stiffness" in texts[0]
+    assert "+ 0." in texts[0] or "- 0." in texts[0]
+
+
+def test_a_shifted_frame_is_identified_and_reported(start):
+    seen = recorded(start, 60)
+    shifted = np.array(seen["sensor.states"])
+    shifted[..., :3] += (0.01, 0.0, -0.02)
+    moved = replace(seen, columns={**seen.columns, "sensor.states": shifted})
+    fit = identify(
+        start,
+        unknowns_of(start, ("stiffness",)),
+        [moved],
+        FitOptions(frame=True, rounds=4),
+    )
+    found = {one.name: one.value for one in fitted_numbers(fit)}
+    assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
+    assert found["frame.shift_z"] == pytest.approx(-0.02, abs=0.002)
+    assert errors_of(fit, {})["fitted rows"].rms < 2 * NOISE
+
+
+def test_directions_are_continuous_across_a_turn(make_arm):
+    arm = make_arm(
+        modules=1,
+        module={"mismatch": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}},
+    )
+    unknowns = unknowns_of(arm, ("rest",))
+    mismatch = arm_at(arm, unknowns, np.array([0.0, -0.1])).modules[0].mismatch
+    assert [one.start for one in unknowns] == pytest.approx([-3.0, 0.0], abs=1e-12)
+    assert mismatch.rest_bend_deg == pytest.approx(np.hypot(3, 0.5))
+    assert mismatch.rest_azimuth_deg == pytest.approx(
+        -180 + np.rad2deg(np.arctan2(0.5, 3))
+    )
+
+
+def test_an_arm_at_zero_coordinates_equals_its_file(twin):
+    unknowns = unknowns_of(twin)
+    assert arm_at(twin, unknowns, np.zeros(len(unknowns))) == twin
+
+
+def test_the_fit_of_shortening_starts_at_an_arm_that_hardly_shortens(twin):
+    assert with_default_starts(twin, ("stiffness",)) == twin
+    stated = with_default_starts(twin, ("shortening",))
+    assert stated.modules[0].mismatch.axial_stiffness == pytest.approx(
+        20 * 0.125 / 0.027**2
+    )
+    assert len(unknowns_of(stated, ("shortening",))) == 3
+    assert with_default_starts(stated, ("shortening",)) == stated
+
+
+def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):
+    kept = held_out([recorded(start, 140), recorded(start, 120)])
+    turns = [
+        list(np.flatnonzero(np.diff(rows.astype(int), prepend=0))) for rows in kept
+    ]
+    assert turns == [[0, 1, 100, 125], [0, 1, 85, 110]]
+
+
+def test_poses_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
+    episode = recorded(start, 30)
+    fewer = thinned([episode], 10)[0]
+    np.testing.assert_array_equal(fewer["time"], episode["time"][::3])
+    np.testing.assert_array_equal(fewer["actions"][:-1], episode["actions"][2:-1:3])
+
+
+def test_recorded_actions_beyond_the_limits_of_the_start_are_replayed(start):
+    seen = recorded(start, 30)
+    narrow = start.model_copy(
+        update={
+            "modules": tuple(
+                m.model_copy(update={"bend_limit_deg": 5.0}) for m in start.modules
+            )
+        }
+    )
+    np.testing.assert_allclose(
+        replayed(narrow, [seen], Replay())[0], replayed(start, [seen], Replay())[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("babbling", "imported"), [("imported log", True), ("staged", False)]
+)
+def test_the_frame_of_an_imported_recording_is_fitted_and_its_episodes_are_continuous(
+    start, babbling, imported
+):
+    options = options_for(
+        Recording(start, {"babbling": babbling}, (recorded(start, 5),)), 0.1, 3, "fast"
+    )
+    assert options == FitOptions(Replay(0.1, imported, "fast"), imported, 3)
+
+
+def test_recordings_without_states_and_groups_without_numbers_are_refused(start):
+    seen = recorded(start, 30)
+    blind = replace(
+        seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)}
+    )
+    with pytest.raises(RecordingError, match="no measured states"):
+        identify(start, unknowns_of(start, GROUPS), [blind])
+    with pytest.raises(S2C2AError, match="choose from stiffness"):
+        unknowns_of(start, ("color",))
+    with pytest.raises(S2C2AError, match="can show"):
+        unknowns_of(start, ("damping",), moving=False)
