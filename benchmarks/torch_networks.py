@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from s2c2a.models import C2A, C2S
-from s2c2a.models.actions import module_labels
-from s2c2a.models.layers import BiLSTM, Scaling, SumAndRange
+from s2c2a.models.layers import Scaling, SumAndRange
+from s2c2a.paper import BiLSTM, module_labels
 
 
 class TorchBiLSTM(nn.Module):

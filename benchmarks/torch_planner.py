@@ -19,8 +19,8 @@ from torch import Tensor
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import StrategyError
 from s2c2a.models import C2S
+from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import Adam, Goal
-from s2c2a.planning.planner import WORKSPACE_SHARE
 from s2c2a.strategies import TrainedNetworks
 from torch_networks import TorchC2S, tensor
 

@@ -16,7 +16,6 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording, Samples, controller_samples, forward_samples
 from s2c2a.errors import StrategyError
 from s2c2a.models import C2A, C2S, C2SOptions, History
-from s2c2a.models.c2s import state_scaling
 from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.strategies import Recipe
 from s2c2a.training import FitOptions
@@ -119,7 +118,7 @@ def c2s_training(
     blank = recipe.c2s.untrained(recording.arm, key)
     scalings = (
         Scaling.of(split.training.inputs["configurations"]),
-        state_scaling(split.training.targets),
+        Scaling.of_states(split.training.targets),
     )
     model = TorchC2S(C2S(blank.network, *scalings))
 

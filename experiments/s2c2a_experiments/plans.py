@@ -17,7 +17,6 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
-from s2c2a.data.babbling import bend_path
 from s2c2a.evaluation import Row
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -26,6 +25,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
+from s2c2a.paper import bend_path
 from s2c2a.planning import Goal, Plan, PlannerOptions
 from s2c2a.planning.planner import Step
 from s2c2a.planning.solvers import Problem, Projection, solve_least_squares

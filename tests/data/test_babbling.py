@@ -5,9 +5,10 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import BABBLING, episode_actions
-from s2c2a.data.babbling import SPEEDS, bend_path, fastest
-from s2c2a.data.nominal_plans import disc_points, nominal_plans
+from s2c2a.data.babbling import SPEEDS, fastest
+from s2c2a.data.nominal_plans import nominal_plans
 from s2c2a.kinematics import states_from_bends
+from s2c2a.paper import bend_path, disc_points
 
 SAMPLES = 300
 

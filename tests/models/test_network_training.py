@@ -8,7 +8,7 @@ from s2c2a.data import controller_samples, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.estimation import configuration_map_for
 from s2c2a.models import History
-from s2c2a.models.c2s import state_scaling
+from s2c2a.models.layers import Scaling
 from s2c2a.strategies import TrainedNetworks, train_s2c2a
 from s2c2a.training import FitOptions, TrainingData
 
@@ -114,7 +114,7 @@ def test_training_does_not_change_the_scalings(trained, forward_split, control_s
     np.testing.assert_allclose(
         scaling.center + scaling.half_range, configurations.max(axis=0), atol=1e-6
     )
-    expected = state_scaling(forward_split.training.targets)
+    expected = Scaling.of_states(forward_split.training.targets)
     np.testing.assert_array_equal(
         trained.c2s.state_scaling.half_range, expected.half_range
     )
@@ -130,7 +130,7 @@ def test_positions_share_one_scale_half_the_widest_extent():
     states[0, 0, :3] = [-0.1, 0.0, 0.2]
     states[1, 1, :3] = [0.5, 0.3, 0.6]
     states[:, :, 5] = 1.0
-    scaling = state_scaling(states)
+    scaling = Scaling.of_states(states)
     np.testing.assert_allclose(scaling.half_range, [0.3, 0.3, 0.3, 1, 1, 1])
     np.testing.assert_allclose(scaling.center, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
 

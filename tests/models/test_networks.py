@@ -9,8 +9,8 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.control import C2AOptions
 from s2c2a.models import C2SOptions, History
-from s2c2a.models.actions import module_labels
-from s2c2a.models.layers import BiLSTM, Scaling
+from s2c2a.models.layers import Scaling
+from s2c2a.paper import BiLSTM, module_labels
 from s2c2a.training.fit import held
 
 TWIN = load_arm("twin_arm")

@@ -14,7 +14,7 @@ from s2c2a.kinematics import (
     limit_lengths,
 )
 from s2c2a.models import C2A, History
-from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
+from s2c2a.paper import pushed
 
 Memory = Any  # a pytree of arrays
 
@@ -96,9 +96,8 @@ class NetworkController(Controller):
 
     def start(self, sensed: Float[Array, "modules 3"]) -> History:
         """See `Controller`: the history of an arm at rest."""
-        modules, cables = self.network.sum_and_range.neutral.shape
-        sensed_before = jnp.repeat(sensed[:, None], CONFIGURATION_HISTORY, axis=1)
-        return History(sensed_before, jnp.zeros((modules, ACTION_HISTORY, cables)))
+        _, cables = self.network.sum_and_range.neutral.shape
+        return History.at_rest(sensed, cables)
 
     def act(
         self,
@@ -106,9 +105,9 @@ class NetworkController(Controller):
         sensed: Float[Array, "modules 3"],
         memory: History,
     ):
-        history = History(_push(memory.configurations, sensed), memory.actions)
+        history = History(pushed(memory.configurations, sensed), memory.actions)
         action = self.network(desired, history)
-        next_history = History(history.configurations, _push(history.actions, action))
+        next_history = History(history.configurations, pushed(history.actions, action))
         return self.network.sum_and_range.actions(action), next_history
 
     def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
@@ -166,11 +165,3 @@ class CorrectedController(Controller):
         self, action: Float[Array, "modules cables"], memory: CorrectedMemory
     ) -> CorrectedMemory:
         return memory._replace(inner=self.inner.sent(action, memory.inner))
-
-
-def _push(
-    history: Float[Array, "modules ages features"],
-    newest: Float[Array, "modules features"],
-) -> Array:
-    """The history with the newest row first and without the oldest."""
-    return jnp.concatenate([newest[:, None], history[:, :-1]], axis=1)

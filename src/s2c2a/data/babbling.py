@@ -9,12 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.data.nominal_plans import disc_points, nominal_plans
+from s2c2a.data.nominal_plans import nominal_plans
+from s2c2a.paper import SPEEDS, disc_points, mixed_bends, staged_shares
 
 Shares = Float[np.ndarray, "modules paths"]
 Bends = Float[np.ndarray, "samples modules 2"]
-SPEEDS = (0.03, 0.22)
-"""Slowest and fastest approach of a bend target: share of the full bend per step."""
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
 FULL_SHARE = 0.5  # of the independent bends that are full
 SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held
@@ -69,12 +68,9 @@ class MixedPaths(Babbling):
     def bends(self, exploration: Exploration) -> Bends:
         modules = len(exploration.geometry.lengths)
         shares = self.shares(modules, exploration.progress)
-        paths = [
-            bend_path(exploration.samples, exploration.random, exploration.speeds)
-            for _ in range(shares.shape[1])
-        ]
-        mixed = np.einsum("mp,spk->smk", shares, np.stack(paths, axis=1))
-        return mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1.0)
+        return mixed_bends(
+            shares, exploration.samples, exploration.random, exploration.speeds
+        )
 
     def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
         """See `Babbling`; the speeds of mixed paths add up."""
@@ -218,37 +214,6 @@ def fastest(babbling: str, modules: int, speeds: tuple[float, float]) -> float:
     return BABBLING[babbling].fastest(modules, speeds)
 
 
-def bend_path(
-    samples: int, random: np.random.Generator, speeds: tuple[float, float] = SPEEDS
-) -> Float[np.ndarray, "samples 2"]:
-    """Random path in the unit disc: lines to uniform targets at log-uniform speeds.
-
-    A controller trained at one speed fails at others (docs/concepts/deviations.md).
-    """
-    position = np.zeros(2)
-    path: list[np.ndarray] = []
-    while len(path) < samples:
-        target = disc_points(random, ())
-        speed = np.exp(random.uniform(*np.log(speeds)))
-        steps = max(1, int(np.ceil(np.linalg.norm(target - position) / speed)))
-        shares = np.arange(1, steps + 1)[:, None]
-        path.extend(position + (target - position) * shares / steps)
-        position = target
-    return np.array(path[:samples])
-
-
-def _staged(modules: int, progress: float) -> Shares:
-    """One path for all modules, then a second for the last, then one for each.
-
-    Source: Chen et al. 2025, fig. 3C.
-    """
-    if progress < 1 / 3:
-        return np.ones((modules, 1))
-    if progress < 2 / 3 and modules > 1:
-        return np.eye(2)[[0] * (modules - 1) + [1]]
-    return np.eye(modules)
-
-
 def _motor(modules: int, progress: float) -> Shares:
     """One path for each module."""
     return np.eye(modules)
@@ -263,7 +228,7 @@ def _mixed(modules: int, progress: float) -> Shares:
 
 
 BABBLING: dict[str, Babbling] = {
-    "staged": MixedPaths(_staged),
+    "staged": MixedPaths(staged_shares),
     "motor": MixedPaths(_motor),
     "mixed": MixedPaths(_mixed),
     "coverage": CoverageBabbling(),

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.babbling import BABBLING, SPEEDS, episode_actions, fastest
+from s2c2a.data.babbling import BABBLING, episode_actions, fastest
 from s2c2a.data.outliers import MeasuredEnds, find_outliers
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
@@ -25,6 +25,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.files import check_replaceable
+from s2c2a.paper import SPEEDS, speeds_on
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
     CommandLimits,
@@ -42,7 +43,6 @@ MAX_SEED = 2**63
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
-STEP_LIMIT_DEG = 4.0  # step limit of the arms for which the speeds were chosen
 MAX_DIFFERENCES = 8  # shown in a message
 MIN_ACTIVE = 2  # episodes
 MakeRobot = Callable[[int], Robot]
@@ -110,9 +110,7 @@ class CollectOptions:
 
     def speeds_on(self, arm: ArmSpec) -> tuple[float, float]:
         """Speeds scaled to the step limit of an arm."""
-        scale = arm.step_limit_deg / STEP_LIMIT_DEG
-        slow, fast = self.speeds
-        return min(slow * scale, 1.0), min(fast * scale, 1.0)
+        return speeds_on(arm, self.speeds)
 
 
 ChooseTargets = Callable[[Recording, CollectOptions], Sequence[Targets]]

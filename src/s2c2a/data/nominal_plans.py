@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.kinematics import states_from_bends
 from s2c2a.kinematics.bends import squared_norm
+from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION
 
 ITERATIONS = 25
@@ -29,15 +30,6 @@ TOLERANCE = 0.3  # of a plan's position error, in `UNIT`; a larger one failed
 LEAST_GAIN = 0.7  # smallest share of a full commanded bend that the arm bends
 CANDIDATES = 20  # positions of which one is chosen
 CELL = 0.05  # of the arm's length: cells of positions that are equally likely
-
-
-def disc_points(
-    random: np.random.Generator, shape: tuple[int, ...]
-) -> Float[np.ndarray, "*shape 2"]:
-    """Uniform random points in the unit disc."""
-    radius = np.sqrt(random.uniform(size=shape))
-    angle = random.uniform(0, 2 * np.pi, size=shape)
-    return radius[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def nominal_plans(

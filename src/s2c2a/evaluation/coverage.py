@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.nominal_plans import disc_points
 from s2c2a.episodes import Episode
 from s2c2a.estimation import configuration_map_for
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
+from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION, Reading
 
 HOLD = 0.01  # of the step limit; slower motion counts as a hold

@@ -16,34 +16,13 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.data.windows import Split, controller_samples, lstm_samples
-from s2c2a.models.layers import LSTM, BiLSTM, Scaling, Size, SumAndRange
+from s2c2a.models.layers import LSTM, Scaling, Size, SumAndRange
+from s2c2a.paper import BiLSTM, History, controller_inputs
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
 from s2c2a.training.trained import Trained, TrainingData, train
 
 Actions = Float[Array, "*batch modules cables"]
-
-
-class History(NamedTuple):
-    """Inputs of the controller from the past, latest first.
-
-    Attributes:
-        configurations: C_t to C_{t-3} as sensed, shape (*batch, modules, 4, 3).
-        actions: A_{t-1} to A_{t-5}, normalized, shape (*batch, modules, 5, cables).
-    """
-
-    configurations: Float[Array, "*batch modules 4 3"]
-    actions: Float[Array, "*batch modules 5 cables"]
-
-
-def module_labels(modules: int) -> Float[Array, " modules"]:
-    """Labels n_m = 2 (m - 1) / (n_sum - 1) - 1; zero for a single module.
-
-    Chen et al. 2025, eq. (9).
-    """
-    if modules == 1:
-        return jnp.zeros(1)
-    return jnp.linspace(-1.0, 1.0, modules)
 
 
 class C2A(eqx.Module):
@@ -80,16 +59,8 @@ class C2A(eqx.Module):
 
         They are within the limits of the arm.
         """
-        batch = desired.shape[:-1]
-        scaling = self.configuration_scaling
-        labels = module_labels(batch[-1])[:, None]
-        features = [
-            scaling.forward(desired),
-            scaling.forward(history.configurations).reshape(*batch, -1),
-            history.actions.reshape(*batch, -1),
-            jnp.broadcast_to(labels, (*batch, 1)),
-        ]
-        raw = self.network(jnp.concatenate(features, axis=-1))
+        inputs = controller_inputs(self.configuration_scaling, desired, history)
+        raw = self.network(inputs)
         return self.sum_and_range.limited(self.sum_and_range(raw))
 
 

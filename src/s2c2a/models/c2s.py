@@ -16,7 +16,8 @@ from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
-from s2c2a.models.layers import BiLSTM, Scaling, Size
+from s2c2a.models.layers import Scaling, Size
+from s2c2a.paper import BiLSTM
 from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
 from s2c2a.training.trained import (
     Pretrained,
@@ -207,7 +208,7 @@ class C2SOptions(Size, ForwardOptions):
         model = replace(
             self.untrained(data.arm, network_key),
             configuration_scaling=Scaling.of(split.training.inputs["configurations"]),
-            state_scaling=state_scaling(split.training.targets),
+            state_scaling=Scaling.of_states(split.training.targets),
         )
         return train(model, _loss, _predict, split, fit, fit_key, progress)
 
@@ -219,19 +220,3 @@ def _predict(model: C2S, batch: Batch) -> Array:
 def _loss(model: C2S, batch: Batch, key: PRNGKeyArray | None) -> Array:
     error = known_error(_predict(model, batch), batch["targets"])
     return jnp.mean((error / model.state_scaling.half_range) ** 2)
-
-
-def state_scaling(states: Float[np.ndarray, "*batch modules 6"]) -> Scaling:
-    """Scaling of positions by half their widest extent; axes are unchanged.
-
-    x, y and z have one scale [m], so that spheres stay spheres.
-    """
-    positions = states[..., :3].reshape(-1, 3)
-    low = np.nanmin(positions, axis=0)
-    high = np.nanmax(positions, axis=0)
-    center = [*(low + high) / 2, 0.0, 0.0, 0.0]
-    half_width = float((high - low).max() / 2)
-    half_range = [half_width, half_width, half_width, 1.0, 1.0, 1.0]
-    return Scaling(
-        jnp.array(center, dtype=jnp.float32), jnp.array(half_range, dtype=jnp.float32)
-    )

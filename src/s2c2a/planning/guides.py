@@ -24,7 +24,8 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import configurations_from_bends, limit_lengths
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points, norm
+from s2c2a.paper import norm
+from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points
 from s2c2a.spaces import POSITION
 
 SIDE = 45  # nodes along each side of the grid

@@ -22,6 +22,7 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
+from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
 from s2c2a.planning.fallback import (
     FALLBACKS,
@@ -54,8 +55,6 @@ states, its ends stay near their positions.
 DISTURBED = np.deg2rad(1.5)  # rad; smaller effects of payload and biases are ignored
 START_ITERATIONS = 3
 """Between a known payload and the shape under it, at the start."""
-WORKSPACE_SHARE = 0.46 / 0.6
-"""Half width of the paper's workspace over arm length (Chen et al. 2025, sec. II-D)."""
 
 AnySolver = Annotated[
     Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)

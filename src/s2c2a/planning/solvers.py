@@ -13,7 +13,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -26,6 +25,7 @@ from s2c2a.kinematics import (
     limit_lengths,
     states_from_bends,
 )
+from s2c2a.paper import minimize, norm, unit_vectors
 from s2c2a.planning.terms import (
     Bends,
     Candidate,
@@ -33,7 +33,6 @@ from s2c2a.planning.terms import (
     Residual,
     Situation,
     Term,
-    norm,
 )
 from s2c2a.spaces import POSITION
 
@@ -235,20 +234,14 @@ class Adam(Solver):
     iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
-        optimizer = optax.adam(self.learning_rate)
-        gradient = jax.grad(problem.sum_of_norms)
-        start = problem.situation.last.configurations
-
-        def iterate(_, carry):
-            configurations, state = carry
-            updates, state = optimizer.update(gradient(configurations), state)
-            configurations = configurations + updates
-            if problem.situation.on_sphere:
-                configurations = configurations / norm(configurations)[:, None]
-            return configurations, state
-
-        initial = start, optimizer.init(start)
-        return jax.lax.fori_loop(0, self.iterations, iterate, initial)[0]
+        on_sphere = problem.situation.on_sphere
+        return minimize(
+            problem.sum_of_norms,
+            problem.situation.last.configurations,
+            unit_vectors if on_sphere else lambda vectors: vectors,
+            self.learning_rate,
+            self.iterations,
+        )
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import Numbers, squared_norm
+from s2c2a.paper import norm, obstacle_loss
 from s2c2a.spaces import AXIS, POSITION
 
 Configurations = Float[Array, "modules 3"]
@@ -35,7 +36,6 @@ Guard = Literal["tip", "arm"]
 The arm is five center-line points of every module.
 """
 OBSTACLES_AT_HAND = 4  # considered for every guarded point
-MIN_DISTANCE = 1e-3  # units; 1 / d grows no further
 FAR = 1e6  # m
 
 
@@ -94,13 +94,6 @@ def guarded_points(
         return lambda states: states[-1:, POSITION]
     lengths = jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32)
     return lambda states: center_line(states, lengths)
-
-
-def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
-    """Euclidean norm with gradient zero at zero."""
-    squared = jnp.sum(jnp.asarray(vectors) ** 2, axis=-1)
-    zero = squared == 0.0
-    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, squared)))
 
 
 def largest_bend(bends: Bends) -> Float[Array, ""]:
@@ -177,10 +170,8 @@ class Repulsion(Term):
         goal = situation.goal
         unit = self.unit * situation.length
         distances = norm((goal.obstacles - candidate.points[:, None]) / unit)
-        inside = (distances <= goal.thresholds / unit) & (goal.thresholds > 0.0)
-        regular = inside & (distances > MIN_DISTANCE)
-        repulsion = 1.0 / jnp.where(regular, distances, MIN_DISTANCE)
-        return goal.obstacle_weight, jnp.where(inside, repulsion, 0.0)[..., None]
+        repulsion = obstacle_loss(distances, goal.thresholds / unit)
+        return goal.obstacle_weight, repulsion[..., None]
 
 
 @dataclass(frozen=True)
