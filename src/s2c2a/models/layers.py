@@ -14,7 +14,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
-from s2c2a.paper import HEADROOM, Direction, random_weights
+from s2c2a.paper import HEADROOM, Direction, random_weights, sum_and_range
 from s2c2a.training.fit import Fixed, FromArm
 
 
