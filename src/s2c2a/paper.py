@@ -28,6 +28,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
+from s2c2a.compilation import scan
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -220,17 +221,17 @@ class Direction(eqx.Module):
         """Outputs of each module, or of each element of any other sequence."""
 
         def unit(state, gates):
-            recurrent, cell = state
+            recurrent, cell = state  # recurrent: from the module before to the gates
             taken, kept, candidate, shown = jnp.split(gates + recurrent, 4, axis=-1)
             cell = jax.nn.sigmoid(kept) * cell
             cell = cell + jax.nn.sigmoid(taken) * jnp.tanh(candidate)
             hidden = jax.nn.sigmoid(shown) * jnp.tanh(cell)
             return (hidden @ self.weight_hidden, cell), hidden
 
-        gates = jnp.moveaxis(inputs @ self.weight_input + self.bias, -2, 0)
-        first = jnp.zeros_like(gates[0]), jnp.zeros_like(gates[0, ..., ::4])
-        _, outputs = jax.lax.scan(unit, first, gates, reverse=reverse, unroll=8)
-        return jnp.moveaxis(outputs, 0, -2)
+        gates = inputs @ self.weight_input + self.bias
+        recurrent = jnp.zeros_like(gates[..., 0, :])
+        cell = recurrent[..., : len(self.weight_hidden)]
+        return scan(unit, (recurrent, cell), gates, reverse)
 
 
 class BiLSTM(eqx.Module):
@@ -296,10 +297,14 @@ def obstacle_loss(distances: Array, thresholds: Numbers) -> Array:
 
 
 def cost(configurations: C, last: C, c2s: C2S, goal: Goal, unit: float) -> Array:
-    """The cost that planning minimizes, eq. (7); a term of your own goes here.
+    """The cost that planning minimizes, eq. (7).
 
     `last` is C_0. Differs: the last planned one, which is free of sensor noise. The goal
     holds desired states and weights mu of each module; `unit` is that of lengths [m].
+
+    A term of your own is one more summand; for a recipe it is a class, as in
+    examples/extending/own_term.py. For a tip above 0.5 m:
+    `10.0 * jnp.maximum(0.5 - states[-1, 2], 0.0) / unit`.
     """
     states = c2s(configurations)
     L_p = norm((states[:, POSITION] - goal.positions) / unit)  # eq. (4)
@@ -363,12 +368,7 @@ reaches one only at infinity; some bends in the data would be out of range.
 
 
 class History(NamedTuple):
-    """Inputs of the controller from the past, latest first.
-
-    Attributes:
-        configurations: C_t to C_{t-3} as sensed, shape (*batch, modules, 4, 3).
-        actions: A_{t-1} to A_{t-5}, normalized, shape (*batch, modules, 5, cables).
-    """
+    """C_t to C_{t-3} as sensed, and A_{t-1} to A_{t-5}, normalized."""
 
     configurations: Float[Array, "*batch modules 4 3"]
     actions: Float[Array, "*batch modules 5 cables"]
@@ -419,7 +419,8 @@ class C2A(eqx.Module):
         """Normalized actions that reach the desired configurations in one step."""
         inputs = controller_inputs(self.configuration_scaling, desired, history)
         actions = sum_and_range(self.network(inputs))
-        return jnp.clip(actions, -1.0 / HEADROOM, 1.0 / HEADROOM)
+        full = 1.0 / HEADROOM
+        return jnp.clip(actions, -full, full)
 
 
 def action_unit(arm: ArmSpec) -> np.ndarray:
@@ -477,6 +478,7 @@ def c2a_samples(arm: ArmSpec, recording: Recording, part: str) -> Samples:
     actions = recording.actions / action_unit(arm)
     actions = np.concatenate([np.zeros_like(before), actions], axis=1)
     chosen = stretch(recording.actions.shape[1], part)
+    # the past of the first window is in the same stretch
     first = chosen.start + ACTION_HISTORY if chosen.start else 0
     t = np.arange(first, chosen.stop - 1) + ACTION_HISTORY
     past_sensed = [sensed[:, t - age] for age in range(CONFIGURATION_HISTORY)]
