@@ -99,10 +99,10 @@ def scan(
     """
     if values.shape[-2] > MAX_UNROLLED:
         rows = jnp.moveaxis(values, -2, 0)
-        _, outputs = jax.lax.scan(step, state, rows, reverse=reverse)
-        return jnp.moveaxis(outputs, 0, -2)
+        _, stacked = jax.lax.scan(step, state, rows, reverse=reverse)
+        return jnp.moveaxis(stacked, 0, -2)
     order = range(values.shape[-2])
-    outputs = {}
+    outputs: dict[int, Array] = {}
     for index in reversed(order) if reverse else order:
         state, outputs[index] = step(state, values[..., index, :])
     return jnp.stack([outputs[index] for index in order], axis=-2)

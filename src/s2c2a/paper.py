@@ -39,13 +39,13 @@ from s2c2a.kinematics import (
 from s2c2a.spaces import ACTION_HISTORY, AXIS, CONFIGURATION_HISTORY, POSITION
 
 Numbers = Array | np.ndarray
-C = Float[Numbers, "*batch modules 3"]
+C = Float[Array, "*batch modules 3"]
 """Configurations: direction of each module's end in the frame of its base."""
-S = Float[Numbers, "*batch modules 6"]
+S = Float[Array, "*batch modules 6"]
 """States: position [m] and direction of each module's end in the arm's base frame."""
-A = Float[Numbers, "*batch modules 3"]
+A = Float[Array, "*batch modules 3"]
 """Actions, or displacements that encoders measure [m]; normalized if a text says so."""
-Features = Float[Numbers, "*batch modules features"]
+Features = Float[Array, "*batch modules features"]
 Bends = Float[np.ndarray, "samples modules 2"]
 Key = PRNGKeyArray
 
@@ -80,9 +80,9 @@ Differs: the paper states no speeds; a controller trained at one speed fails at 
 class Recording(NamedTuple):
     """C as sensed, true S, and A as sent, each (episodes, samples, modules, ...)."""
 
-    configurations: C
-    states: S
-    actions: A
+    configurations: np.ndarray
+    states: np.ndarray
+    actions: np.ndarray
 
 
 def disc_points(random: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -154,7 +154,7 @@ def collect(arm: ArmSpec, episodes: int, samples: int, seed: int = 0) -> Recordi
         np.reshape(column, (episodes, samples, arm.module_count, -1))
         for column in zip(*rows, strict=True)
     ]
-    sensed = configurations_from_encoders(arm, displacements)
+    sensed = configurations_from_encoders(arm, jnp.asarray(displacements))
     return Recording(np.asarray(sensed), states, actions)
 
 
@@ -177,7 +177,7 @@ class Scaling(eqx.Module):
         return cls(jnp.asarray((low + high) / 2), jnp.asarray(half_range))
 
     @classmethod
-    def of_states(cls, states: S) -> Self:
+    def of_states(cls, states: Numbers) -> Self:
         """The map of states: one scale for x, y and z, none for axes; NaN is unknown.
 
         Differs: with one scale for each axis, obstacles would not stay spheres.
@@ -189,11 +189,11 @@ class Scaling(eqx.Module):
         center = jnp.concatenate([(low + high) / 2, jnp.zeros(3)])
         return cls(center, jnp.asarray([half_width] * 3 + [1.0] * 3))
 
-    def forward(self, values: Numbers) -> Array:
+    def forward(self, values: Array) -> Array:
         """To [-1, 1]."""
         return (values - self.center) / self.half_range
 
-    def back(self, values: Numbers) -> Array:
+    def back(self, values: Array) -> Array:
         """From [-1, 1]."""
         return values * self.half_range + self.center
 
@@ -603,7 +603,7 @@ def follow(
     """Follow a path with a simulated arm; returns the distances of its tip [m]."""
     robot = simulated(arm, seed)
     step = eqx.filter_jit(partial(control_step, arm, c2s, c2a))
-    planned = configurations_from_encoders(arm, robot.open()["cables"])
+    planned = configurations_from_encoders(arm, jnp.asarray(robot.open()["cables"]))
     history = History.at_rest(planned)
     errors = []
     for position in path:
