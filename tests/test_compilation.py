@@ -8,8 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from s2c2a.compilation import compiled
+from s2c2a.compilation import MAX_UNROLLED, compiled, scan
 
 
 class Line(eqx.Module):
@@ -97,3 +98,18 @@ def test_parts_can_hold_numpy_arrays_in_any_tree():
 
 def test_without_parts_and_without_a_name_it_compiles_all_the_same():
     assert float(compiled(partial(jnp.add, 1.0))(np.float32(2.0))) == 3.0
+
+
+@pytest.mark.parametrize("steps", [1, 3, MAX_UNROLLED, MAX_UNROLLED + 1])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_short_and_long_sequences_are_scanned_in_the_same_order(steps, reverse):
+    values = np.random.default_rng(0).normal(size=(2, steps, 3)).astype(np.float32)
+
+    def total(state, value):
+        return state + value, state + value
+
+    sums = scan(total, jnp.zeros((2, 3)), jnp.asarray(values), reverse)
+    turned = values[:, ::-1] if reverse else values
+    expected = np.cumsum(turned, axis=1)
+    expected = expected[:, ::-1] if reverse else expected
+    np.testing.assert_allclose(sums, expected, rtol=1e-5, atol=1e-6)

@@ -10,9 +10,8 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.goals import MAX_OBSTACLES
-from s2c2a.kinematics import configurations_from_bends, states_from_bends
+from s2c2a.kinematics import configurations_from_bends, norm, states_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.paper import norm
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
 from s2c2a.planning.planner import AXES_WEIGHT, Plan, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND

@@ -25,7 +25,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
 from s2c2a.files import check_replaceable
-from s2c2a.paper import SPEEDS, speeds_on
+from s2c2a.paper import SPEEDS
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
     CommandLimits,
@@ -45,6 +45,7 @@ EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 MAX_DIFFERENCES = 8  # shown in a message
 MIN_ACTIVE = 2  # episodes
+PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
 MakeRobot = Callable[[int], Robot]
 Targets: TypeAlias = Float[np.ndarray, "targets modules 2"]
 
@@ -110,7 +111,9 @@ class CollectOptions:
 
     def speeds_on(self, arm: ArmSpec) -> tuple[float, float]:
         """Speeds scaled to the step limit of an arm."""
-        return speeds_on(arm, self.speeds)
+        scale = arm.step_limit_deg / PAPER_STEP_LIMIT_DEG
+        slow, fast = self.speeds
+        return min(slow * scale, 1.0), min(fast * scale, 1.0)
 
 
 ChooseTargets = Callable[[Recording, CollectOptions], Sequence[Targets]]

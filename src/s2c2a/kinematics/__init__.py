@@ -9,6 +9,7 @@ from s2c2a.kinematics.bends import (
     bends_from_configurations,
     configurations_from_bends,
     limit_lengths,
+    norm,
 )
 from s2c2a.kinematics.chain import (
     bends_from_states,

@@ -30,6 +30,13 @@ def squared_norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch
     return jnp.sum(vectors**2, axis=-1)
 
 
+def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
+    """Return the Euclidean norm over the last axis, with gradient zero at zero."""
+    squared = squared_norm(jnp.asarray(vectors))
+    zero = squared == 0.0
+    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, squared)))
+
+
 def configurations_from_bends(
     bends: Float[Numbers, "*batch 2"],
 ) -> Float[Array, "*batch 3"]:

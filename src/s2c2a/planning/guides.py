@@ -21,10 +21,9 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
-from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.kinematics import configurations_from_bends, limit_lengths, norm
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.paper import norm
 from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points
 from s2c2a.spaces import POSITION
 

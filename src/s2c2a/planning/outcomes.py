@@ -14,9 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.goals import Goal
-from s2c2a.kinematics import limit_lengths, states_from_bends
+from s2c2a.kinematics import limit_lengths, norm, states_from_bends
 from s2c2a.kinematics.bends import Numbers
-from s2c2a.paper import norm
 from s2c2a.planning.terms import Bends, Candidate, Situation, largest_bend
 from s2c2a.spaces import POSITION
 

@@ -23,9 +23,10 @@ from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
     limit_lengths,
+    norm,
     states_from_bends,
 )
-from s2c2a.paper import minimize, norm, unit_vectors
+from s2c2a.paper import minimize, unit_vectors
 from s2c2a.planning.terms import (
     Bends,
     Candidate,

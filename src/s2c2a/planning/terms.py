@@ -23,9 +23,9 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
-from s2c2a.kinematics import center_line
+from s2c2a.kinematics import center_line, norm
 from s2c2a.kinematics.bends import Numbers, squared_norm
-from s2c2a.paper import norm, obstacle_loss
+from s2c2a.paper import obstacle_loss
 from s2c2a.spaces import AXIS, POSITION
 
 Configurations = Float[Array, "modules 3"]
