@@ -8,7 +8,7 @@ from s2c2a.planning import BEST, BatchPlanner, Goal
 
 arm = load_arm("twin_arm")
 planner = BatchPlanner(arm, PCCForwardModel.of(arm), BEST)
-# With trained networks: s2c2a_batch_planner(load_strategy("mine.safetensors"))
+# With trained networks: s2c2a_batch_planner(load_networks("mine.safetensors"))
 
 rng = np.random.default_rng(0)
 bent = rng.normal([0.0, 0.0, 1.0], [0.2, 0.2, 0.0], (16, arm.module_count, 3))

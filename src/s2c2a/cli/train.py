@@ -70,9 +70,9 @@ def train(
         raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
     check_replaceable(out, ".safetensors", StrategyError)
     chosen = strategies.recipe_from(recipe)
-    begun = strategies.load_strategy(start) if start else None
+    begun = strategies.load_networks(start) if start else None
     networks = _trained(recording, arm, strategy, chosen, seed, begun, out)
-    strategies.save_strategy(networks, out)
+    strategies.save_networks(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
         name: [dict(zip(columns, row, strict=True)) for row in rows]

@@ -40,7 +40,7 @@ from s2c2a.strategies import (
     RunOptions,
     check_own_classes_used,
     import_own_classes,
-    load_strategy,
+    load_networks,
     recipe_named,
     shipped_networks,
 )
@@ -351,7 +351,7 @@ def strategies_of(
     """
     import_own_classes(model, controller)
     networks = [
-        shipped_networks(arm) if file == SHIPPED else load_strategy(file, arm)
+        shipped_networks(arm) if file == SHIPPED else load_networks(file, arm)
         for file in files
     ]
     recipes = [trained.recipe for trained in networks]

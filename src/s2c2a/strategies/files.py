@@ -39,7 +39,7 @@ SPREAD = "spread"
 """Beginning of the names of arrays that only a prior has."""
 
 
-def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
+def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     """Write trained networks; the file appears whole or not at all.
 
     Raises:
@@ -64,7 +64,7 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     write(path, metadata, arrays)
 
 
-def load_strategy(
+def load_networks(
     path: str | os.PathLike, arm: ArmSpec | None = None
 ) -> TrainedNetworks:
     """Read trained networks, for an arm if one is given.

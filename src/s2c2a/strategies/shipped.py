@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
-from s2c2a.strategies.files import arm_of_strategy, load_strategy
+from s2c2a.strategies.files import arm_of_strategy, load_networks
 from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.strategies.trained import TrainedNetworks
@@ -41,6 +41,6 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
         StrategyError: there are none for this arm.
     """
     with shipped_file(arm) as path:
-        networks = load_strategy(path)
+        networks = load_networks(path)
     recipe = recipe_named(networks.recipe.name)
     return replace(networks, arm=arm, recipe=recipe)
