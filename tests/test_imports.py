@@ -57,3 +57,32 @@ def test_the_package_alone_loads_neither_jax_nor_mujoco():
     names = loaded("s2c2a")
     assert "s2c2a.jax_settings" in names
     assert {"jax", "mujoco", "numpy"}.isdisjoint(names)
+
+
+WITHOUT_WINGS = """
+import sys
+class Refusal:
+    def find_spec(self, name, path=None, target=None):
+        if any(f"{name}.".startswith(f"{refused}.") for refused in %r):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Refusal())
+from s2c2a.cli.main import main
+main(sys.argv[1:])
+"""
+DEVICES = ("viser", "cv2", "serial")
+
+
+def test_the_core_runs_where_wings_and_drivers_are_missing(tmp_path):
+    (tmp_path / "path.csv").write_text("time,x,y,z\n0,0,0,0.6\n0.5,0.02,0,0.59\n")
+    refused = [*(f"s2c2a.{wing}" for wing in WINGS), *DEVICES]
+    arguments = ["run", "path.csv", "--strategy", "pcc", "--out", "run"]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_WINGS % refused, *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "cannot be loaded" not in done.stderr
+    assert (tmp_path / "run" / "twin_arm.episodes").is_file()
