@@ -16,6 +16,7 @@ from s2c2a.jobs.cluster import Cluster
 WORKERS = int(sys.argv[1]) if len(sys.argv) > 1 else all_cores()
 EPISODE = 50.0  # s of simulated time: 500 samples at 10 Hz
 ARM = s2c2a.load_arm("twin_arm")
+COLLECT = partial(s2c2a.collect, ARM, recipe="paper", overwrite=True)
 
 
 def measure_collection(folder: str, executor, episodes: int):
@@ -23,14 +24,7 @@ def measure_collection(folder: str, executor, episodes: int):
     path = Path(folder) / "twin.episodes"
     start = time.perf_counter()
     cpu_start = time.process_time()
-    s2c2a.collect(
-        ARM,
-        path,
-        episodes=episodes,
-        recipe="paper",
-        executor=executor,
-        overwrite=True,
-    )
+    COLLECT(path, episodes=episodes, executor=executor)
     return path, time.perf_counter() - start, time.process_time() - cpu_start
 
 

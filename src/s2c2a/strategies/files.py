@@ -51,8 +51,8 @@ def check_new_networks(path: str | os.PathLike, overwrite: bool) -> None:
     file = Path(path)
     if file.exists() and not overwrite:
         raise StrategyError(
-            f"{file} exists; replace it (--overwrite, in Python overwrite=True), or "
-            "choose another name"
+            f"{file} exists; add --overwrite (in Python overwrite=True), or choose "
+            "another name"
         )
     check_replaceable(file, ENDING, StrategyError)
     file.parent.mkdir(parents=True, exist_ok=True)
