@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a.strategies import save_strategy
+from s2c2a.strategies import save_networks
 
 # Linux counts the memory of whoever starts a process as its own, but not here
 STATUS = Path("/proc/self/status")
@@ -63,7 +63,7 @@ def test_first_tick(benchmark, networks, folder, rounds):
     """A first start compiles everything; a later one is asked to take at most 3 s."""
     file = folder / "strategy.safetensors"
     cache = folder / networks.recipe.name
-    save_strategy(networks, file)
+    save_networks(networks, file)
     start(
         benchmark,
         FIRST_TICK.read_text(),

@@ -6,9 +6,9 @@ import numpy as np
 
 from s2c2a.goals import Goal
 from s2c2a.spaces import Reading
-from s2c2a.strategies import load_strategy, s2c2a_strategy
+from s2c2a.strategies import load_networks, s2c2a_strategy
 
-networks = load_strategy(sys.argv[1])
+networks = load_networks(sys.argv[1])
 arm = networks.arm
 strategy = s2c2a_strategy(networks)
 straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))

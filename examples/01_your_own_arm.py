@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from s2c2a.arm import ArmSpec, Cable, Module, Motor, save_arm
+import s2c2a
+from s2c2a.arm import Cable, Module, Motor
 from s2c2a.kinematics import PCC
-from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import check_robot
 
 module = Module(
@@ -16,16 +16,16 @@ module = Module(
     bend_limit_deg=60,
     cable=Cable(stiffness=8000, backlash=0.0002),  # N/m, m
 )
-arm = ArmSpec(
+arm = s2c2a.ArmSpec(
     name="my_arm",
     actuation="displacement",
     gravity_direction=(0, 0, 1),  # a hanging arm: gravity along +z of the base
     motor=Motor(time_constant=0.05, speed_limit=0.1, pulley_radius=0.008),
     modules=(module, module),
 )
-save_arm(arm, "my_arm.toml", overwrite=True)
+s2c2a.save_arm(arm, "my_arm.toml", overwrite=True)
 
-robot = SimulatedRobot(arm)
+robot = s2c2a.SimulatedRobot(arm)
 check_robot(robot)
 
 with robot:

@@ -4,14 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from s2c2a.arm import load_arm
-from s2c2a.evaluation import rollout, score_run
-from s2c2a.planning import PAPER, Goal
-from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import pcc_strategy
+import s2c2a
 from s2c2a.tasks import (
     Score,
-    Task,
     load_waypoints,
     unreachable_waypoints,
     waypoints_task,
@@ -25,9 +20,10 @@ def figure_of_eight(arm, seconds=16.0, width=0.3, depth=0.15):
     x = depth * np.sin(2 * angle)
     y = width * np.sin(angle)
     z = 0.97 - 0.7 * (x**2 + y**2)
-    rest = Goal.of(arm.module_count)  # no goal but a small change of configuration
+    # no goal but a small change of configuration
+    rest = s2c2a.Goal.of(arm.module_count)
     path = arm.length * np.stack([x, y, z], axis=-1)
-    return Task(
+    return s2c2a.Task(
         "eight",
         tuple(rest.with_position(point) for point in path),
         (Score("position"), Score("path length")),
@@ -36,13 +32,13 @@ def figure_of_eight(arm, seconds=16.0, width=0.3, depth=0.15):
 
 def print_scores(task):
     """Run a task on the simulated arm and print its scores."""
-    run = rollout(SimulatedRobot(arm), strategy, task)
-    for row in score_run(run, task, recipe="paper"):
+    run = s2c2a.run(s2c2a.SimulatedRobot(arm), strategy, task)
+    for row in s2c2a.score_run(run, task):
         print(f"{task.name}: {row.score.metric} {row.value:.1f} {row.unit}")
 
 
-arm = load_arm("twin_arm")
-strategy = pcc_strategy(arm, PAPER)  # constant curvature, which needs no training
+arm = s2c2a.load_arm("twin_arm")
+strategy = s2c2a.pcc_strategy(arm)  # constant curvature, which needs no training
 print_scores(figure_of_eight(arm))
 
 Path("my_path.csv").write_text(

@@ -9,25 +9,22 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from s2c2a.arm import load_arm
-from s2c2a.data import CollectOptions, collect
+import s2c2a
 from s2c2a.executors import Serial, all_cores, in_order
 from s2c2a.jobs.cluster import Cluster
-from s2c2a.robots.simulation import SimulatedRobot
 
 WORKERS = int(sys.argv[1]) if len(sys.argv) > 1 else all_cores()
 EPISODE = 50.0  # s of simulated time: 500 samples at 10 Hz
-ARM = load_arm("twin_arm")
-ROBOT = partial(SimulatedRobot, ARM, "fast")
+ARM = s2c2a.load_arm("twin_arm")
+COLLECT = partial(s2c2a.collect, ARM, recipe="paper", overwrite=True)
 
 
 def measure_collection(folder: str, executor, episodes: int):
     """Collect episodes; return the file, wall time and process CPU time [s]."""
     path = Path(folder) / "twin.episodes"
-    options = CollectOptions(episodes=episodes)
     start = time.perf_counter()
     cpu_start = time.process_time()
-    collect(path, ARM, ROBOT, options, executor=executor, overwrite=True)
+    COLLECT(path, episodes=episodes, executor=executor)
     return path, time.perf_counter() - start, time.process_time() - cpu_start
 
 

@@ -20,7 +20,7 @@ from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
 from s2c2a.executors import forget_programs
 from s2c2a.plugins import trust_of_one_command
-from s2c2a.strategies import Recipe, TrainedNetworks, load_strategy
+from s2c2a.strategies import Recipe, TrainedNetworks, load_networks
 from s2c2a.viz import Trace
 
 from tools import small_networks
@@ -188,13 +188,13 @@ def best_strategy_file() -> Path:
 @pytest.fixture(scope="session")
 def tiny_networks(strategy_file) -> TrainedNetworks:
     """Really trained, on the small recording, a little."""
-    return load_strategy(strategy_file)
+    return load_networks(strategy_file)
 
 
 @pytest.fixture(scope="session")
 def tiny_best_networks(best_strategy_file) -> TrainedNetworks:
     """Trained by the recipe `best` on the small recording, a little."""
-    return load_strategy(best_strategy_file)
+    return load_networks(best_strategy_file)
 
 
 @pytest.fixture

@@ -2,17 +2,23 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import venv
+from functools import partial
+from importlib.metadata import distribution
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from packaging.requirements import Requirement
 
 from s2c2a import __version__
 from s2c2a.cli.main import main
+from test_house import WINGS
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "s2c2a"
@@ -28,6 +34,18 @@ assert s2c2a.__version__ == version("s2c2a")
 assert Path(s2c2a.__file__).is_relative_to({environment!r}), s2c2a.__file__
 for name in ("twin_arm", "simulated_arm"):
     shipped_networks(load_arm(name))
+"""
+CORE = """
+from importlib.util import find_spec
+import s2c2a
+for name in ("lab", "logs", "live"):
+    assert find_spec(f"s2c2a.{name}") is None, name
+for name in ("viser", "cv2", "serial", "distributed", "optuna", "pytest"):
+    assert find_spec(name) is None, name
+arm = s2c2a.load_arm("twin_arm")
+recording = s2c2a.collect(arm, "one.episodes", episodes=1, samples=8)
+assert recording.actions.shape[:2] == (1, 8)
+assert s2c2a.load_strategy("shipped", arm).name == "s2c2a"
 """
 
 
@@ -54,18 +72,61 @@ def environment(distributions, tmp_path_factory) -> Path:
     installations are not, since Python reads no .pth of a folder that a .pth names.
     """
     folder = tmp_path_factory.mktemp("environment")
+    own_packages = installed_alone(distributions[0], folder)
+    packages = [path for path in sys.path if path.endswith("-packages")]
+    (own_packages / "outside.pth").write_text("\n".join(packages))
+    return folder
+
+
+def installed_alone(wheel: Path, folder: Path) -> Path:
+    """Make a virtual environment with nothing but a wheel; returns its packages."""
     venv.create(folder, symlinks=os.name != "nt")
     python = _program(folder, "python")
     install = ["pip", "--python", str(python), "install", "--quiet"]
-    no_network = ["--no-deps", "--no-index", str(distributions[0])]
+    no_network = ["--no-deps", "--no-index", str(wheel)]
     subprocess.run([sys.executable, "-m", *install, *no_network], check=True)
     code = "import sysconfig; print(sysconfig.get_path('purelib'))"
     asked = subprocess.run(
         [python, "-c", code], check=True, capture_output=True, text=True
     )
-    packages = [path for path in sys.path if path.endswith("-packages")]
-    (Path(asked.stdout.strip()) / "outside.pth").write_text("\n".join(packages))
+    return Path(asked.stdout.strip())
+
+
+@pytest.fixture(scope="module")
+def core_environment(distributions, tmp_path_factory) -> Path:
+    """A virtual environment with the core and its dependencies, without the wings."""
+    folder = tmp_path_factory.mktemp("core")
+    packages = installed_alone(distributions[0], folder)
+    for wing in WINGS:
+        shutil.rmtree(packages / "s2c2a" / wing)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    for name in dependencies_of(project["project"]["dependencies"]):
+        link_distribution(name, packages)
     return folder
+
+
+def dependencies_of(requirements: list[str]) -> set[str]:
+    """Names of all distributions that requirements need, without extras of their own."""
+    found = set()
+    pending = [Requirement(text) for text in requirements]
+    while pending:
+        requirement = pending.pop()
+        is_needed = requirement.marker is None or requirement.marker.evaluate()
+        if not is_needed or requirement.name in found:
+            continue
+        found.add(requirement.name)
+        further = distribution(requirement.name).requires or []
+        pending += [Requirement(text) for text in further]
+    return found
+
+
+def link_distribution(name: str, packages: Path) -> None:
+    """Link the top-level files and folders of an installed distribution."""
+    for file in distribution(name).files:
+        top = file.parts[0]
+        if top in ("..", "__pycache__") or (packages / top).exists():
+            continue
+        (packages / top).symlink_to(Path(distribution(name).locate_file(top)))
 
 
 def _program(environment: Path, name: str) -> Path:
@@ -156,6 +217,19 @@ def test_the_wheel_works_outside_the_checkout(environment, tmp_path):
     assert __version__ in run_outside(environment, tmp_path, "s2c2a", "--version")
     checked = run_outside(environment, tmp_path, "s2c2a", "arm", "check", "twin_arm")
     assert "twin_arm is valid" in checked
+
+
+@pytest.mark.slow
+def test_the_core_runs_with_its_own_dependencies_and_without_the_wings(
+    core_environment, tmp_path
+):
+    run_here = partial(run_outside, core_environment, tmp_path)
+    run_here("python", "-c", CORE)
+    assert "--help" in run_here("s2c2a", "--help")
+    run_here(
+        *["s2c2a", "run", "circle", "--pace", "10", "--strategy", "pcc", "--out", "run"]
+    )
+    assert (tmp_path / "run" / "twin_arm.episodes").is_file()
 
 
 def test_the_dockerfile_copies_existing_files_that_the_build_context_holds():

@@ -48,6 +48,7 @@ REASONS = (
     "a real arm",
     "a device",
     "longer than ten minutes",
+    "trains networks for minutes",
     "another machine",
     "a server that runs until stopped",
     "installs software",

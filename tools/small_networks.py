@@ -12,7 +12,7 @@ from s2c2a.control.options import C2AOptions
 from s2c2a.data import CollectOptions, Recording, collect
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import recipe_named, save_strategy, train_s2c2a
+from s2c2a.strategies import recipe_named, save_networks, train_s2c2a
 from s2c2a.training import FitOptions
 
 FOLDER = Path(__file__).parents[1] / "tests" / "fixtures"
@@ -61,7 +61,7 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     recording = make_recording(RECORDING)
     for recipe, path in ((PAPER_RECIPE, PAPER), (BEST_RECIPE, BEST)):
-        save_strategy(train_s2c2a(recording, recipe, seed=SEED), path)
+        save_networks(train_s2c2a(recording, recipe, seed=SEED), path)
 
 
 if __name__ == "__main__":

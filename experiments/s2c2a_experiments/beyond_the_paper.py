@@ -413,7 +413,7 @@ def payloads(
     """
     from s2c2a.data import load_recording
     from s2c2a.evaluation.report import save_rows
-    from s2c2a.strategies import load_strategy
+    from s2c2a.strategies import load_networks
     from s2c2a_experiments.payloads import EXPERIMENT, payload_rows
 
     loaded = {str(path.with_suffix("")): load_recording(path) for path in recordings}
@@ -424,7 +424,7 @@ def payloads(
     }
     with run_directory(EXPERIMENT, options, folder) as (directory, _):
         keep = partial(save_rows, path=directory / "results.json")
-        rows = payload_rows(load_strategy(weights), loaded, seen, keep)
+        rows = payload_rows(load_networks(weights), loaded, seen, keep)
     print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
 
 
@@ -449,7 +449,7 @@ def plans(
     from s2c2a.jobs.circle import ARMS
     from s2c2a_experiments.plans import plan_rows
 
-    networks = [strategies.load_strategy(path) for path in weights]
+    networks = [strategies.load_networks(path) for path in weights]
     if not networks:
         networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
     options = {"weights": weights, "count": count, "seed": seed}

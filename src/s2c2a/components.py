@@ -214,8 +214,9 @@ class Registry(Generic[Base]):
 
     def _not_of_this_kind(self, name: Any) -> StrategyError:
         base = f"{self.base.__module__}.{self.base.__name__}"
+        kind = self.kind.replace("_", " ")
         return StrategyError(
-            f"'{name}' is no {self.kind.replace('_', ' ')}; derive it from {base}, or name a subclass"
+            f"'{name}' is no {kind}; derive it from {base}, or name a subclass"
         )
 
 

@@ -12,7 +12,7 @@ def test_the_page_of_own_parts_quotes_the_robot_of_the_examples():
 
 
 def test_the_page_of_the_control_loop_quotes_the_example():
-    page = (ROOT / "docs" / "guides" / "loop-by-hand.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "get-started" / "python.md").read_text(encoding="utf-8")
     example = ROOT / "examples" / "03_a_target_that_moves.py"
     assert f"```python\n{example.read_text(encoding='utf-8')}```" in page
 

@@ -18,7 +18,9 @@ from tools.check_site import findings
 
 def public_names(package: str) -> Iterator[tuple[str, str]]:
     """Classes and functions that a package offers: where they are defined, and the path."""
-    for name, value in vars(importlib.import_module(package)).items():
+    module_of_package = importlib.import_module(package)
+    for name in dir(module_of_package):  # names that load when used, too
+        value = getattr(module_of_package, name)
         module = getattr(value, "__module__", None) or ""
         is_ours = module.startswith("s2c2a.") and not inspect.ismodule(value)
         if is_ours and not name.startswith("_"):

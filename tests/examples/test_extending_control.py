@@ -8,7 +8,7 @@ import pytest
 import tomli_w
 
 from s2c2a.cli.main import main
-from s2c2a.strategies import load_strategy
+from s2c2a.strategies import load_networks
 
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
 WEIGHTS = resources.files("s2c2a.strategies") / "weights" / "twin_arm.safetensors"
@@ -80,7 +80,7 @@ def test_an_own_strategy_is_trained_and_compared_in_one_table(
     own = f"{EXTENDING / 'own_strategy.py'}:ResolvedRate"
     weights = tmp_path / "own.safetensors"
     main(["train", str(recording), "--strategy", own, "--out", str(weights)])
-    assert load_strategy(weights).strategy == own.replace(
+    assert load_networks(weights).strategy == own.replace(
         str(EXTENDING) + "/", ""
     ).replace(".py", "")
     errors = run(

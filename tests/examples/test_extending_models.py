@@ -11,7 +11,7 @@ from s2c2a.cli.main import main
 from s2c2a.errors import StrategyError
 from s2c2a.jobs.artifacts import digest_of
 from s2c2a.models.registry import MODELS
-from s2c2a.strategies import load_recipe, load_strategy, recipe_named, save_recipe
+from s2c2a.strategies import load_networks, load_recipe, recipe_named, save_recipe
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
 MODEL = f"{EXAMPLE}:ArcsOptions"
@@ -84,7 +84,7 @@ def test_its_options_round_trip_through_recipe_and_strategy_file(
     recipe, strategy, tmp_path
 ):
     mine = MODELS.named(MODEL)
-    networks = load_strategy(strategy)
+    networks = load_networks(strategy)
     assert type(networks.recipe.c2s) is type(load_recipe(recipe).c2s) is mine
     assert networks.recipe.c2s.hidden == 4
     assert networks.c2s.network.layers[0].weight.shape == (4, 6)

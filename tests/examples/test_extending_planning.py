@@ -17,13 +17,13 @@ from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal, Planner
 from s2c2a.plugins import trust_of_one_command
 from s2c2a.strategies import (
+    load_networks,
     load_recipe,
-    load_strategy,
     planning_as,
     recipe_named,
     s2c2a_strategy,
+    save_networks,
     save_recipe,
-    save_strategy,
 )
 
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
@@ -106,8 +106,8 @@ def test_a_strategy_file_imports_no_code(
     with trust_of_one_command():
         planner = load_recipe(EXTENDING / "own_term.toml").planner
     own = replace(tiny_best_recipe, planner=planner)
-    save_strategy(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
-    loaded = load_strategy(tmp_path / "own.safetensors", TWIN)
+    save_networks(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
+    loaded = load_networks(tmp_path / "own.safetensors", TWIN)
     assert loaded.recipe.planner == own.planner
     with pytest.raises(
         UntrustedCodeError, match="is code, which a recording or a weig"

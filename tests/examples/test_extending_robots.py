@@ -18,7 +18,7 @@ from s2c2a.plugins import trust_code
 from s2c2a.robots.factory import robot_class
 from s2c2a.runtime import check_robot
 from s2c2a.spaces import Stage
-from s2c2a.strategies import load_strategy, save_recipe
+from s2c2a.strategies import load_networks, save_recipe
 
 FOLDER = Path(__file__).parents[2] / "examples" / "extending"
 ROBOT, SENSOR = FOLDER / "own_robot.py", FOLDER / "own_sensor.py"
@@ -117,7 +117,7 @@ def test_a_custom_robot_is_run_and_scored(trained, tmp_path):
 
 def test_a_custom_robot_runs_on_the_live_page(trained):
     _, _, weights = trained
-    spec = load_strategy(weights).arm
+    spec = load_networks(weights).arm
     control = arm_control(
         spec, robot_factory_for(f"{ROBOT}:LaggingArm", ("lag=0.03",)), (str(weights),)
     )

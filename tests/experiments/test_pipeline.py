@@ -3,7 +3,7 @@
 import pytest
 
 from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
-from s2c2a.strategies import TrainedNetworks, save_strategy
+from s2c2a.strategies import TrainedNetworks, save_networks
 from s2c2a_experiments.calibration import C2S_ERROR
 from s2c2a_experiments.circle import track_reference
 
@@ -14,7 +14,7 @@ def errors_on_circle(
     path = (
         cache.folder / f"{networks.recipe.name}-{networks.arm.name}-given.safetensors"
     )
-    save_strategy(networks, path)
+    save_networks(networks, path)
     given = GivenNetworks.read(path, networks.arm)
     runs = run_all(
         jobs_for(

@@ -5,7 +5,7 @@ import pytest
 from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
 from s2c2a.jobs.job import Conditions
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import recipe_named, save_strategy, shipped_networks
+from s2c2a.strategies import recipe_named, save_networks, shipped_networks
 from s2c2a_experiments.sensors import with_sensors
 from s2c2a_experiments.stability import (
     HOLD_TIME,
@@ -36,7 +36,7 @@ def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
 @pytest.mark.parametrize("sensors", ["imu", "bends"])
 def test_a_held_arm_with_100_g_does_not_vibrate(sensors, twin, tmp_path):
     path = tmp_path / "twin.safetensors"
-    save_strategy(shipped_networks(twin), path)
+    save_networks(shipped_networks(twin), path)
     arm = with_sensors(twin, sensors)
     given = GivenNetworks.read(path, twin)
     conditions = Conditions(RobotFactory.simulation(payload=0.1))

@@ -217,9 +217,9 @@ def _strategies() -> list[bytes]:
 def _read_strategy(path: Path) -> list[str]:
     import jax
 
-    from s2c2a.strategies import load_strategy
+    from s2c2a.strategies import load_networks
 
-    made = load_strategy(path)
+    made = load_networks(path)
     networks = made.networks if hasattr(made, "networks") else (made.c2s, made.c2a)
     arrays = [
         np.asarray(leaf)

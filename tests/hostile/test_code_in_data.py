@@ -30,11 +30,11 @@ from s2c2a.logs.model_fit import CableFit
 from s2c2a.plugins import GROUPS, resolve, trust_code
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import (
+    load_networks,
     load_recipe,
-    load_strategy,
     s2c2a_strategy,
+    save_networks,
     save_recipe,
-    save_strategy,
 )
 
 SOURCE = Path(__file__).parents[2] / "src" / "s2c2a"
@@ -199,8 +199,8 @@ def test_weights_of_an_arm_with_a_sensor_formula_run_no_code(
     recipe = replace(tiny_best_networks.recipe, estimator=KalmanFilter())
     arm = with_raw_sensor(tiny_best_networks.arm, name)
     networks = replace(tiny_best_networks, arm=arm, recipe=recipe)
-    save_strategy(networks, tmp_path / "evil.safetensors")
-    loaded = load_strategy(tmp_path / "evil.safetensors")
+    save_networks(networks, tmp_path / "evil.safetensors")
+    loaded = load_networks(tmp_path / "evil.safetensors")
     with pytest.raises(UntrustedCodeError, match=name):
         s2c2a_strategy(loaded)
     assert not ran.exists()
@@ -215,8 +215,8 @@ def test_the_planner_of_a_weight_file_runs_no_code(
     own = (CUSTOM,) if field in ("terms", "guides") else CUSTOM
     planner = replace(recipe.planner, **{field: own})
     networks = replace(tiny_best_networks, recipe=replace(recipe, planner=planner))
-    save_strategy(networks, tmp_path / "evil.safetensors")
-    loaded = load_strategy(tmp_path / "evil.safetensors")
+    save_networks(networks, tmp_path / "evil.safetensors")
+    loaded = load_networks(tmp_path / "evil.safetensors")
     with pytest.raises(UntrustedCodeError):
         s2c2a_strategy(loaded)
     assert not ran.exists()
@@ -385,7 +385,7 @@ def evil_weights(tiny_best_networks, tmp_path) -> str:
         fallback=CUSTOM,
     )
     recipe = replace(tiny_best_networks.recipe, planner=planner, estimator=CUSTOM)
-    save_strategy(
+    save_networks(
         replace(tiny_best_networks, arm=arm, recipe=recipe),
         tmp_path / "evil.safetensors",
     )

@@ -35,14 +35,14 @@ from s2c2a.lab.tracking.tags.live_calibration import read_pictures
 from s2c2a.logs import load_map
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import load_recipe, load_strategy
+from s2c2a.strategies import load_networks, load_recipe
 from s2c2a.strategies.files import arm_of_strategy
 from s2c2a.tasks import load_task, load_waypoints, waypoints_task
 
 TWIN = load_arm("twin_arm")
 READERS = {
     "x.episodes": load_recording,
-    "x.safetensors": load_strategy,
+    "x.safetensors": load_networks,
     "arm.toml": load_arm,
     "recipe.toml": load_recipe,
     "x.csv": load_waypoints,

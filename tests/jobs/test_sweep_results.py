@@ -37,7 +37,7 @@ def test_the_networks_of_the_best_trial_are_those_of_its_runs(
         sweep, "made", lambda artifact, *_: asked.append(artifact) or Networks()
     )
     monkeypatch.setattr(sweep, "replace", lambda value, **_: value)
-    monkeypatch.setattr(sweep, "save_strategy", lambda _, path: saved.append(path))
+    monkeypatch.setattr(sweep, "save_networks", lambda _, path: saved.append(path))
     recipe, weights = sweep.save_best(TRIALS, plan, tmp_path, Cache(tmp_path), quiet)
     assert tuple(asked) == needed
     assert load_recipe(recipe).planner.solver.iterations == 5

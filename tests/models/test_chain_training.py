@@ -14,7 +14,7 @@ from s2c2a.errors import StrategyError, TrainingError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
 from s2c2a.models.chain_training import hysteresis_samples
-from s2c2a.strategies import TrainedNetworks, load_strategy, recipe_named, save_strategy
+from s2c2a.strategies import TrainedNetworks, load_networks, recipe_named, save_networks
 from s2c2a.training import FitOptions, TrainingData
 
 EPISODES, SAMPLES = 6, 200
@@ -201,12 +201,12 @@ def networks(trained, make_arm):
 
 @pytest.fixture
 def file(networks, tmp_path):
-    save_strategy(networks, tmp_path / "chain.safetensors")
+    save_networks(networks, tmp_path / "chain.safetensors")
     return tmp_path / "chain.safetensors"
 
 
 def test_a_loaded_model_predicts_bitwise_the_same(file, networks):
-    loaded = load_strategy(file, networks.arm)
+    loaded = load_networks(file, networks.arm)
     sensed, _ = synthetic(networks.arm)
     assert loaded.recipe == networks.recipe
     for before, after in zip(
@@ -240,4 +240,4 @@ def test_a_file_with_an_invalid_or_wrong_size_is_rejected(file, forged, damage):
         metadata["recipe"]["c2s"] |= damage
 
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(forged(file, change))
+        load_networks(forged(file, change))

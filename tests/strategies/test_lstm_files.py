@@ -9,9 +9,9 @@ from s2c2a.models.actions import LSTMOptions, TipHistory
 from s2c2a.strategies import (
     TrainedNetworks,
     labeled,
-    load_strategy,
+    load_networks,
     recipe_named,
-    save_strategy,
+    save_networks,
 )
 from s2c2a.strategies.lstm import LSTM
 from s2c2a.training import FitOptions
@@ -37,7 +37,7 @@ def trained(twin):
 @pytest.fixture(scope="module")
 def file(trained, tmp_path_factory):
     path = tmp_path_factory.mktemp("lstm") / "deep" / "twin.safetensors"
-    save_strategy(trained, path)
+    save_networks(trained, path)
     return path
 
 
@@ -66,14 +66,14 @@ def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     before, after = (
         network(desired, TipHistory(*past))
         for network in (
-            one.networks["LSTM"] for one in (trained, load_strategy(file, twin))
+            one.networks["LSTM"] for one in (trained, load_networks(file, twin))
         )
     )
     np.testing.assert_array_equal(after, before)
 
 
 def test_everything_comes_back(file, trained):
-    loaded = load_strategy(file)
+    loaded = load_networks(file)
     assert (loaded.arm, loaded.recipe, loaded.seed) == (
         trained.arm,
         trained.recipe,
@@ -93,12 +93,12 @@ def test_the_file_appears_whole_and_nothing_is_left_beside_it(file):
 def test_an_lstm_of_another_arm_is_refused_and_the_difference_named(file, twin):
     other = twin.model_copy(update={"name": "other", "control_rate": 20.0})
     with pytest.raises(StrategyError, match=r"'twin_arm'.*'other' in control_rate;"):
-        load_strategy(file, other)
+        load_networks(file, other)
 
 
 def test_a_file_names_the_strategy_that_it_belongs_to(file, strategy_file):
-    assert load_strategy(file).strategy == "lstm"
-    assert load_strategy(strategy_file).strategy == "s2c2a"
+    assert load_networks(file).strategy == "lstm"
+    assert load_networks(strategy_file).strategy == "s2c2a"
 
 
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.999])
@@ -106,12 +106,12 @@ def test_a_file_that_is_cut_off_is_refused(file, tmp_path, part):
     whole = file.read_bytes()
     (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "cut")
+        load_networks(tmp_path / "cut")
 
 
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(StrategyError, match="no strategy at"):
-        load_strategy(tmp_path / "nothing")
+        load_networks(tmp_path / "nothing")
 
 
 @pytest.mark.parametrize(
@@ -124,13 +124,13 @@ def test_a_missing_file_is_refused(tmp_path):
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
-        load_strategy(rewrite(without=(name,)))
+        load_networks(rewrite(without=(name,)))
     assert name in str(caught.value)
 
 
 def test_weights_that_are_not_finite_are_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(
+        load_networks(
             rewrite(**{"LSTM.network.bias_head": np.full(9, np.nan, np.float32)})
         )
 
@@ -150,16 +150,16 @@ WRONG = {
 @pytest.mark.parametrize(("metadata", "message"), WRONG.values(), ids=WRONG)
 def test_metadata_that_cannot_be_are_refused(rewrite, metadata, message):
     with pytest.raises(StrategyError, match=message):
-        load_strategy(rewrite(metadata))
+        load_networks(rewrite(metadata))
 
 
 def test_a_file_without_its_curve_is_refused(rewrite):
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite(without=("curve.LSTM",)))
+        load_networks(rewrite(without=("curve.LSTM",)))
 
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
-    loaded = load_strategy(
+    loaded = load_networks(
         rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})
     )
     np.testing.assert_array_equal(

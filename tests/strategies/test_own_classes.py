@@ -9,10 +9,10 @@ from s2c2a.models.registry import MODELS
 from s2c2a.plugins import trust_code, trust_of_one_command
 from s2c2a.strategies import (
     check_own_classes_used,
+    load_networks,
     load_recipe,
-    load_strategy,
     planning_as,
-    save_strategy,
+    save_networks,
     shipped_networks,
 )
 from s2c2a.strategies.transfer import check_same_training
@@ -44,13 +44,13 @@ def own(tmp_path_factory):
     recipe = load_recipe(recipe_file)
     weights = tmp_path / "own.safetensors"
     networks = shipped_networks(load_arm("twin_arm"))
-    save_strategy(replace(networks, recipe=recipe), weights)
+    save_networks(replace(networks, recipe=recipe), weights)
     return recipe, weights
 
 
 def test_a_recipe_file_plans_with_weights_of_its_own_class(own):
     recipe, weights = own
-    networks = load_strategy(weights)
+    networks = load_networks(weights)
     assert networks.recipe.c2s.model == "own_local_model:Mine"
     assert planning_as(networks, recipe).recipe is recipe
     check_same_training(networks, recipe)
@@ -58,7 +58,7 @@ def test_a_recipe_file_plans_with_weights_of_its_own_class(own):
 
 def test_a_class_that_a_weight_file_uses_is_accepted(own):
     recipe, weights = own
-    used = load_strategy(weights).recipe
+    used = load_networks(weights).recipe
     check_own_classes_used([used], recipe.c2s.model, None)
 
 

@@ -13,8 +13,8 @@ from s2c2a.arm import randomized_arm
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import LocalOptions
 from s2c2a.strategies import (
-    load_strategy,
-    save_strategy,
+    load_networks,
+    save_networks,
     train_s2c2a,
     training_data,
     transferred,
@@ -43,8 +43,8 @@ def test_arms_of_a_prior_are_not_those_of_evaluations(prior_key):
 
 
 def test_a_file_keeps_the_spread(prior, twin, tmp_path):
-    save_strategy(prior, tmp_path / "prior.safetensors")
-    read = load_strategy(tmp_path / "prior.safetensors", twin)
+    save_networks(prior, tmp_path / "prior.safetensors")
+    read = load_networks(tmp_path / "prior.safetensors", twin)
     saved = parameters(prior.spread)
     for mine, theirs in zip(parameters(read.spread), saved, strict=True):
         np.testing.assert_array_equal(mine, theirs)
@@ -52,13 +52,13 @@ def test_a_file_keeps_the_spread(prior, twin, tmp_path):
 
 def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
     path = tmp_path / "prior.safetensors"
-    save_strategy(prior, path)
+    save_networks(prior, path)
 
     def without_spread(_metadata, arrays):
         arrays["spread.mixing"] = np.zeros_like(arrays["spread.mixing"])
 
     with pytest.raises(StrategyError, match="not positive"):
-        load_strategy(forged(Path(path), without_spread))
+        load_networks(forged(Path(path), without_spread))
 
 
 def test_a_prior_without_a_recording_fits_another_arm_and_stays_a_prior(prior, twin):

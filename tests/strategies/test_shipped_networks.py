@@ -9,7 +9,7 @@ from s2c2a.evaluation import position_errors, rollout
 from s2c2a.live.control import strategies_of
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import (
-    load_strategy,
+    load_networks,
     recipe_named,
     s2c2a_strategy,
     shipped_networks,
@@ -34,7 +34,7 @@ def test_they_drive_the_circle(name, most):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_they_were_trained_by_the_recipe_as_it_is(name):
-    networks = load_strategy(WEIGHTS / f"{name}.safetensors", load_arm(name))
+    networks = load_networks(WEIGHTS / f"{name}.safetensors", load_arm(name))
     assert networks.seed == 0
     assert networks.recipe.training == recipe_named("best").training
     assert shipped_networks(load_arm(name)).recipe == recipe_named("best")

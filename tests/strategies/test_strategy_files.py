@@ -16,7 +16,7 @@ from s2c2a.arm import Cable
 from s2c2a.episodes.blocks import WORD
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import History
-from s2c2a.strategies import load_strategy, save_strategy
+from s2c2a.strategies import load_networks, save_networks
 from s2c2a.strategies.checkpoint import SCHEMA
 
 
@@ -76,7 +76,7 @@ def rewrite(strategy_file, forged):
 def test_others_may_read_a_file_as_far_as_the_user_lets_them(tiny_networks, tmp_path):
     before = os.umask(0o022)
     try:
-        save_strategy(tiny_networks, tmp_path / "one.safetensors")
+        save_networks(tiny_networks, tmp_path / "one.safetensors")
     finally:
         os.umask(before)
     assert (tmp_path / "one.safetensors").stat().st_mode & 0o777 == 0o644
@@ -85,13 +85,13 @@ def test_others_may_read_a_file_as_far_as_the_user_lets_them(tiny_networks, tmp_
 def test_saved_and_loaded_networks_answer_alike_to_the_last_bit(saved, twin):
     networks, path = saved
     for before, after in zip(
-        outputs(networks), outputs(load_strategy(path, twin)), strict=True
+        outputs(networks), outputs(load_networks(path, twin)), strict=True
     ):
         np.testing.assert_array_equal(after, before)
 
 
 def test_every_weight_and_scaling_comes_back(saved):
-    loaded = load_strategy(saved[1])
+    loaded = load_networks(saved[1])
     before, after = (
         jax.tree.leaves(networks.networks) for networks in (saved[0], loaded)
     )
@@ -102,7 +102,7 @@ def test_every_weight_and_scaling_comes_back(saved):
 
 def test_what_is_known_of_the_training_comes_back(saved, twin):
     networks, path = saved
-    loaded = load_strategy(path)
+    loaded = load_networks(path)
     assert loaded.arm == twin
     assert (loaded.recipe, loaded.seed, loaded.percent) == (
         networks.recipe,
@@ -114,7 +114,7 @@ def test_what_is_known_of_the_training_comes_back(saved, twin):
 
 
 def test_saving_what_was_loaded_writes_the_same_file(saved, tmp_path):
-    save_strategy(load_strategy(saved[1]), tmp_path / "again.safetensors")
+    save_networks(load_networks(saved[1]), tmp_path / "again.safetensors")
     one, two = contents(saved[1]), contents(tmp_path / "again.safetensors")
     assert one[1] == two[1]
     assert one[0].keys() == two[0].keys()
@@ -122,19 +122,19 @@ def test_saving_what_was_loaded_writes_the_same_file(saved, tmp_path):
 
 def test_equal_networks_are_equal_files_to_the_last_byte(saved, tmp_path):
     for number in range(8):
-        save_strategy(saved[0], tmp_path / str(number))
+        save_networks(saved[0], tmp_path / str(number))
     assert {path.read_bytes() for path in tmp_path.iterdir()} == {saved[1].read_bytes()}
 
 
 def test_the_file_appears_whole_and_nothing_is_left_beside_it(tiny_networks, tmp_path):
-    save_strategy(tiny_networks, tmp_path / "deep" / "one.safetensors")
+    save_networks(tiny_networks, tmp_path / "deep" / "one.safetensors")
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["one.safetensors"]
 
 
 def test_a_place_that_cannot_be_written_is_refused(tiny_networks, tmp_path):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(S2C2AError, match="cannot write"):
-        save_strategy(tiny_networks, tmp_path / "file" / "one.safetensors")
+        save_networks(tiny_networks, tmp_path / "file" / "one.safetensors")
 
 
 def test_the_file_tells_its_schema_version_recipe_and_errors(
@@ -152,8 +152,8 @@ def test_the_file_tells_its_schema_version_recipe_and_errors(
 def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):
     renamed = twin.model_copy(update={"name": "ours", "description": "the same body"})
     np.testing.assert_array_equal(
-        outputs(load_strategy(strategy_file, renamed))[0],
-        outputs(load_strategy(strategy_file))[0],
+        outputs(load_networks(strategy_file, renamed))[0],
+        outputs(load_networks(strategy_file))[0],
     )
 
 
@@ -180,26 +180,26 @@ def test_a_strategy_of_another_arm_is_refused_and_the_difference_named(
 ):
     other = change(twin).model_copy(update={"name": "other"})
     with pytest.raises(StrategyError, match=rf"'twin_arm'.*'other' in {field};"):
-        load_strategy(strategy_file, other)
+        load_networks(strategy_file, other)
 
 
 def test_every_difference_is_named(strategy_file, simulated):
     with pytest.raises(StrategyError, match=r"actuation, sensing, motor, modules"):
-        load_strategy(strategy_file, simulated)
+        load_networks(strategy_file, simulated)
 
 
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(StrategyError, match="no strategy at"):
-        load_strategy(tmp_path / "nothing.safetensors")
+        load_networks(tmp_path / "nothing.safetensors")
     with pytest.raises(StrategyError, match=r"shiped \(did you mean shipped\?\)"):
-        load_strategy("shiped")
+        load_networks("shiped")
 
 
 def test_a_recording_in_place_of_networks_is_named(tmp_path):
     recording = tmp_path / "mine.episodes"
     recording.write_bytes(WORD + bytes(100))
     with pytest.raises(StrategyError, match="is a recording or a run, not networks"):
-        load_strategy(recording)
+        load_networks(recording)
 
 
 @pytest.mark.parametrize("part", [0.0, 1e-5, 0.002, 0.1, 0.5, 0.999])
@@ -207,14 +207,14 @@ def test_a_file_that_is_cut_off_is_refused(strategy_file, tmp_path, part):
     whole = strategy_file.read_bytes()
     (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "cut")
+        load_networks(tmp_path / "cut")
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_bytes_are_refused(tmp_path, seed):
     (tmp_path / "noise").write_bytes(np.random.default_rng(seed).bytes(4000))
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "noise")
+        load_networks(tmp_path / "noise")
 
 
 def test_a_pickle_is_refused_and_not_opened(tmp_path):
@@ -224,13 +224,13 @@ def test_a_pickle_is_refused_and_not_opened(tmp_path):
 
     np.save(tmp_path / "bomb.npy", np.array([Bomb()], dtype=object), allow_pickle=True)
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "bomb.npy")
+        load_networks(tmp_path / "bomb.npy")
 
 
 def test_a_file_of_another_program_is_refused(tmp_path):
     save_file({"weights": np.zeros(3, np.float32)}, tmp_path / "other.safetensors")
     with pytest.raises(StrategyError, match="no strategy file"):
-        load_strategy(tmp_path / "other.safetensors")
+        load_networks(tmp_path / "other.safetensors")
 
 
 @pytest.mark.parametrize("schema", [1, SCHEMA - 1, SCHEMA + 1])
@@ -239,7 +239,7 @@ def test_another_schema_is_refused_and_how_to_make_the_file_again_said(rewrite, 
         StrategyError,
         match=rf"schema {schema}, and this version reads {SCHEMA}.*`s2c2a train`",
     ):
-        load_strategy(rewrite({"schema_version": schema}))
+        load_networks(rewrite({"schema_version": schema}))
 
 
 BILSTM = {"model": "bilstm", "layers": 1, "hidden": 8}
@@ -272,7 +272,7 @@ WRONG_RECIPES = {
 def test_an_impossible_recipe_is_refused(rewrite, strategy_file, recipe):
     known = contents(strategy_file)[1]["recipe"] if recipe else {}
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(
+        load_networks(
             rewrite({"recipe": known | recipe if isinstance(recipe, dict) else recipe})
         )
 
@@ -281,9 +281,9 @@ REFUSED_IN_4_GB = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30))
 from s2c2a.errors import StrategyError
-from s2c2a.strategies import load_strategy
+from s2c2a.strategies import load_networks
 for path in sys.argv[1:]:
-    try: load_strategy(path)
+    try: load_networks(path)
     except StrategyError: print("refused")
 """
 
@@ -311,7 +311,7 @@ def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, tiny_netw
         "C2A.sum_and_range.high": np.full((3, 3), 9.0, np.float32),
         "C2A.sum_and_range.unit": np.ones((3, 1)),
     }
-    loaded, layer = load_strategy(rewrite(**forged)), tiny_networks.c2a.sum_and_range
+    loaded, layer = load_networks(rewrite(**forged)), tiny_networks.c2a.sum_and_range
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.high, layer.high)
     np.testing.assert_array_equal(loaded.c2a.sum_and_range.unit, layer.unit)
 
@@ -330,25 +330,25 @@ def test_what_follows_from_the_arm_is_no_part_of_the_file_of_a_chain(
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):
     with pytest.raises(StrategyError) as caught:
-        load_strategy(rewrite(without=(name,)))
+        load_networks(rewrite(without=(name,)))
     assert name in str(caught.value)
 
 
 def test_an_array_of_another_shape_is_refused(rewrite):
     with pytest.raises(StrategyError, match=r"bias_head of shape \(6,\)"):
-        load_strategy(rewrite(**{"C2S.network.bias_head": np.zeros(7, np.float32)}))
+        load_networks(rewrite(**{"C2S.network.bias_head": np.zeros(7, np.float32)}))
 
 
 def test_an_array_of_other_numbers_is_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(rewrite(**{"C2S.network.bias_head": np.zeros(6, np.int32)}))
+        load_networks(rewrite(**{"C2S.network.bias_head": np.zeros(6, np.int32)}))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e20, -1e7])
 def test_weights_that_are_not_finite_or_absurd_are_refused(rewrite, value):
     """They would drive the arm with NaN, or to its limits at once."""
     with pytest.raises(StrategyError, match="bias_head"):
-        load_strategy(
+        load_networks(
             rewrite(**{"C2S.network.bias_head": np.full(6, value, np.float32)})
         )
 
@@ -356,7 +356,7 @@ def test_weights_that_are_not_finite_or_absurd_are_refused(rewrite, value):
 @pytest.mark.parametrize("key", ["arm", "recipe", "seed", "percent"])
 def test_metadata_that_lack_a_key_are_refused(rewrite, key):
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite(without=(key,)))
+        load_networks(rewrite(without=(key,)))
 
 
 @pytest.mark.parametrize("metadata", ["[1]", "{", "null", '"paper"'])
@@ -367,12 +367,12 @@ def test_metadata_of_another_form_are_refused(strategy_file, tmp_path, metadata)
         metadata={"s2c2a": metadata, "digest": "0" * 64},
     )
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "odd")
+        load_networks(tmp_path / "odd")
 
 
 def test_an_arm_that_cannot_be_read_is_refused(rewrite):
     with pytest.raises(StrategyError, match="arm in"):
-        load_strategy(rewrite({"arm": "name ="}))
+        load_networks(rewrite({"arm": "name ="}))
 
 
 @pytest.mark.parametrize("kind", ["strategy_file", "best_strategy_file"])
@@ -391,28 +391,28 @@ def test_a_byte_that_changes_anywhere_is_noticed(request, tmp_path, kind):
         flipped[place] ^= int(random.integers(1, 256))
         (tmp_path / "flipped").write_bytes(flipped)
         with pytest.raises(StrategyError):
-            load_strategy(tmp_path / "flipped")
+            load_networks(tmp_path / "flipped")
 
 
 def test_a_file_with_bytes_more_than_it_says_is_refused(strategy_file, tmp_path):
     (tmp_path / "longer").write_bytes(strategy_file.read_bytes() + b"\0")
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(tmp_path / "longer")
+        load_networks(tmp_path / "longer")
 
 
 def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
     with open(tmp_path / "large", "wb") as file:
         file.truncate(10**12)  # holds nothing: a hole on the disk
     with pytest.raises(StrategyError, match="larger than 200 MB"):
-        load_strategy(tmp_path / "large")
+        load_networks(tmp_path / "large")
 
 
 def test_a_header_too_large_and_arrays_too_many_are_refused(rewrite, tmp_path):
     (tmp_path / "header").write_bytes((10**8).to_bytes(8, "little") + b" " * 100)
     with pytest.raises(StrategyError, match="header"):
-        load_strategy(tmp_path / "header")
+        load_networks(tmp_path / "header")
     with pytest.raises(StrategyError, match="arrays"):
-        load_strategy(
+        load_networks(
             rewrite(
                 **{f"more{number}": np.zeros(1, np.float32) for number in range(10_001)}
             )
@@ -424,13 +424,13 @@ def test_a_header_too_large_and_arrays_too_many_are_refused(rewrite, tmp_path):
 )
 def test_a_learning_curve_that_cannot_be_drawn_is_refused(rewrite, curve):
     with pytest.raises(StrategyError, match="curve"):
-        load_strategy(rewrite(**{"curve.C2S": curve}))
+        load_networks(rewrite(**{"curve.C2S": curve}))
 
 
 @pytest.mark.parametrize("without", ["curve.C2S", "curve.C2A"])
 def test_a_file_without_its_curves_is_refused(rewrite, without):
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite(without=(without,)))
+        load_networks(rewrite(without=(without,)))
 
 
 @pytest.mark.parametrize(
@@ -439,7 +439,7 @@ def test_a_file_without_its_curves_is_refused(rewrite, without):
 )
 def test_held_out_errors_that_are_missing_or_no_numbers_are_refused(rewrite, percent):
     with pytest.raises(StrategyError, match="damaged"):
-        load_strategy(rewrite({"percent": percent}))
+        load_networks(rewrite({"percent": percent}))
 
 
 def test_no_module_is_imported_because_a_file_names_it(
@@ -451,5 +451,5 @@ def test_no_module_is_imported_because_a_file_names_it(
     recipe = contents(strategy_file)[1]["recipe"]
     for name in ("trap:Anything", "trap.py:Anything", "trap"):
         with pytest.raises(StrategyError, match="files cannot run code"):
-            load_strategy(rewrite({"recipe": recipe | {"c2s": {"model": name}}}))
+            load_networks(rewrite({"recipe": recipe | {"c2s": {"model": name}}}))
     assert "trap" not in sys.modules

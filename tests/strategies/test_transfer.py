@@ -17,9 +17,9 @@ from s2c2a.models.transfer import (
 )
 from s2c2a.models.trunk import Trunk
 from s2c2a.strategies import (
-    load_strategy,
+    load_networks,
     recipe_named,
-    save_strategy,
+    save_networks,
     train_s2c2a,
     training_data,
     transferred,
@@ -81,8 +81,8 @@ def test_other_counts_of_modules_begin_and_are_kept(
 ):
     arm, recipe = of_count(twin, count), replace(tiny_best_networks.recipe, episodes=2)
     begun = transferred(replace(tiny_best_networks, recipe=recipe), arm)
-    save_strategy(begun, tmp_path / "begun.safetensors")
-    read = load_strategy(tmp_path / "begun.safetensors", arm)
+    save_networks(begun, tmp_path / "begun.safetensors")
+    read = load_networks(tmp_path / "begun.safetensors", arm)
     straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (count, 1))
     states = read.c2s.predict(straight, read.c2s.start(straight))
     assert states.shape == (count, 6)

@@ -1,7 +1,6 @@
 """Command `s2c2a collect`: record an arm."""
 
 from contextlib import nullcontext
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -69,39 +68,31 @@ def collect(
         resume: continue an interrupted recording.
         overwrite: replace the recording if it exists.
     """
-    from s2c2a import data, strategies
+    from s2c2a import api
 
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
-    chosen = strategies.recipe_from(recipe)
-    options = chosen.collect_options(seed)
-    options = replace(
-        options,
-        active=active or options.active,
-        babbling=babbling or options.babbling,
-        episodes=options.episodes if episodes is None else episodes,
-        samples=samples,
-    )
     check_parallel(factory, threads, cluster, "--threads")
-    if not factory.simulated:
-        threads = 1
     with (
         make_executor(threads, cluster) if cluster else nullcontext() as executor,
         progress_bar() as progress,
         emergency_controls(factory),
     ):
-        recording = data.collect(
-            out,
+        recording = api.collect(
             spec,
-            partial(factory.seeded, spec),
-            options,
-            executor=executor,
-            threads=threads,
-            robot=str(factory),
-            progress=partial(progress, f"collecting from {spec.name}"),
+            out,
+            episodes=episodes,
+            samples=samples,
+            seed=seed,
+            recipe=recipe,
+            babbling=babbling,
+            active=active,
+            robot=factory,
             resume=resume,
             overwrite=overwrite,
-            choose_targets=strategies.target_choice(chosen),
+            threads=threads,
+            executor=executor,
+            progress=partial(progress, f"collecting from {spec.name}"),
         )
     _print_summary(recording, out)
 

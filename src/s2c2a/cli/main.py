@@ -6,7 +6,6 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
-from importlib.util import find_spec
 from typing import Literal
 
 from tyro.conf import Positional
@@ -81,21 +80,26 @@ def _add_installed_commands() -> None:
     its help. One that cannot be imported is left out, and named: the others work.
     """
     for name, point in installed("command").items():
-        if find_spec(point.module.partition(".")[0]) is None:
-            continue  # the wheel has no experiments, which stand beside it in a clone
         try:
             command = point.load()
         except Exception as error:  # it may be a stranger's
-            print(
-                f"s2c2a: the command '{name}' cannot be loaded: "
-                f"{type(error).__name__}: {error}",
-                file=sys.stderr,
-            )
+            if not _is_absent(point.module, error):
+                print(
+                    f"s2c2a: the command '{name}' cannot be loaded: "
+                    f"{type(error).__name__}: {error}",
+                    file=sys.stderr,
+                )
             continue
         if isinstance(command, tuple):
             GROUPS[name] = command
         else:
             VERBS[name] = command
+
+
+def _is_absent(module: str, error: Exception) -> bool:
+    """Whether the package of a command is missing, as experiments are in a wheel."""
+    missing = error.name if isinstance(error, ModuleNotFoundError) else None
+    return f"{module}.".startswith(f"{missing}.")
 
 
 _add_installed_commands()

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_bar
 from s2c2a.cli.execution import Address, make_executor
-from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
-from s2c2a.files import check_replaceable, write_atomically
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.strategies import TrainedNetworks
@@ -50,16 +49,12 @@ def pretrain(
     from s2c2a import strategies
 
     limit_jax_to_one_thread()
-    if out.exists() and not overwrite:
-        raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
-    check_replaceable(out, ".safetensors", StrategyError)
+    strategies.check_new_networks(out, overwrite)
     chosen = strategies.recipe_from(recipe)
     nominal = chosen.seen_arm(load_arm(arm))
     prior = artifacts.PriorNetworks(
         nominal, chosen, seed, arms, strength, episodes, samples
     )
-    # an impossible place is refused before the long work
-    out.parent.mkdir(parents=True, exist_ok=True)
     cache = artifacts.Cache()
     with make_executor(jobs, cluster) as executor, progress_bar() as progress:
         if not prior.is_in(cache):

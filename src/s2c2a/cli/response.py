@@ -91,12 +91,12 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
     from s2c2a.estimation.excitation import excite, tip_sensor_of
     from s2c2a.estimation.frequency_response import fit_response
     from s2c2a.executors import limit_jax_to_one_thread
-    from s2c2a.strategies import load_strategy
+    from s2c2a.strategies import load_networks
 
     limit_jax_to_one_thread()
     arm = robot.arm
     tip_sensor_of(robot)  # raises an error if no sensor of the robot measures the tip
-    networks = None if weights is None else load_strategy(weights, arm)
+    networks = None if weights is None else load_networks(weights, arm)
     expectation = ExpectedDynamics(arm, networks)
     frequency = expectation.frequency
     with progress_bar() as progress:

@@ -16,7 +16,6 @@ from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import uses_recipe
 from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
-from s2c2a.files import check_replaceable
 
 if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
@@ -66,13 +65,11 @@ def train(
     from s2c2a import strategies, viz
 
     limit_jax_to_one_thread()
-    if out.exists() and not overwrite:
-        raise StrategyError(f"{out} exists; add --overwrite or choose another --out")
-    check_replaceable(out, ".safetensors", StrategyError)
+    strategies.check_new_networks(out, overwrite)
     chosen = strategies.recipe_from(recipe)
-    begun = strategies.load_strategy(start) if start else None
-    networks = _trained(recording, arm, strategy, chosen, seed, begun, out)
-    strategies.save_strategy(networks, out)
+    begun = strategies.load_networks(start) if start else None
+    networks = _trained(recording, arm, strategy, chosen, seed, begun)
+    strategies.save_networks(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
         name: [dict(zip(columns, row, strict=True)) for row in rows]
@@ -110,7 +107,6 @@ def _trained(
     recipe: "Recipe",
     seed: int,
     start: "TrainedNetworks | None",
-    out: Path,
 ) -> "TrainedNetworks":
     """Train on a recording, on other networks, or on both.
 
@@ -120,12 +116,12 @@ def _trained(
     from s2c2a import strategies
     from s2c2a.data import load_recording
 
-    options = strategies.STRATEGIES.named(strategy)()
+    kind = strategies.STRATEGIES.named(strategy)
     if recording is None and (arm is None or start is None):
         raise StrategyError(
             "give a recording, or --arm and --from for an arm without a recording"
         )
-    if start is not None and type(options) is not strategies.S2C2A:
+    if start is not None and kind is not strategies.S2C2A:
         raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None
@@ -135,8 +131,6 @@ def _trained(
             f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
             "file that it was recorded with"
         )
-    # an impossible place is refused before the long work
-    out.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar() as progress:
 
         def training_progress(
@@ -147,9 +141,9 @@ def _trained(
         if data is not None and start is not None:
             return strategies.train_s2c2a(data, recipe, seed, training_progress, start)
         if data is not None:
-            used = options.recipe(recipe)
-            networks = options.train(data, used, seed, training_progress)
-            return strategies.labeled(networks, options)
+            return strategies.train_networks(
+                data, recipe, strategy, seed, training_progress
+            )
         assert start is not None
         assert spec is not None
         progress("transferring networks", 0, 1)

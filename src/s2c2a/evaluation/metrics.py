@@ -223,7 +223,7 @@ class ScoreResult:
     averaged: bool
 
 
-def score_run(episode: Episode, task: Task, recipe: str) -> list[ScoreResult]:
+def score_run(episode: Episode, task: Task, recipe: str = "best") -> list[ScoreResult]:
     """Evaluate the scores of a task for one run.
 
     Args:

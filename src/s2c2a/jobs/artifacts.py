@@ -218,10 +218,10 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
             recording, self.recipe, self.seed, training_progress
         )
         labeled = strategies.labeled(networks, self.strategy)
-        strategies.save_strategy(labeled, self.path(cache))
+        strategies.save_networks(labeled, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_strategy(self.path(cache), self.arm)
+        networks = strategies.load_networks(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
@@ -262,7 +262,7 @@ class GivenNetworks(Artifact[TrainedNetworks]):
             StrategyError: no such file, damaged, for another arm, or the recipe trains
                 differently.
         """
-        networks = strategies.load_strategy(path, arm)
+        networks = strategies.load_networks(path, arm)
         if recipe is not None:
             networks = strategies.planning_as(networks, recipe)
         return cls(arm, networks.recipe, networks.strategy, path.read_bytes())
@@ -276,7 +276,7 @@ class GivenNetworks(Artifact[TrainedNetworks]):
         write_atomically(self.content, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_strategy(self.path(cache), self.arm)
+        networks = strategies.load_networks(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:

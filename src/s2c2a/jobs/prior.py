@@ -85,10 +85,10 @@ class PriorNetworks(Artifact[TrainedNetworks]):
         networks = strategies.pretrain_s2c2a(
             recordings, self.arm, self.recipe, self.seed, training_progress
         )
-        strategies.save_strategy(networks, self.path(cache))
+        strategies.save_networks(networks, self.path(cache))
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_strategy(self.path(cache), self.arm)
+        networks = strategies.load_networks(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:

@@ -26,7 +26,7 @@ from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
-from s2c2a.strategies import STRATEGIES, Recipe, save_recipe, save_strategy
+from s2c2a.strategies import STRATEGIES, Recipe, save_networks, save_recipe
 from s2c2a.tasks import Task
 from s2c2a.viz import trials_figure
 
@@ -209,7 +209,7 @@ def save_best(
     networks = made(needed[0], cache, progress)
     renamed = replace(networks, recipe=replace(networks.recipe, name=name))
     weights = folder / "best.safetensors"
-    save_strategy(renamed, weights)
+    save_networks(renamed, weights)
     return recipe, weights
 
 

@@ -56,7 +56,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         return f"{name}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        strategies.save_strategy(self._networks(cache, progress), self.path(cache))
+        strategies.save_networks(self._networks(cache, progress), self.path(cache))
 
     def _networks(self, cache: Cache, progress: Progress) -> TrainedNetworks:
         def training_progress(
@@ -73,7 +73,7 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         )
 
     def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_strategy(self.path(cache), self.arm)
+        networks = strategies.load_networks(self.path(cache), self.arm)
         return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:

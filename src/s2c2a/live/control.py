@@ -40,11 +40,10 @@ from s2c2a.strategies import (
     RunOptions,
     check_own_classes_used,
     import_own_classes,
-    load_strategy,
+    networks_from,
     recipe_named,
     shipped_networks,
 )
-from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.pcc import PlainPCC
 from s2c2a.tasks import TASKS, Task, load_task
 
@@ -350,10 +349,7 @@ def strategies_of(
             would have no effect.
     """
     import_own_classes(model, controller)
-    networks = [
-        shipped_networks(arm) if file == SHIPPED else load_strategy(file, arm)
-        for file in files
-    ]
+    networks = [networks_from(file, arm) for file in files]
     recipes = [trained.recipe for trained in networks]
     check_own_classes_used(recipes, model, controller)
     labels = [Path(file).stem for file in files]

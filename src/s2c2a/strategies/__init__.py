@@ -1,6 +1,11 @@
 """Strategies: state estimator, planner and controller, composed and chosen by name."""
 
-from s2c2a.strategies.files import arm_of_strategy, load_strategy, save_strategy
+from s2c2a.strategies.files import (
+    arm_of_strategy,
+    check_new_networks,
+    load_networks,
+    save_networks,
+)
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.own_classes import check_own_classes_used, import_own_classes
 from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
@@ -13,7 +18,7 @@ from s2c2a.strategies.recipe import (
     recipe_named,
     save_recipe,
 )
-from s2c2a.strategies.registry import STRATEGIES, labeled
+from s2c2a.strategies.registry import STRATEGIES, labeled, strategy_of, train_networks
 from s2c2a.strategies.s2c2a import (
     S2C2A,
     estimator_of,
@@ -24,7 +29,7 @@ from s2c2a.strategies.s2c2a import (
     train_s2c2a,
     training_data,
 )
-from s2c2a.strategies.shipped import shipped_networks
+from s2c2a.strategies.shipped import networks_from, shipped_networks
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.strategies.transfer import transferred

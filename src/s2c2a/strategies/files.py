@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from s2c2a.components import Registry
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
 from s2c2a.estimation.sensor_models import PREFIX
+from s2c2a.files import check_replaceable
 from s2c2a.strategies.checkpoint import (
     SCHEMA,
     Arrays,
@@ -32,6 +34,7 @@ from s2c2a.strategies.registry import STRATEGIES
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training.fit import parameters
 
+ENDING = ".safetensors"
 OPTIONAL = (MODAL_MODEL, PREFIX)
 """Beginnings of the names of networks that a file may lack."""
 CURVE = "curve."
@@ -39,7 +42,23 @@ SPREAD = "spread"
 """Beginning of the names of arrays that only a prior has."""
 
 
-def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
+def check_new_networks(path: str | os.PathLike, overwrite: bool) -> None:
+    """Refuse an impossible place of a weight file before the long work; make its folder.
+
+    Raises:
+        StrategyError: the file exists and is not to be replaced, or is of another kind.
+    """
+    file = Path(path)
+    if file.exists() and not overwrite:
+        raise StrategyError(
+            f"{file} exists; add --overwrite (in Python overwrite=True), or choose "
+            "another name"
+        )
+    check_replaceable(file, ENDING, StrategyError)
+    file.parent.mkdir(parents=True, exist_ok=True)
+
+
+def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     """Write trained networks; the file appears whole or not at all.
 
     Raises:
@@ -64,7 +83,7 @@ def save_strategy(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     write(path, metadata, arrays)
 
 
-def load_strategy(
+def load_networks(
     path: str | os.PathLike, arm: ArmSpec | None = None
 ) -> TrainedNetworks:
     """Read trained networks, for an arm if one is given.

@@ -17,7 +17,7 @@ from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import EncoderEstimator, EncoderMap
 from s2c2a.kinematics import PCC, bends_from_states
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import Planner, PlannerOptions
+from s2c2a.planning import PAPER, Planner, PlannerOptions
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.strategy import Strategy
@@ -107,8 +107,8 @@ class FittedPCC(StrategyOptions):
         return _pcc(self.name, arm, options, 1.0 / gains)
 
 
-def pcc_strategy(arm: ArmSpec, options: PlannerOptions) -> Strategy:
-    """PCC with the arm's nominal numbers."""
+def pcc_strategy(arm: ArmSpec, options: PlannerOptions = PAPER) -> Strategy:
+    """PCC with the arm's nominal numbers, which needs no training."""
     return _pcc("pcc", arm, options, np.ones(arm.module_count))
 
 

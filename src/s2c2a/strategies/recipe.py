@@ -303,12 +303,14 @@ def recipe_named(name: str) -> Recipe:
     return RECIPES[name]
 
 
-def recipe_from(name_or_file: str | os.PathLike) -> Recipe:
-    """A recipe by name, or from a file.
+def recipe_from(name_or_file: Recipe | str | os.PathLike) -> Recipe:
+    """A recipe by name, or from a file; a recipe itself stays.
 
     Raises:
         StrategyError: no such recipe, or the file holds none.
     """
+    if isinstance(name_or_file, Recipe):
+        return name_or_file
     text = str(name_or_file)
     return load_recipe(text) if text.endswith(ENDING) else recipe_named(text)
 

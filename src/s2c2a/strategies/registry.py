@@ -3,9 +3,12 @@
 from dataclasses import asdict, replace
 
 from s2c2a.components import Registry
+from s2c2a.data import Recording
+from s2c2a.runtime import Driver
 from s2c2a.strategies.lstm import LSTM
-from s2c2a.strategies.options import StrategyOptions
+from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
+from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.s2c2a import S2C2A, S2C2AMotor
 from s2c2a.strategies.trained import TrainedNetworks
 
@@ -24,3 +27,42 @@ def labeled(networks: TrainedNetworks, options: StrategyOptions) -> TrainedNetwo
         strategy=STRATEGIES.name_of(type(options)),
         strategy_options=asdict(options),
     )
+
+
+def train_networks(
+    recording: Recording,
+    recipe: Recipe,
+    strategy: str = "s2c2a",
+    seed: int = 0,
+    progress: NetworkProgress = lambda *_: None,
+) -> TrainedNetworks:
+    """Train the networks of a strategy on a recording.
+
+    Args:
+        recording: of the arm.
+        recipe: how to train.
+        strategy: by name, or file.py:Class.
+        seed: of everything random.
+        progress: called with network, epoch, number of epochs, validation loss.
+
+    Raises:
+        S2C2AError: no such strategy, or see `StrategyOptions.train`.
+    """
+    options = STRATEGIES.named(strategy)()
+    networks = options.train(recording, options.recipe(recipe), seed, progress)
+    return labeled(networks, options)
+
+
+def strategy_of(
+    networks: TrainedNetworks,
+    run: RunOptions = RunOptions(),  # noqa: B008  # frozen
+) -> Driver:
+    """Build the strategy that networks belong to.
+
+    Raises:
+        StrategyError: the strategy does not support an option of the run.
+    """
+    kind = STRATEGIES.imported(networks.strategy)
+    options = kind(**networks.strategy_options)
+    run.check_supported(options.supports, f"strategy '{networks.strategy}'")
+    return options.build(networks.arm, networks.recipe, networks, run)

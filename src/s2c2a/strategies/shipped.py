@@ -1,5 +1,6 @@
 """Networks that come with the package."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -8,7 +9,8 @@ from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
-from s2c2a.strategies.files import arm_of_strategy, load_strategy
+from s2c2a.strategies.checkpoint import SHIPPED
+from s2c2a.strategies.files import arm_of_strategy, load_networks
 from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.strategies.trained import TrainedNetworks
@@ -41,6 +43,24 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
         StrategyError: there are none for this arm.
     """
     with shipped_file(arm) as path:
-        networks = load_strategy(path)
+        networks = load_networks(path)
     recipe = recipe_named(networks.recipe.name)
     return replace(networks, arm=arm, recipe=recipe)
+
+
+def networks_from(
+    file: str | os.PathLike, arm: ArmSpec | None = None
+) -> TrainedNetworks:
+    """Networks of a weight file, or those of the package for "shipped".
+
+    Raises:
+        StrategyError: see `load_networks` and `shipped_networks`.
+    """
+    if str(file) != SHIPPED:
+        return load_networks(file, arm)
+    if arm is None:
+        raise StrategyError(
+            "networks of several arms come with the package, and no arm was given; give "
+            "one, such as load_strategy('shipped', load_arm('twin_arm'))"
+        )
+    return shipped_networks(arm)

@@ -58,12 +58,12 @@ def open_window(
     from s2c2a.strategies import (
         check_own_classes_used,
         import_own_classes,
-        load_strategy,
+        load_networks,
     )
 
     import_own_classes(model, controller)
     if len(what) == 1 and what[0].endswith(WEIGHTS):
-        networks = load_strategy(what[0])
+        networks = load_networks(what[0])
         check_own_classes_used([networks.recipe], model, controller)
         return viewing.view_training(networks, port)
     check_own_classes_used([], model, controller)
