@@ -7,9 +7,26 @@ newest frame, so that a control loop never waits for it.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Self
 
-from s2c2a.lab.tracking.poses import Pose
+from s2c2a.lab.tracking.poses import Pose, TrackingError
+
+
+class DropError(TrackingError):
+    """A packet, a picture or a part of one is dropped.
+
+    Attributes:
+        reason: why.
+    """
+
+    def __init__(self, message: str, reason: Enum):
+        super().__init__(message)
+        self.reason = reason
+
+    def __reduce__(self):
+        """Support pickling."""
+        return type(self), (*self.args, self.reason)
 
 
 @dataclass(frozen=True, eq=False)
