@@ -40,6 +40,8 @@ class NatNetTracker(MocapTracker):
     plausible and newer than all before is counted and dropped.
     """
 
+    _dialog: Connection
+
     def __init__(
         self,
         host: str = LOCALHOST,

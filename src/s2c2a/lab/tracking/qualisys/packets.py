@@ -13,7 +13,6 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking.axes import turn_up
@@ -229,7 +228,7 @@ def is_supported_axis(up: str) -> bool:
     return up in _UP_AXES
 
 
-def quaternion(matrix: np.ndarray) -> Float[np.ndarray, " 4"]:
+def quaternion(matrix: np.ndarray) -> list[float]:
     """Return the unit quaternion (x, y, z, w) of a rotation matrix.
 
     Args:
@@ -239,7 +238,7 @@ def quaternion(matrix: np.ndarray) -> Float[np.ndarray, " 4"]:
         PoseError: it is no rotation matrix.
     """
     _check_rotation(matrix)
-    return Rotation.from_matrix(matrix).as_quat()
+    return Rotation.from_matrix(matrix).as_quat().tolist()
 
 
 def _check_rotation(matrix: np.ndarray) -> None:

@@ -37,6 +37,8 @@ class QualisysTracker(MocapTracker):
     plausible and newer than all before is counted and dropped.
     """
 
+    _dialog: Session
+
     def __init__(
         self,
         host: str = LOCALHOST,

@@ -80,6 +80,8 @@ class Detections:
 class TagError(DropError):
     """A tag, a body or a picture is dropped."""
 
+    reason: TagDropReason
+
     def __init__(self, reason: TagDropReason, message: str = ""):
         super().__init__(message or reason.value, reason)
 
