@@ -1,7 +1,7 @@
 """Interface of every tracker: motion capture, tags in front of a camera, a simulation.
 
-A new source implements `Tracker`: it receives in a thread of its own and keeps the
-newest frame, so that a control loop never waits for it.
+A new source implements `Tracker`: it keeps the newest frame, so that a control loop never
+waits for it. `ReceivingTracker` has the thread that a source on a network or a bus needs.
 """
 
 from abc import ABC, abstractmethod

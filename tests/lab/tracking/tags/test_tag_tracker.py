@@ -57,8 +57,8 @@ def test_a_camera_gives_the_states_of_the_module_ends():
         assert tracker.problem == ""
     states = ModuleEnds.of(1).states(frame)
     true = BASE.inverse() @ TIP
-    np.testing.assert_allclose(states.states[0, :3], true.position, atol=0.002)
-    np.testing.assert_allclose(states.states[0, 3:], true.z_axis, atol=0.02)
+    np.testing.assert_allclose(states[0, :3], true.position, atol=0.002)
+    np.testing.assert_allclose(states[0, 3:], true.z_axis, atol=0.02)
 
 
 def test_frames_are_counted_and_their_rate_is_measured():
