@@ -103,10 +103,10 @@ def read_qualisys(content):
     from s2c2a.lab.tracking.qualisys.packets import PacketStream
 
     tracker = QualisysTracker()
-    tracker._session.connect(0.0)
+    tracker._dialog.connect(0.0)
     for known in (QTM_VERSION, QTM_PARAMETERS, content):
         for packet in PacketStream().feed(known):
-            tracker._take(packet, 0.0)
+            tracker._handle(packet.content, packet.kind, 0.0)
     return tracker
 
 

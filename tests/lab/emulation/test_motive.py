@@ -211,7 +211,7 @@ def first_states(tracker):
     while tracker.latest() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    return ModuleEnds.of(ARM.module_count).states(tracker.latest()).states
+    return ModuleEnds.of(ARM.module_count).states(tracker.latest())
 
 
 def test_the_tracker_sees_the_states_of_a_straight_arm():

@@ -76,7 +76,7 @@ def test_a_tracker_follows_a_rendered_camera(scene):
         while tracker.counts.accepted < 2 and time.monotonic() < end:
             time.sleep(0.01)
         frame = tracker.latest()
-    states = ModuleEnds.of(1).states(frame).states
+    states = ModuleEnds.of(1).states(frame)
     assert np.allclose(states[0, :3], POSES["end-1"].position, atol=1e-3)
     assert np.allclose(states[0, 3:], POSES["end-1"].z_axis, atol=0.01)
 

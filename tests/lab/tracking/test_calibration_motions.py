@@ -76,7 +76,7 @@ def test_held_bends_are_symmetric():
 
 
 def test_an_arm_does_not_move_without_all_bodies(monkeypatch):
-    monkeypatch.setattr(tracking, "FIRST_POSES", 0.05)
+    monkeypatch.setattr("s2c2a.lab.tracking.states.FIRST_POSES", 0.05)
     monkeypatch.setattr(TrackedSimulation, "own_time", False)
     robot = TrackedSimulation(ARM)
     with pytest.raises(TrackingError, match="no poses of base, end-1"):

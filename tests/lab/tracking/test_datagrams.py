@@ -10,14 +10,15 @@ from hypothesis import strategies as st
 
 from s2c2a.lab.tracking.datagrams import (
     MAX_BYTES,
-    Datagram,
     DatagramError,
     DropReason,
     FrameOrder,
     parse_datagram,
 )
+from s2c2a.lab.tracking.tracker import PoseFrame
 
 MUTATIONS = 20_000
+ARRIVAL = 100.0  # s
 BODY = {"position": [0.1, 0.2, 0.3], "rotation": [0.0, 0.0, 0.0, 1.0]}
 TOKENS = (
     b"NaN",
@@ -59,28 +60,28 @@ def encoded(**changes):
 
 def drop_reason(content):
     with pytest.raises(DatagramError) as caught:
-        parse_datagram(content)
+        parse_datagram(content, ARRIVAL)
     return caught.value.reason
 
 
 def is_valid(datagram):
     """Whether an accepted datagram holds only what the format allows."""
     poses = datagram.poses.values()
-    numbers = [datagram.time, *(np.abs(pose.position).max() for pose in poses)]
+    numbers = [datagram.source_time, *(np.abs(pose.position).max() for pose in poses)]
     lengths = [np.linalg.norm(pose.rotation) for pose in poses]
     return (
         np.isfinite(numbers).all()
         and max(numbers[1:], default=0.0) <= 100
         and np.allclose(lengths, 1.0, atol=1e-12)
-        and type(datagram.frame) is int
-        and 0 <= datagram.frame < 2**63
+        and type(datagram.number) is int
+        and 0 <= datagram.number < 2**63
     )
 
 
 def accepted_or_dropped(content):
     """One if a datagram is accepted, zero if it is dropped."""
     try:
-        datagram = parse_datagram(content)
+        datagram = parse_datagram(content, ARRIVAL)
     except DatagramError:
         return 0
     assert is_valid(datagram), content
@@ -100,15 +101,15 @@ def mutated(content, rng):
 
 
 def test_a_datagram_gives_time_frame_and_seen_bodies():
-    datagram = parse_datagram(encoded())
-    assert (datagram.time, datagram.frame) == (1.5, 7)
+    datagram = parse_datagram(encoded(), ARRIVAL)
+    assert (datagram.source_time, datagram.number) == (1.5, 7)
     assert list(datagram.poses) == ["base"]
     np.testing.assert_array_equal(datagram.poses["base"].position, [0.1, 0.2, 0.3])
 
 
 def test_millimeters_become_meters():
     body = BODY | {"position": [1, 2, 3000]}
-    datagram = parse_datagram(encoded(bodies={"base": body}, units="mm"))
+    datagram = parse_datagram(encoded(bodies={"base": body}, units="mm"), ARRIVAL)
     np.testing.assert_allclose(datagram.poses["base"].position, [0.001, 0.002, 3.0])
 
 
@@ -197,7 +198,7 @@ def test_any_value_of_a_body_is_dropped_or_valid(value, key):
 
 def order_with(frame=10, time=5.0, arrival=100.0):
     order = FrameOrder()
-    order.accept(Datagram(time, frame, {}), arrival, "a")
+    order.accept(PoseFrame(arrival, time, frame, {}), "a")
     return order
 
 
@@ -216,7 +217,7 @@ def order_with(frame=10, time=5.0, arrival=100.0):
 )
 def test_a_newer_frame_or_a_restart_is_accepted(frame, time, arrival, sender):
     order = order_with()
-    order.accept(Datagram(time, frame, {}), arrival, sender)
+    order.accept(PoseFrame(arrival, time, frame, {}), sender)
     assert order.restarts == int(frame <= 10)
 
 
@@ -237,7 +238,7 @@ def test_a_newer_frame_or_a_restart_is_accepted(frame, time, arrival, sender):
 def test_an_old_frame_is_dropped(frame, time, arrival, sender, reason):
     order = order_with()
     with pytest.raises(DatagramError) as caught:
-        order.accept(Datagram(time, frame, {}), arrival, sender)
+        order.accept(PoseFrame(arrival, time, frame, {}), sender)
     assert caught.value.reason is reason
     assert order.restarts == 0
 
@@ -245,8 +246,8 @@ def test_an_old_frame_is_dropped(frame, time, arrival, sender, reason):
 def test_a_dropped_frame_does_not_prolong_the_silence():
     order = order_with()
     with pytest.raises(DatagramError):
-        order.accept(Datagram(4.9, 0, {}), 100.9, "a")
-    order.accept(Datagram(5.1, 1, {}), 101.1, "a")
+        order.accept(PoseFrame(100.9, 4.9, 0, {}), "a")
+    order.accept(PoseFrame(101.1, 5.1, 1, {}), "a")
     assert order.restarts == 1
 
 
@@ -257,7 +258,7 @@ def test_frames_in_quick_order_only_go_back_at_a_restart(frames):
     for arrival, (frame, time) in enumerate(frames):
         restarts = order.restarts
         try:
-            order.accept(Datagram(time, frame, {}), 0.01 * arrival, "a")
+            order.accept(PoseFrame(0.01 * arrival, time, frame, {}), "a")
         except DatagramError:
             continue
         grew = last is None or (frame > last[0] and time >= last[1])

@@ -116,13 +116,6 @@ def test_two_ends_at_one_place_contradict_each_other(check):
     assert "does not fit module" in checked.reasons[2]
 
 
-def test_without_bend_limits_lengths_are_still_checked():
-    check = StateCheck(LENGTHS)
-    states = straight()
-    states[1, 2] = 0.5
-    assert check(states, 0.0).reasons[1] == "out of reach"
-
-
 def tilted(angle):
     """The straight arm, turned about the base by an angle [rad]."""
     turn = np.array(
@@ -224,12 +217,11 @@ def test_swapped_and_flipped_bodies_are_always_recognized(name):
 @pytest.mark.parametrize(
     "options",
     [
-        {"lengths": ()},
-        {"lengths": (0.2, -0.1)},
+        {"lengths": (), "bend_limits": ()},
+        {"lengths": (0.2, -0.1), "bend_limits": (1.0, 1.0)},
         {"lengths": (0.2,), "bend_limits": (1.0, 1.0)},
-        {"lengths": (0.2,), "stretch": 1.0},
-        {"lengths": (0.2,), "persistence": 0},
-        {"lengths": (0.2,), "speed": float("nan")},
+        {"lengths": (0.2,), "bend_limits": (0.0,)},
+        {"lengths": (0.2,), "bend_limits": (float("nan"),)},
     ],
 )
 def test_invalid_options_are_refused(options):

@@ -125,7 +125,7 @@ def test_states_of_a_silent_tracker_are_missing():
 
 
 def test_an_arm_does_not_move_without_poses(monkeypatch):
-    monkeypatch.setattr("s2c2a.lab.tracking.tracked_robot.FIRST_POSES", 0.05)
+    monkeypatch.setattr("s2c2a.lab.tracking.states.FIRST_POSES", 0.05)
     robot, _ = tracked(tracker=StillTracker(("base", "end-1", "end-3")))
     with pytest.raises(S2C2AError, match="tracking test: no poses of end-2 arrive"):
         robot.open()
@@ -133,7 +133,7 @@ def test_an_arm_does_not_move_without_poses(monkeypatch):
 
 
 def test_an_arm_does_not_move_with_exchanged_bodies(monkeypatch):
-    monkeypatch.setattr("s2c2a.lab.tracking.tracked_robot.FIRST_POSES", 0.05)
+    monkeypatch.setattr("s2c2a.lab.tracking.states.FIRST_POSES", 0.05)
     robot, _ = tracked(tracker=StillTracker(("base", "end-2", "end-1", "end-3")))
     with pytest.raises(S2C2AError, match="end of module 2 does not fit"):
         robot.open()

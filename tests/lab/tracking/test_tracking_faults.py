@@ -81,14 +81,14 @@ class Run:
         frame = self.tracker.latest()
         if frame is None:
             return Step(-1, np.inf, [], (), [], None)
-        tracked = self._ends.states(frame, now)
-        checked = self._check(tracked.states, now)
+        tracked = self._ends.states(frame)
+        checked = self._check(tracked, now)
         lost = np.flatnonzero(np.isnan(checked.states).any(axis=1)) + 1
         frozen = np.flatnonzero(self._frozen.find(frame)) + 1
-        jump = self._jumps.find(tracked.states, now)
+        jump = self._jumps.find(tracked, now)
         return Step(
             frame.number,
-            tracked.since_arrival,
+            now - frame.arrival_time,
             lost.tolist(),
             checked.reasons,
             frozen.tolist(),

@@ -145,7 +145,7 @@ def test_the_example_sender_moves_a_module_end(tracker):
     port = str(tracker.address[1])
     subprocess.run([sys.executable, EXAMPLE, port, "3"], check=True)
     wait_until(lambda: tracker.counts.accepted == 3)
-    (state,) = ModuleEnds.of(1, base=None).states(tracker.latest()).states
+    (state,) = ModuleEnds.of(1, base=None).states(tracker.latest())
     assert state.tolist() == pytest.approx([0.002, 0, 0.2, 0, 0, 1])
 
 

@@ -7,17 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import (
-    AwareDatetime,
-    BaseModel,
-    ConfigDict,
-    Field,
-    field_validator,
-)
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from s2c2a.arm import ArmSpec
 from s2c2a.json_files import load_json, save_json
-from s2c2a.lab.tracking.poses import Pose, PoseError, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 from s2c2a.lab.tracking.states import ModuleEnds
 
 FORMAT = 1
@@ -44,16 +38,7 @@ class StoredPose(_Stored):
     """
 
     position: tuple[float, float, float]
-    rotation: tuple[float, float, float, float]
-
-    @field_validator("rotation")
-    @classmethod
-    def _check_length(cls, rotation: tuple[float, ...]) -> tuple[float, ...]:
-        try:
-            Pose(np.zeros(3), np.array(rotation))
-        except PoseError as error:
-            raise ValueError(str(error)) from error
-        return rotation
+    rotation: StoredRotation
 
     @classmethod
     def of(cls, pose: Pose) -> Self:

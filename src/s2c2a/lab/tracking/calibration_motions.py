@@ -4,7 +4,6 @@ The control loop plays them, with more control steps a second than otherwise and
 largest speed and acceleration.
 """
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from s2c2a.lab.tracking.calibration import (
 from s2c2a.lab.tracking.clock import ExposureClock
 from s2c2a.lab.tracking.frames import Frames, HeldPoses, find_frames, mean_pose
 from s2c2a.lab.tracking.latency import Latency, MotionRecord, find_latency
+from s2c2a.lab.tracking.states import await_poses
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Loop, Patience, Player, StepClock, WallClock, play
 from s2c2a.runtime.limits import arm_at
@@ -32,7 +32,6 @@ from s2c2a.spaces import Actions, Reading
 COMMAND_RATE = 50.0  # Hz
 FAULT_PATIENCE = 0.5  # s, for which the arm is held before it goes to rest
 POLL_PERIOD = 0.002  # s
-FIRST_POSES = 5.0  # s in which the first poses must come
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
 CHIRP_BEND_DEG = 12.0
@@ -178,7 +177,11 @@ def play_motion(
     with tracker:
         # the tracker of a simulation has no frame before its time advances
         if not robot.own_time:
-            _await_poses(tracker, ModuleEnds.of_arm(robot.arm))
+            ends = ModuleEnds.of_arm(robot.arm)
+            await_poses(
+                lambda: ends.find_missing(tracker),
+                "correct it (docs/guides/tracking.md)",
+            )
         frames = FrameClock(tracker, clock)
         player = TrackedPlayer(arm_at(robot.arm, COMMAND_RATE), frames)
         player.motion = motion(player)
@@ -194,16 +197,6 @@ def play_motion(
             for _ in play(loop, player):
                 pass
     return player
-
-
-def _await_poses(tracker: Tracker, ends: ModuleEnds) -> None:
-    end = time.monotonic() + FIRST_POSES
-    while problem := ends.find_missing(tracker):
-        if time.monotonic() > end:
-            raise TrackingError(
-                f"{problem} ({FIRST_POSES:g} s); correct it (docs/guides/tracking.md)"
-            )
-        time.sleep(POLL_PERIOD)
 
 
 def chirp(

@@ -1,18 +1,18 @@
-"""Datagrams of poses as JSON: parsing, and the order of frames.
+"""Datagrams of poses as JSON: parsing; named poses and the order of frames of any stream.
 
 Pure functions and values, without sockets; `docs/guides/tracking.md` states the format.
 """
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from s2c2a.lab.tracking.poses import Pose, PoseError, TrackingError
+from s2c2a.lab.tracking.poses import Pose, PoseError
+from s2c2a.lab.tracking.tracker import DropError, PoseFrame
 from s2c2a.validation import describe_fault
 
 MAX_BYTES = 16_384
@@ -36,35 +36,8 @@ class DropReason(Enum):
     FAILED = "failed in the receiver; please report it"
 
 
-class DatagramError(TrackingError):
-    """A datagram is dropped.
-
-    Attributes:
-        reason: why.
-    """
-
-    def __init__(self, message: str, reason: DropReason):
-        super().__init__(message)
-        self.reason = reason
-
-    def __reduce__(self):
-        """Support pickling."""
-        return type(self), (*self.args, self.reason)
-
-
-@dataclass(frozen=True, eq=False)
-class Datagram:
-    """A valid datagram.
-
-    Attributes:
-        time: on the clock of the source [s].
-        frame: number of the frame.
-        poses: `T_world_body` by name [m].
-    """
-
-    time: float
-    frame: int
-    poses: Mapping[str, Pose]
+class DatagramError(DropError):
+    """A datagram is dropped."""
 
 
 class _Strict(BaseModel):
@@ -85,11 +58,12 @@ class _Message(_Strict):
     units: Literal["m", "mm"] = "m"
 
 
-def parse_datagram(content: bytes) -> Datagram:
+def parse_datagram(content: bytes, arrival: float) -> PoseFrame:
     """Parse a datagram.
 
     Args:
         content: UTF-8 JSON.
+        arrival: on this computer's clock [s].
 
     Raises:
         DatagramError: it is oversized, malformed or implausible.
@@ -101,8 +75,13 @@ def parse_datagram(content: bytes) -> Datagram:
         )
     scale = SCALES[message.units]
     seen = {name: body for name, body in message.bodies.items() if body is not None}
-    poses = {name: _pose(name, body, scale) for name, body in seen.items()}
-    return Datagram(message.time, message.frame, poses)
+
+    def pose_of(body: _BodyMessage) -> Pose:
+        position = [scale * coordinate for coordinate in body.position]
+        return Pose.measured(position, body.rotation)
+
+    poses = named_poses(seen, pose_of)
+    return PoseFrame(arrival, message.time, message.frame, poses)
 
 
 def _parse_message(content: bytes) -> _Message:
@@ -135,26 +114,29 @@ def _explain(error: ValidationError) -> str:
     return f"{key:.200}: {describe_fault(fault)}"
 
 
-def _pose(name: str, body: _BodyMessage, scale: float) -> Pose:
-    position = [scale * coordinate for coordinate in body.position]
-    try:
-        return Pose.measured(position, body.rotation)
-    except PoseError as error:
-        raise DatagramError(f"{name}: {error}", DropReason.IMPLAUSIBLE) from error
+def named_poses(
+    bodies: Mapping[str, Any], pose_of: Callable[[Any], Pose]
+) -> dict[str, Pose]:
+    """Return the poses of bodies by name.
 
+    Args:
+        bodies: as a stream has them, by name.
+        pose_of: returns the pose of one body, or raises `PoseError`.
 
-@dataclass(frozen=True)
-class _Last:
-    """What is known of the newest frame."""
-
-    sender: object
-    arrival: float
-    time: float
-    frame: int
+    Raises:
+        DatagramError: a pose is implausible.
+    """
+    poses = {}
+    for name, body in bodies.items():
+        try:
+            poses[name] = pose_of(body)
+        except PoseError as error:
+            raise DatagramError(f"{name}: {error}", DropReason.IMPLAUSIBLE) from error
+    return poses
 
 
 class FrameOrder:
-    """Decides which datagrams are newer than all before, and when a sender restarts.
+    """Decides which frames are newer than all before, and when a sender restarts.
 
     A sender restarts when it is silent for a second, or when its clock steps back by
     more than a second and its frame numbers begin again. Only after a silence may
@@ -162,47 +144,46 @@ class FrameOrder:
     """
 
     def __init__(self) -> None:
-        """An order before the first datagram."""
-        self._last: _Last | None = None
+        """An order before the first frame."""
+        self._last: PoseFrame | None = None
+        self._sender: object = None
         self.restarts = 0
 
-    def accept(self, datagram: Datagram, arrival: float, sender: object = None) -> None:
-        """Make a datagram the newest one.
+    def accept(self, frame: PoseFrame, sender: object = None) -> None:
+        """Make a frame the newest one.
 
         Args:
-            datagram: to judge.
-            arrival: on this computer's clock [s].
+            frame: to judge.
             sender: address of the sender, or any value that identifies it.
 
         Raises:
             DatagramError: it is late, a duplicate, or from a second sender.
         """
-        last = self._last
-        if last is not None:
-            self._check(datagram, last, arrival, sender)
-        self._last = _Last(sender, arrival, datagram.time, datagram.frame)
+        if self._last is not None:
+            self._check(frame, self._last, sender)
+        self._last = frame
+        self._sender = sender
 
-    def _check(
-        self, datagram: Datagram, last: _Last, arrival: float, sender: object
-    ) -> None:
-        silent = arrival - last.arrival > RESTART_SILENCE
-        if sender != last.sender and not silent:
+    def _check(self, frame: PoseFrame, last: PoseFrame, sender: object) -> None:
+        silent = frame.arrival_time - last.arrival_time > RESTART_SILENCE
+        if sender != self._sender and not silent:
             raise DatagramError(
-                f"{last.sender} sends, too; stop one of them", DropReason.OTHER_SENDER
+                f"{self._sender} sends, too; stop one of them", DropReason.OTHER_SENDER
             )
-        if (datagram.frame, datagram.time) == (last.frame, last.time):
+        elapsed = frame.source_time - last.source_time
+        if frame.number == last.number and elapsed == 0:
             raise DatagramError("the same frame again", DropReason.DUPLICATE)
-        if datagram.frame > last.frame and datagram.time >= last.time:
+        if frame.number > last.number and elapsed >= 0:
             return
-        clock_reset = last.time - datagram.time > RESTART_SILENCE
-        if not silent and not (clock_reset and datagram.frame < last.frame):
-            self._refuse(datagram, last)
+        clock_reset = -elapsed > RESTART_SILENCE
+        if not silent and not (clock_reset and frame.number < last.number):
+            self._refuse(frame, last)
         self.restarts += 1
 
-    def _refuse(self, datagram: Datagram, last: _Last) -> None:
-        repeated = datagram.frame == last.frame
+    def _refuse(self, frame: PoseFrame, last: PoseFrame) -> None:
+        repeated = frame.number == last.number
         raise DatagramError(
-            f"frame {datagram.frame} at {datagram.time} s came after frame "
-            f"{last.frame} at {last.time} s; count frames and time up",
+            f"frame {frame.number} at {frame.source_time} s came after frame "
+            f"{last.number} at {last.source_time} s; count frames and time up",
             DropReason.DUPLICATE if repeated else DropReason.LATE,
         )

@@ -61,53 +61,33 @@ class StateCheck:
 
     def __init__(
         self,
-        lengths: Sequence[float] | np.ndarray,
-        bend_limits: Sequence[float] | np.ndarray | None = None,
-        stretch: float = STRETCH,
-        mounting: float = MOUNTING,
-        bend_margin: float = BEND_MARGIN,
-        axis_margin: float = AXIS_MARGIN,
-        speed: float = SPEED,
-        persistence: int = PERSISTENCE,
+        lengths: Float[np.ndarray, " modules"],
+        bend_limits: Float[np.ndarray, " modules"],
     ):
         """A check without a history.
 
         Args:
-            lengths: of the modules [m], shape (modules,).
-            bend_limits: largest bends [rad], shape (modules,); None: only lengths and
-                jumps are checked.
-            stretch: see `STRETCH`.
-            mounting: see `MOUNTING` [m].
-            bend_margin: see `BEND_MARGIN` [rad].
-            axis_margin: see `AXIS_MARGIN` [rad].
-            speed: see `SPEED` [m/s].
-            persistence: see `PERSISTENCE`.
+            lengths: of the modules [m].
+            bend_limits: largest bends [rad].
 
         Raises:
-            TrackingError: a length, a limit or an option is not allowed.
+            TrackingError: a length or a limit is missing, or not positive.
         """
         self._lengths = np.array(lengths, dtype=float)
+        limits = np.array(bend_limits, dtype=float)
+        _check_positive(self._lengths, limits)
         modules = len(self._lengths)
-        unlimited = np.full(modules, np.pi)
-        limits = unlimited if bend_limits is None else np.array(bend_limits, float)
-        options = (stretch, mounting, bend_margin, axis_margin, speed)
-        _check_options(self._lengths, limits, options, persistence)
-        self._speed = speed
-        self._mounting = mounting
-        self._persistence = persistence
         # a body off the center line turns the chord of a short module more
-        tilts = mounting / self._lengths
-        self._set_distances(limits + bend_margin + tilts, stretch, mounting)
-        self._set_cosines(limits + axis_margin + tilts)
+        tilts = MOUNTING / self._lengths
+        self._set_distances(limits + BEND_MARGIN + tilts)
+        self._set_cosines(limits + AXIS_MARGIN + tilts)
         # row 0 is the base
         self._positions = np.zeros((modules + 1, 3))
         self._axes = np.zeros((modules + 1, 3))
         self._axes[0, 2] = 1.0
         self.reset()
 
-    def _set_distances(
-        self, turns: np.ndarray, stretch: float, mounting: float
-    ) -> None:
+    def _set_distances(self, turns: np.ndarray) -> None:
         """Compute the bounds of distances of pairs (j, k), j < k."""
         rows = len(turns) + 1
         self._longest = np.full((rows, rows), np.inf)
@@ -115,8 +95,8 @@ class StateCheck:
         for first, last in combinations(range(rows), 2):
             lengths = self._lengths[first:last]
             chord = _shortest_chord(lengths, turns[first:last])
-            self._longest[first, last] = (1 + stretch) * lengths.sum() + mounting
-            self._shortest[first, last] = (1 - stretch) * chord - mounting
+            self._longest[first, last] = (1 + STRETCH) * lengths.sum() + MOUNTING
+            self._shortest[first, last] = (1 - STRETCH) * chord - MOUNTING
 
     def _set_cosines(self, turns: np.ndarray) -> None:
         """Compute the least cosines, and chords along axes, of pairs (j, k), j < k."""
@@ -130,9 +110,9 @@ class StateCheck:
             turn = between.sum()
             if turn < np.pi:
                 self._cosines[first, last] = np.cos(turn)
-            least = _least_progress(lengths, between) - self._mounting
+            least = _least_progress(lengths, between) - MOUNTING
             self._least_first[first, last] = least
-            least = _least_progress(lengths[::-1], between[::-1]) - self._mounting
+            least = _least_progress(lengths[::-1], between[::-1]) - MOUNTING
             self._least_last[first, last] = least
 
     def reset(self) -> None:
@@ -227,7 +207,7 @@ class StateCheck:
         """Write the reasons of rows that have moved too far, and note the others."""
         positions = self._positions[1:]
         steps = self._steps(positions, self._places)
-        allowed = self._speed * np.maximum(time - self._times, 0) + self._mounting
+        allowed = SPEED * np.maximum(time - self._times, 0) + MOUNTING
         # a module without a place has NaN, and does not jump
         jumped = steps > allowed
         for module in np.flatnonzero(jumped).tolist():
@@ -250,11 +230,11 @@ class StateCheck:
         position = self._positions[module + 1]
         step = float(np.linalg.norm(position - self._candidates[module]))
         elapsed = max(time - self._candidate_times[module], 0)
-        is_near = step <= self._speed * elapsed + self._mounting
+        is_near = step <= SPEED * elapsed + MOUNTING
         self._counts[module] = self._counts[module] + 1 if is_near else 1
         self._candidates[module] = position
         self._candidate_times[module] = time
-        return bool(self._counts[module] >= self._persistence)
+        return bool(self._counts[module] >= PERSISTENCE)
 
 
 def _shortest_chord(lengths: np.ndarray, turns: np.ndarray) -> float:
@@ -278,9 +258,7 @@ def _least_progress(lengths: np.ndarray, turns: np.ndarray) -> float:
     return float(lengths @ np.cos(np.minimum(tangents, np.pi)).mean(axis=1))
 
 
-def _check_options(
-    lengths: np.ndarray, limits: np.ndarray, options: Sequence[float], persistence: int
-) -> None:
+def _check_positive(lengths: np.ndarray, limits: np.ndarray) -> None:
     if not (lengths.ndim == 1 and len(lengths) and (lengths > 0).all()):
         raise TrackingError(
             f"lengths are {lengths.tolist()}; give a positive one of every module [m]"
@@ -289,11 +267,4 @@ def _check_options(
         raise TrackingError(
             f"bend limits are {limits.tolist()}; give a positive one of every module "
             f"[rad], {len(lengths)} in all"
-        )
-    is_positive = all(option >= 0 for option in options)
-    if not (is_positive and options[0] < 1 and persistence >= 1):
-        raise TrackingError(
-            f"stretch, mounting, margins and speed are {options}, persistence is "
-            f"{persistence}; give none below 0, a stretch below 1, and a persistence "
-            "of at least 1"
         )

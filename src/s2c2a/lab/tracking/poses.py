@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import AfterValidator
 
 from s2c2a.errors import S2C2AError
 
@@ -102,6 +103,20 @@ class Pose:
         """Return `T_a_c = T_a_b @ T_b_c`."""
         position = self.position + self.matrix @ other.position
         return Pose(position, _product(self.rotation, other.rotation))
+
+
+def stored_rotation(rotation: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the rotation of a file if it is a unit quaternion, or raise `ValueError`."""
+    try:
+        Pose(np.zeros(3), np.array(rotation))
+    except PoseError as error:
+        raise ValueError(str(error)) from error
+    return rotation
+
+
+StoredRotation = Annotated[
+    tuple[float, float, float, float], AfterValidator(stored_rotation)
+]
 
 
 def angle_between(first: Pose, second: Pose) -> float:

@@ -1,7 +1,7 @@
 """States of modules from tracked bodies."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,21 +12,8 @@ from s2c2a.lab.tracking.poses import Pose, TrackingError
 from s2c2a.lab.tracking.tracker import PoseFrame, Tracker
 from s2c2a.spaces import AXIS, POSITION
 
-
-@dataclass(frozen=True, eq=False)
-class TrackedStates:
-    """States of modules in a frame of a tracker.
-
-    Attributes:
-        states: end position [m] and end axis, base frame; a row of NaN for a module
-            whose end or base is lost; shape (modules, 6).
-        since_arrival: time since the frame arrived [s].
-        number: of the frame.
-    """
-
-    states: Float[np.ndarray, "modules 6"]
-    since_arrival: float
-    number: int
+FIRST_POSES = 5.0  # s in which the first poses must come
+POLL_PERIOD = 0.02  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +101,19 @@ class ModuleEnds:
         cause = tracker.problem or "check its port and the names of its bodies"
         return f"no poses of {', '.join(missing)} arrive: {cause}"
 
-    def states(self, frame: PoseFrame, now: float | None = None) -> TrackedStates:
-        """Compute the states of all modules.
+    def states(self, frame: PoseFrame) -> Float[np.ndarray, "modules 6"]:
+        """Compute the states of all modules in a frame of a tracker.
 
-        Args:
-            frame: of a tracker.
-            now: time on the clock `time.perf_counter` [s]; default: the present time.
+        Returns:
+            End position [m] and end axis, base frame; a row of NaN for a module whose
+            end or base is lost.
         """
-        now = time.perf_counter() if now is None else now
         states = np.full((len(self.ends), 6), np.nan)
         arm_from_world = self._arm_from_world(frame)
         if arm_from_world is not None:
             for row, name in zip(states, self.ends, strict=True):
                 self._fill(row, name, frame, arm_from_world)
-        return TrackedStates(states, now - frame.arrival_time, frame.number)
+        return states
 
     def _arm_from_world(self, frame: PoseFrame) -> Pose | None:
         """`T_arm_world`; None while the base is lost."""
@@ -149,3 +135,20 @@ class ModuleEnds:
         end = arm_from_world @ body @ offset
         row[POSITION] = end.position
         row[AXIS] = end.z_axis
+
+
+def await_poses(find_problem: Callable[[], str], advice: str) -> None:
+    """Wait for the first poses.
+
+    Args:
+        find_problem: says what the newest frame lacks; empty if it has all poses.
+        advice: what a user should do without them.
+
+    Raises:
+        TrackingError: they do not arrive in time.
+    """
+    end = time.monotonic() + FIRST_POSES
+    while problem := find_problem():
+        if time.monotonic() > end:
+            raise TrackingError(f"{problem} ({FIRST_POSES:g} s); {advice}")
+        time.sleep(POLL_PERIOD)

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,14 +22,14 @@ from s2c2a.lab.tracking.frozen_bodies import FrozenBodies
 from s2c2a.lab.tracking.plausibility import CheckedStates, StateCheck
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.sources import tracker_of
+from s2c2a.lab.tracking.states import await_poses
 from s2c2a.lab.tracking.tracker import PoseFrame, Tracker
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
 
-FIRST_POSES = 5.0  # s in which the first poses must come
-POLL_PERIOD = 0.02  # s
 MAX_SILENCE = 1.5  # control periods since a frame arrived; then states are missing
 CAMERA_TOLERANCE = 0.1  # of a camera's period
+ALL = 0  # in place of the number of a module
 FROZEN = "frozen"
 REASONS = {
     "out of reach": "is out of reach",
@@ -84,7 +84,6 @@ class StateSensor:
         self._frozen = FrozenBodies(self._ends, geometry)
         self._jumps = FrameJumps(arm.length)
         self._warned: set[tuple[int, str]] = set()
-        self._has_jumped = False
         self._max_silence = MAX_SILENCE * arm.control_period
         self._camera = arm.sensors.camera
         self._camera_views = _CameraViews(self._camera) if self._camera else None
@@ -112,15 +111,8 @@ class StateSensor:
         self._frozen.reset()
         self._jumps.reset()
         self._warned.clear()
-        self._has_jumped = False
-        end = time.monotonic() + FIRST_POSES
-        while problem := self._find_problem():
-            if time.monotonic() > end:
-                raise TrackingError(
-                    f"tracking {self._source}: {problem} ({FIRST_POSES:g} s); correct "
-                    "it, or add --tracking none (docs/guides/tracking.md)"
-                )
-            time.sleep(POLL_PERIOD)
+        advice = "correct it, or add --tracking none (docs/guides/tracking.md)"
+        await_poses(self._find_problem, advice)
 
     def latest(self) -> PoseFrame | None:
         """Return the newest frame; None before the first."""
@@ -142,8 +134,13 @@ class StateSensor:
         newest = self._newest_of(frame)
         age = np.asarray(now - newest.exposure)
         states = newest.checked.states
-        self._warn(newest.checked.reasons)
-        self._warn_of_jump(newest.jump)
+        for module, reason in enumerate(newest.checked.reasons, 1):
+            if reason:
+                self._warn(
+                    module, reason, f"{_describe(module, reason)}; it is missing"
+                )
+        if newest.jump is not None:
+            self._warn(ALL, "jump", describe_frame_jump(newest.jump))
         values = {"states": states, "states_age": age}
         if self._camera_views is not None:
             values |= self._camera_views.read(frame, states, now, age)
@@ -156,11 +153,11 @@ class StateSensor:
     def _find_problem(self) -> str:
         """Describe what the newest frame lacks; empty if it has all poses."""
         frame = self._tracker.latest()
-        missing = self._ends.find_missing(self._tracker)
-        if frame is None or missing:
-            return missing
-        reasons = enumerate(self._newest_of(frame).checked.reasons, 1)
-        return "; ".join(_describe(*reason) for reason in reasons if reason[1])
+        problem = self._ends.find_missing(self._tracker)
+        if frame is not None and not problem:
+            reasons = enumerate(self._newest_of(frame).checked.reasons, 1)
+            problem = "; ".join(_describe(*reason) for reason in reasons if reason[1])
+        return problem and f"tracking {self._source}: {problem}"
 
     def _newest_of(self, frame: PoseFrame) -> _CheckedFrame:
         """Check a frame once, however often it is read: a repetition proves nothing."""
@@ -168,7 +165,7 @@ class StateSensor:
         if newest is None or not frame.is_same(newest.frame):
             arrival = frame.arrival_time
             exposure = self._clock.exposure(arrival, frame.source_time)
-            states = self._ends.states(frame, arrival).states
+            states = self._ends.states(frame)
             jump = self._jumps.find(states, exposure)
             checked = self._without_frozen(frame, states)
             newest = _CheckedFrame(frame, exposure, checked, jump)
@@ -187,16 +184,11 @@ class StateSensor:
         ]
         return CheckedStates(checked.states, tuple(reasons))
 
-    def _warn(self, reasons: Sequence[str]) -> None:
-        for reason in enumerate(reasons, 1):
-            if reason[1] and reason not in self._warned:
-                self._warned.add(reason)
-                warnings.warn(f"{_describe(*reason)}; it is missing", stacklevel=1)
-
-    def _warn_of_jump(self, jump: np.ndarray | None) -> None:
-        if jump is not None and not self._has_jumped:
-            self._has_jumped = True
-            warnings.warn(describe_frame_jump(jump), stacklevel=1)
+    def _warn(self, module: int, reason: str, message: str) -> None:
+        """Warn of each reason of a module once."""
+        if (module, reason) not in self._warned:
+            self._warned.add((module, reason))
+            warnings.warn(message, stacklevel=1)
 
 
 class _CameraViews:

@@ -1,15 +1,32 @@
 """Interface of every tracker: motion capture, tags in front of a camera, a simulation.
 
-A new source implements `Tracker`: it receives in a thread of its own and keeps the
-newest frame, so that a control loop never waits for it.
+A new source implements `Tracker`: it keeps the newest frame, so that a control loop never
+waits for it. `ReceivingTracker` has the thread that a source on a network or a bus needs.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Self
 
-from s2c2a.lab.tracking.poses import Pose
+from s2c2a.lab.tracking.poses import Pose, TrackingError
+
+
+class DropError(TrackingError):
+    """A packet, a picture or a part of one is dropped.
+
+    Attributes:
+        reason: why.
+    """
+
+    def __init__(self, message: str, reason: Enum):
+        super().__init__(message)
+        self.reason = reason
+
+    def __reduce__(self):
+        """Support pickling."""
+        return type(self), (*self.args, self.reason)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,13 @@ from itertools import pairwise
 import pytest
 
 from s2c2a.lab.tracking.natnet.connection import (
-    FIRST_PAUSE,
     KEEP_ALIVE_PERIOD,
-    LONGEST_PAUSE,
     SILENCE,
     Connection,
 )
 from s2c2a.lab.tracking.natnet.layouts import Version
 from s2c2a.lab.tracking.natnet.messages import MessageKind, ServerInfo
+from s2c2a.lab.tracking.receiving import FIRST_PAUSE, LONGEST_PAUSE
 
 INFO = ServerInfo(Version(4, 1), None)
 

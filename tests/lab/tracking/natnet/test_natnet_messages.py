@@ -23,8 +23,8 @@ from natnet_bytes import (
 )
 
 from s2c2a.lab.tracking import DropReason
+from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError
-from s2c2a.lab.tracking.natnet.axes import z_up_pose
 from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Version
 from s2c2a.lab.tracking.natnet.messages import (
     Body,
@@ -144,13 +144,13 @@ def test_an_id_with_two_names_is_malformed():
 
 def test_y_up_becomes_z_up():
     quarter = np.sqrt(0.5)
-    pose = z_up_pose(Body(1, (1.0, 2.0, 3.0), (0.0, quarter, 0.0, quarter)), "y")
+    pose = turn_up((1.0, 2.0, 3.0), (0.0, quarter, 0.0, quarter), "y")
     np.testing.assert_allclose(pose.position, [1.0, -3.0, 2.0])
     np.testing.assert_allclose(pose.rotation, [0.0, 0.0, quarter, quarter])
 
 
 def test_z_up_stays_as_it_is():
-    pose = z_up_pose(Body(1, (1.0, 2.0, 3.0), IDENTITY), "z")
+    pose = turn_up((1.0, 2.0, 3.0), IDENTITY, "z")
     np.testing.assert_array_equal(pose.position, [1.0, 2.0, 3.0])
 
 
@@ -179,7 +179,7 @@ def outcome(content, version, parse):
         parsed = parse(content, version)
         if parse is definitions:
             return list(parsed)
-        return [z_up_pose(body, "y") for body in parsed.bodies]
+        return [turn_up(body.position, body.rotation, "y") for body in parsed.bodies]
     except TrackingError as error:
         return error
 

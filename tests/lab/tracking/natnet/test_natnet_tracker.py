@@ -56,7 +56,7 @@ def test_a_hidden_body_is_absent_until_it_is_seen_again():
     ):
         frames_arrive(tracker)
         wait_until(lambda: "end-1" not in tracker.latest().poses)
-        states = ModuleEnds.of(1).states(tracker.latest()).states
+        states = ModuleEnds.of(1).states(tracker.latest())
         assert np.isnan(states).all()
         wait_until(lambda: "end-1" in tracker.latest().poses)
 

@@ -153,7 +153,7 @@ def test_closing_twice_and_starting_again_works():
         tracker.close()
         with tracker:
             frames_arrive(tracker)
-    assert "qualisys-receiver" not in [one.name for one in threading.enumerate()]
+    assert "QualisysTracker" not in [one.name for one in threading.enumerate()]
 
 
 @pytest.mark.parametrize("port", [0, 65_536])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from painted_tags import CAMERA, LAYOUT, collar_pose, errors, picture
 
-from s2c2a.lab.tracking import ModuleEnds, TrackingError
+from s2c2a.lab.tracking import ModuleEnds, TrackingError, receiving
 from s2c2a.lab.tracking.tags import (
     TagDropReason,
     TagTracker,
@@ -15,7 +15,6 @@ from s2c2a.lab.tracking.tags import (
     save_camera,
     tag_tracker,
 )
-from s2c2a.lab.tracking.tags import tracker as module
 from s2c2a.lab.tracking.tags.capture import open_device
 from s2c2a.lab.tracking.tags.opencv import cv2
 
@@ -58,8 +57,8 @@ def test_a_camera_gives_the_states_of_the_module_ends():
         assert tracker.problem == ""
     states = ModuleEnds.of(1).states(frame)
     true = BASE.inverse() @ TIP
-    np.testing.assert_allclose(states.states[0, :3], true.position, atol=0.002)
-    np.testing.assert_allclose(states.states[0, 3:], true.z_axis, atol=0.02)
+    np.testing.assert_allclose(states[0, :3], true.position, atol=0.002)
+    np.testing.assert_allclose(states[0, 3:], true.z_axis, atol=0.02)
 
 
 def test_frames_are_counted_and_their_rate_is_measured():
@@ -73,8 +72,8 @@ def test_frames_are_counted_and_their_rate_is_measured():
 
 @pytest.mark.parametrize("loss", [None, OSError("unplugged")])
 def test_a_camera_that_was_lost_is_opened_again(monkeypatch, loss):
-    monkeypatch.setattr(module, "FIRST_PAUSE", 0.001)
-    monkeypatch.setattr(module, "LONGEST_PAUSE", 0.01)
+    monkeypatch.setattr(receiving, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(receiving, "LONGEST_PAUSE", 0.01)
     lost = FakeCamera(IMAGE, loss)
     openings = [lost, TrackingError("no camera"), TrackingError("none"), FakeCamera()]
 

@@ -8,11 +8,8 @@ from collections.abc import Mapping
 
 from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Layout, Version
 from s2c2a.lab.tracking.natnet.messages import MessageKind, ServerInfo
+from s2c2a.lab.tracking.receiving import FIRST_PAUSE, LONGEST_PAUSE
 
-FIRST_PAUSE = 0.1
-"""Between a request without an answer and the next one [s]; it doubles every time."""
-LONGEST_PAUSE = 3.0
-"""Between two requests without an answer [s]."""
 KEEP_ALIVE_PERIOD = 0.5
 """Between two messages that keep a unicast stream running [s]."""
 SILENCE = 1.0

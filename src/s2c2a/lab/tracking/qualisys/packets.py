@@ -13,6 +13,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError, DropReason
@@ -230,9 +231,6 @@ def is_supported_axis(up: str) -> bool:
 def quaternion(matrix: np.ndarray) -> list[float]:
     """Return the unit quaternion (x, y, z, w) of a rotation matrix.
 
-    The largest of the four numbers is computed first, so that none is divided by
-    almost zero (Shepperd 1978).
-
     Args:
         matrix: shape (3, 3).
 
@@ -240,18 +238,7 @@ def quaternion(matrix: np.ndarray) -> list[float]:
         PoseError: it is no rotation matrix.
     """
     _check_rotation(matrix)
-    ((a, b, c), (d, e, f), (g, h, i)) = matrix.tolist()
-    # rows are 4 q_k (x, y, z, w), whose k-th number is 4 q_k^2
-    candidates = [
-        [1 + a - e - i, b + d, c + g, h - f],
-        [b + d, 1 - a + e - i, f + h, c - g],
-        [c + g, f + h, 1 - a - e + i, d - b],
-        [h - f, c - g, d - b, 1 + a + e + i],
-    ]
-    largest = max(range(4), key=lambda k: candidates[k][k])
-    best = candidates[largest]
-    length = math.hypot(*best)
-    return [value / length for value in best]
+    return Rotation.from_matrix(matrix).as_quat().tolist()
 
 
 def _check_rotation(matrix: np.ndarray) -> None:

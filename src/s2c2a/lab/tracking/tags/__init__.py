@@ -11,4 +11,4 @@ from s2c2a.lab.tracking.tags.capture import PictureSource, open_device
 from s2c2a.lab.tracking.tags.detection import TagDropReason
 from s2c2a.lab.tracking.tags.estimation import TagPoses, estimate_poses
 from s2c2a.lab.tracking.tags.layout import Tag, TagLayout, load_layout, save_layout
-from s2c2a.lab.tracking.tags.tracker import TagCounts, TagTracker, tag_tracker
+from s2c2a.lab.tracking.tags.tracker import TagTracker, tag_tracker

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from s2c2a.lab.tracking.tags.layout import CELLS
 from s2c2a.lab.tracking.tags.opencv import cv2
+from s2c2a.lab.tracking.tracker import DropError
 
 MIN_SIDE = 16.0  # pixels; two for each cell of a tag
 MIN_CONTRAST = 25.0  # gray values between black and white
@@ -76,16 +77,17 @@ class Detections:
     dropped: Counter[TagDropReason]
 
 
-class TagError(Exception):
-    """A tag is dropped.
+class TagError(DropError):
+    """A tag, a body or a picture is dropped."""
 
-    Attributes:
-        reason: why.
-    """
+    reason: TagDropReason
 
-    def __init__(self, reason: TagDropReason):
-        super().__init__(reason.value)
-        self.reason = reason
+    def __init__(self, reason: TagDropReason, message: str = ""):
+        super().__init__(message or reason.value, reason)
+
+    def __reduce__(self):
+        """Support pickling."""
+        return type(self), (self.reason, *self.args)
 
 
 def detect_tags(gray: np.ndarray, known: Iterable[int]) -> Detections:

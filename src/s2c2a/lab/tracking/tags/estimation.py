@@ -107,7 +107,12 @@ def _gray(image: np.ndarray, camera: CameraModel) -> np.ndarray:
     if not is_image or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
         raise TagError(TagDropReason.MALFORMED)
     if image.shape[:2] != (camera.height, camera.width):
-        raise TagError(TagDropReason.WRONG_SIZE)
+        height, width = image.shape[:2]
+        raise TagError(
+            TagDropReason.WRONG_SIZE,
+            f"the pictures have {width} x {height} pixels, the camera model "
+            f"{camera.width} x {camera.height}; calibrate with the size that is used",
+        )
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 

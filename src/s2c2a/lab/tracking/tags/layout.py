@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from s2c2a.errors import did_you_mean
 from s2c2a.json_files import load_json, save_json
-from s2c2a.lab.tracking.poses import Pose, PoseError, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 
 FORMAT = 1
 FAMILY = "36h11"
@@ -50,16 +50,7 @@ class Tag(BaseModel):
     body: str = Field(min_length=1, max_length=64)
     size: float = Field(ge=0.005, le=1)
     position: tuple[float, float, float]
-    rotation: tuple[float, float, float, float]
-
-    @field_validator("rotation")
-    @classmethod
-    def _check_rotation(cls, rotation):
-        try:
-            Pose.measured((0, 0, 0), rotation)
-        except PoseError as error:
-            raise ValueError(str(error)) from error
-        return rotation
+    rotation: StoredRotation
 
     @field_validator("position")
     @classmethod

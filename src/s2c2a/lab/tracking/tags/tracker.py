@@ -3,17 +3,18 @@
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from threading import Event, Thread
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from threading import Event
 
 import numpy as np
 
-from s2c2a.lab.tracking.poses import Pose
+from s2c2a.lab.tracking.poses import Pose, TrackingError
+from s2c2a.lab.tracking.receiving import ReceivingTracker
 from s2c2a.lab.tracking.tags.base_average import BaseAverage
 from s2c2a.lab.tracking.tags.camera import CameraModel, load_camera
-from s2c2a.lab.tracking.tags.capture import PictureSource, opener
-from s2c2a.lab.tracking.tags.detection import TagDropReason, TagError
+from s2c2a.lab.tracking.tags.capture import Picture, PictureSource, opener
+from s2c2a.lab.tracking.tags.detection import TagDropReason
 from s2c2a.lab.tracking.tags.estimation import estimate_poses
 from s2c2a.lab.tracking.tags.layout import (
     BASE,
@@ -21,38 +22,22 @@ from s2c2a.lab.tracking.tags.layout import (
     TagLayout,
     load_layout,
 )
-from s2c2a.lab.tracking.tracker import PoseFrame, Tracker
+from s2c2a.lab.tracking.tracker import PoseFrame
 
 CONTINUITY_TIME = 0.3  # s; for which the previous pose of a body decides
 SILENCE = 1.0  # s; without pictures, after which there is a problem
-FIRST_PAUSE = 0.1  # s; before the camera is opened again
-LONGEST_PAUSE = 3.0  # s
-CLOSE_TIME = 3.0  # s; a driver that hangs is left to its thread
 RATE_PICTURES = 60  # for the measured rate
 
 
-@dataclass(frozen=True)
-class TagCounts:
-    """Numbers since the tracker started.
-
-    Attributes:
-        accepted: pictures that became frames.
-        dropped: pictures, tags and bodies by reason; every reason is present.
-        restarts: of the camera, and of the average of the base.
-    """
-
-    accepted: int
-    dropped: Mapping[TagDropReason, int]
-    restarts: int
-
-
-class TagTracker(Tracker):
+class TagTracker(ReceivingTracker):
     """Measures bodies that carry AprilTags, in the pictures of a camera.
 
-    A thread waits for pictures and opens the camera again when it was unplugged. The
-    world frame is that of the camera (x right, y down, z forward). A body whose pose
-    is not certain is absent from the poses.
+    It opens the camera again when it was unplugged. The world frame is that of the
+    camera (x right, y down, z forward). A body whose pose is not certain is absent from
+    the poses.
     """
+
+    drop_reasons = TagDropReason
 
     def __init__(
         self,
@@ -71,28 +56,17 @@ class TagTracker(Tracker):
                 still: its pose is averaged, and kept while its tags are hidden.
         """
         self._open_camera = open_camera
+        self._source: PictureSource | None = None
         self._camera = camera
         self._layout = layout
         self._average_base = average_base
-        self._thread: Thread | None = None
-        self._stop = Event()
-        self._reset()
+        super().__init__()
 
     def _reset(self) -> None:
-        self._latest: PoseFrame | None = None
+        super()._reset()
         self._base = BaseAverage()
         self._previous: dict[str, tuple[float, Pose]] = {}
         self._arrivals: deque[float] = deque(maxlen=RATE_PICTURES)
-        self._fault = ""
-        self._accepted = 0
-        self._restarts = 0
-        self._dropped = dict.fromkeys(TagDropReason, 0)
-
-    @property
-    def counts(self) -> TagCounts:
-        """Numbers of accepted and dropped pictures, tags and bodies."""
-        restarts = self._restarts + self._base.restarts
-        return TagCounts(self._accepted, self._dropped.copy(), restarts)
 
     @property
     def rate(self) -> float:
@@ -116,98 +90,42 @@ class TagTracker(Tracker):
             return "no tag is recognized; check light, focus and distance"
         return ""
 
-    def start(self) -> None:
-        """See `Tracker`.
+    def _open(self) -> None:
+        self._source = self._open_camera()
 
-        Raises:
-            TrackingError: the camera does not open.
-        """
-        if self._thread is not None:
-            return
-        source = self._open_camera()
-        self._reset()
-        self._stop = Event()
-        self._thread = Thread(
-            target=self._receive,
-            args=(source, self._stop),
-            name="tag-tracker",
-            daemon=True,
-        )
-        self._thread.start()
+    def _release(self) -> None:
+        # the thread has taken it, unless it was stopped at once
+        if self._source is not None:
+            self._source.close()
+        self._source = None
 
-    def latest(self) -> PoseFrame | None:
-        return self._latest
+    def _packets(self, stop: Event) -> Iterator[tuple]:
+        source = self._opened()
+        try:
+            while not stop.is_set():
+                yield *_read(source), time.perf_counter()
+        finally:
+            # a camera that was unplugged may fail here, too
+            with suppress(Exception):
+                source.close()
 
-    def close(self) -> None:
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join(CLOSE_TIME)
-        self._thread = None
-
-    def _receive(self, source: PictureSource | None, stop: Event) -> None:
-        pause = FIRST_PAUSE
-        while not stop.is_set():
-            if source is None:
-                stop.wait(pause)
-                pause = min(2 * pause, LONGEST_PAUSE)
-                source = self._reopen(stop)
-            elif self._receive_one(source, stop):
-                pause = FIRST_PAUSE
-            else:
-                self._fault = "the camera is lost; plug it in again"
-                _close(source)
-                source = None
+    def _opened(self) -> PictureSource:
+        """The camera that the start has opened, or the camera opened again."""
+        source, self._source = self._source, None
         if source is not None:
-            _close(source)
-
-    def _reopen(self, stop: Event) -> PictureSource | None:
-        if stop.is_set():
-            return None
+            return source
         try:
             source = self._open_camera()
-        # whatever a driver raises: the thread outlives every failure
+        # whatever a driver raises
         except Exception as error:
-            self._fault = str(error)
-            return None
+            raise TrackingError(str(error)) from error
         self._restarts += 1
         return source
 
-    def _receive_one(self, source: PictureSource, stop: Event) -> bool:
-        """Use one picture; False if the camera is lost."""
-        try:
-            picture = source.read()
-        except Exception:
-            self._dropped[TagDropReason.FAILED] += 1
-            return False
-        if picture is None:
-            return False
-        # a tracker that was started again has another event and other counts
-        if stop.is_set():
-            return True
-        try:
-            self._handle(*picture, time.perf_counter())
-        except TagError as error:
-            self._dropped[error.reason] += 1
-            self._fault = self._describe(error.reason, picture[0])
-        except Exception:
-            self._dropped[TagDropReason.FAILED] += 1
-            self._fault = TagDropReason.FAILED.value
-        return True
-
-    def _describe(self, reason: TagDropReason, image: np.ndarray) -> str:
-        if reason is not TagDropReason.WRONG_SIZE:
-            return reason.value
-        height, width = image.shape[:2]
-        return (
-            f"the pictures have {width} x {height} pixels, the camera model "
-            f"{self._camera.width} x {self._camera.height}; calibrate with the size "
-            "that is used"
-        )
-
-    def _handle(self, image: np.ndarray, exposure: float, arrival: float) -> None:
-        """Make the poses of a picture the latest frame, or raise `TagError`."""
+    def _handle(self, content: np.ndarray, source: float, arrival: float) -> None:
+        """Use a picture; its source is the time of its exposure."""
         found = estimate_poses(
-            image, self._camera, self._layout, self._recent_poses(arrival)
+            content, self._camera, self._layout, self._recent_poses(arrival)
         )
         for reason, count in found.dropped.items():
             self._dropped[reason] += count
@@ -216,10 +134,8 @@ class TagTracker(Tracker):
         poses = dict(found.poses)
         if self._average_base:
             self._replace_base(poses)
-        self._latest = PoseFrame(arrival, exposure, self._accepted, poses)
         self._arrivals.append(arrival)
-        self._accepted += 1
-        self._fault = ""
+        self._keep(PoseFrame(arrival, source, self._accepted, poses))
 
     def _recent_poses(self, now: float) -> dict[str, Pose]:
         return {
@@ -229,17 +145,25 @@ class TagTracker(Tracker):
         }
 
     def _replace_base(self, poses: dict[str, Pose]) -> None:
+        moved = self._base.restarts
         average = self._base.update(poses.pop(BASE, None))
+        self._restarts += self._base.restarts - moved
         if average is not None:
             poses[BASE] = average
 
 
-def _close(source: PictureSource) -> None:
+def _read(source: PictureSource) -> Picture:
+    """Wait for the next picture, or raise `TrackingError`."""
     try:
-        source.close()
-    # a camera that was unplugged may fail here, too
-    except Exception:
-        return
+        picture = source.read()
+    # whatever a driver raises
+    except Exception as error:
+        raise TrackingError(
+            f"the camera is lost ({error}); plug it in again"
+        ) from error
+    if picture is None:
+        raise TrackingError("the camera is lost; plug it in again")
+    return picture
 
 
 def tag_tracker(
