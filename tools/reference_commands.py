@@ -14,7 +14,7 @@ from tools.markdown import cell, first_paragraph, header, linked, table
 
 FOLDER = "reference"
 GROUPS = {
-    "Data": ("collect", "import"),
+    "Data": ("collect", "import", "export"),
     "Training": ("train", "pretrain", "identify", "sweep"),
     "Control": ("demo", "run", "live", "view"),
     "Arms": ("arm", "robot"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.backlash import play_along
 from s2c2a.cli.response import (
     cells,
     check_response,
@@ -14,7 +15,8 @@ from s2c2a.cli.response import (
 )
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import ModalFactors
-from s2c2a.estimation.excitation import AMPLITUDE, chirp, excite
+from s2c2a.estimation.delayed_response import second_order_response
+from s2c2a.estimation.excitation import AMPLITUDE, chirp_around, excite
 from s2c2a.estimation.expected_response import (
     equilibria_by_description,
     equilibria_by_model,
@@ -23,8 +25,6 @@ from s2c2a.estimation.expected_response import (
 from s2c2a.estimation.frequency_response import (
     Response,
     fit_response,
-    play_operator,
-    second_order_response,
     spectrum,
 )
 from s2c2a.kinematics import configurations_from_bends
@@ -86,8 +86,17 @@ class Metal(Showing):
         """Time passes as the wall's does."""
 
 
+def delayed_mode(held, frequency, damping, delay):
+    """Tilts at the steps, in which commands are held; the delay is in steps."""
+    fine = 1000
+    path = np.repeat(held - held[0], fine)
+    swung = second_order_response(path, PERIOD / fine, frequency, damping)
+    moments = np.arange(len(held)) - delay
+    return held[0] + np.interp(moments, np.arange(len(path)) / fine, swung)
+
+
 def asked_of(arm, frequency=1.5):
-    return chirp(arm, frequency).sum(axis=-1)
+    return chirp_around(arm, frequency).sum(axis=-1)
 
 
 @pytest.mark.parametrize(
@@ -98,9 +107,8 @@ def test_mode_delay_gain_and_loss_are_found_again_under_noise(
     twin, frequency, damping, delay
 ):
     asked = asked_of(twin)
-    seen = 0.8 * second_order_response(
-        play_operator(asked, 0.03), PERIOD, frequency, damping, delay
-    )
+    passed = play_along(asked[0], asked - 0.03, asked + 0.03)
+    seen = 0.8 * delayed_mode(passed, frequency, damping, delay)
     seen += np.random.default_rng(0).normal(0, 0.003, len(seen)) + np.linspace(
         0.0, 0.05, len(seen)
     )
@@ -124,9 +132,7 @@ def test_a_vibration_from_rest_is_that_of_a_simulation_in_small_steps():
         x += v * PERIOD / fine
         if (step + 1) % fine == 0:
             swung.append(x)
-    np.testing.assert_allclose(
-        second_order_response(held, PERIOD, 1.5, 0.2, 0.25), swung, atol=0.01
-    )
+    np.testing.assert_allclose(delayed_mode(held, 1.5, 0.2, 0.25), swung, atol=0.01)
 
 
 def test_a_spectrum_of_what_is_half_as_much_and_a_step_late_says_so(twin):
@@ -152,7 +158,7 @@ def test_a_chirp_is_small_and_within_the_limits_and_ends_at_rest(
     make_arm, modules, rate
 ):
     arm = make_arm(modules, control_rate=rate)
-    waves, step = chirp(arm, 1.5), np.deg2rad(arm.step_limit_deg)
+    waves, step = chirp_around(arm, 1.5), np.deg2rad(arm.step_limit_deg)
     assert (np.abs(waves) <= AMPLITUDE * ArmGeometry.of(arm).bend_limits + 1e-9).all()
     assert np.abs(np.diff(waves, axis=0)).max() <= step
     assert np.abs(np.diff(waves, n=2, axis=0)).max() <= 1.5 * step
@@ -244,9 +250,8 @@ def test_the_command_measures_prints_and_keeps_it(simulated, tmp_path, capsys):
 
 def test_a_mode_that_is_too_fast_for_the_control_rate_is_not_made_up(twin):
     asked = asked_of(twin, 12.0)
-    found = fit_response(
-        asked, 0.8 * second_order_response(asked, PERIOD, 13.0, 0.5, 0.2), PERIOD, 12.0
-    )
+    seen = 0.8 * delayed_mode(asked, 13.0, 0.5, 0.2)
+    found = fit_response(asked, seen, PERIOD, 12.0)
     assert cells(found)[:2] == ("too fast to see", "-")
     assert kept(found)["frequency"] is None
     assert found.gain == pytest.approx(0.8, rel=0.05)

@@ -12,7 +12,18 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import arm, bench, collect, demo, doctor, pretrain, run, sweep, train
+from s2c2a.cli import (
+    arm,
+    bench,
+    collect,
+    demo,
+    doctor,
+    export,
+    pretrain,
+    run,
+    sweep,
+    train,
+)
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
@@ -58,6 +69,7 @@ def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
 VERBS: dict[str, Callable[..., None]] = {
     "demo": demo.demo,
     "collect": collect.collect,
+    "export": export.export,
     "pretrain": pretrain.pretrain,
     "train": train.train,
     "run": run.run,

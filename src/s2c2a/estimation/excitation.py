@@ -58,31 +58,53 @@ class Excitation(NamedTuple):
         return commanded, self.measured[direction, :, direction]
 
 
-def chirp(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
-    """Bends of a chirp around a frequency, followed by rest [rad].
+def chirp(
+    arm: ArmSpec,
+    frequencies: tuple[float, float],
+    duration: float,
+    amplitudes: Float[np.ndarray, " modules"],
+    rate: float,
+) -> Float[np.ndarray, "steps modules"]:
+    """Bends of an exponential chirp [rad].
 
-    The amplitude is within the limits of rate and acceleration.
+    Amplitudes fall where the limits of speed (as 1 / f) and acceleration (as 1 / f^2)
+    of the arm require it, so that the arm moves as fast as it may.
+
+    Args:
+        arm: limits of its commands.
+        frequencies: first and last one [Hz].
+        duration: [s].
+        amplitudes: largest bends [rad].
+        rate: of the commands [Hz].
+    """
+    geometry = ArmGeometry.of(arm)
+    times = np.arange(round(duration * rate)) / rate
+    first, last = frequencies
+    growth = np.log(last / first) / duration
+    omega = 2.0 * np.pi * first * np.exp(growth * times)
+    by_speed = geometry.step_limit * arm.control_rate / omega
+    by_acceleration = geometry.acceleration_limit * arm.control_rate**2 / omega**2
+    allowed = LIMIT_SHARE * np.minimum(by_speed, by_acceleration)
+    fade = np.minimum(1.0, np.minimum(times, duration - times) / (FADE * duration))
+    wave = fade * np.sin((omega - omega[0]) / growth)
+    return wave[:, None] * np.minimum(amplitudes, allowed[:, None])
+
+
+def chirp_around(arm: ArmSpec, frequency: float) -> Float[np.ndarray, "steps modules"]:
+    """Bends of a chirp of all modules around a frequency, followed by rest [rad].
 
     Args:
         arm: the arm.
         frequency: expected frequency of the first mode [Hz].
     """
-    period = arm.control_period
-    geometry = ArmGeometry.of(arm)
-    high = min(LAST_FREQUENCY * frequency, MAX_FREQUENCY / period)
+    rate = arm.control_rate
+    high = min(LAST_FREQUENCY * frequency, MAX_FREQUENCY * rate)
     low = min(FIRST_FREQUENCY * frequency, high / 4.0)
     duration = max(CHIRP_PERIODS / frequency, CHIRP_PERIODS / 3.0 / low)
-    shares = np.linspace(0.0, 1.0, round(duration / period))
-    phase_steps = 2.0 * np.pi * low * (high / low) ** shares * period
-    amplitudes = AMPLITUDE * geometry.bend_limits
+    amplitudes = AMPLITUDE * ArmGeometry.of(arm).bend_limits
     amplitudes *= min(1.0, MAX_TILT / amplitudes.sum())
-    by_rate = geometry.step_limit / phase_steps
-    by_acceleration = geometry.acceleration_limit / phase_steps**2
-    allowed = LIMIT_SHARE * np.minimum(by_rate, by_acceleration)
-    fade = np.minimum(1.0, np.minimum(shares, 1.0 - shares) / FADE)
-    wave = fade * np.sin(np.cumsum(phase_steps))
-    bends = wave[:, None] * np.minimum(amplitudes, allowed[:, None])
-    rest = np.zeros((round(REST_PERIODS / frequency / period), arm.module_count))
+    bends = chirp(arm, (low, high), duration, amplitudes, rate)
+    rest = np.zeros((round(REST_PERIODS / frequency * rate), arm.module_count))
     return np.concatenate([bends, rest])
 
 
@@ -116,7 +138,7 @@ def excite(
     """
     arm = robot.arm
     sensor = tip_sensor_of(robot)
-    waves = chirp(arm, frequency)
+    waves = chirp_around(arm, frequency)
     pcc = PCC.of(arm)
     bends = np.zeros((2, *waves.shape, 2))
     bends[0, ..., 0] = waves

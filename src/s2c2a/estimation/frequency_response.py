@@ -1,24 +1,16 @@
 """Frequency response of the tip: first mode, gain, delay and backlash of a robot.
 
-    y = g x(t) + r p(t) + c + d t
-    x'' + 2 z w x' + w^2 (x - p) = 0
-    p(t) = play(u)(t - T)
-
-The play operator models backlash of the input u, and T is the delay. The first mode has
-the angular frequency w and the damping ratio z; faster modes respond immediately, with
-the gain r. The output-error method fits all parameters to the whole recording, so it
-tolerates noise and missing readings. Inputs are constant within a control step.
+The first mode vibrates, and faster modes follow at once (`delayed_response`). Inputs
+are constant within a control step, and readings may be missing.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.linalg import expm
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from s2c2a.errors import S2C2AError
+from s2c2a.estimation.delayed_response import Motion, Search, identify_response
 
 Series = Float[np.ndarray, " steps"]
 
@@ -42,6 +34,7 @@ Frequency over the expected one, delay and backlash over their limits.
 """
 MAX_IMMEDIATE = 0.6  # of the gain; above it, a fast mode cannot be resolved
 RESOLVED = 0.45  # of the control rate
+GRID_STEPS = 10  # of a simulated mode, in a control period
 MIN_READINGS = 40
 MIN_POWER = 0.03  # of the strongest frequency of the input
 
@@ -88,125 +81,47 @@ def fit_response(
             f"no response in {known.sum()} readings; record at least {MIN_READINGS} of "
             "an arm that moves"
         )
-    low, high = _bounds(inputs, period, expected)
-
-    def fit_weights(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        components = _components(inputs, period, *parameters)[known]
-        weights = np.linalg.lstsq(components, outputs[known], rcond=None)[0]
-        return components @ weights - outputs[known], weights
-
-    results = []
-    for start in _starts(expected, low, high):
-        result = least_squares(
-            lambda parameters: fit_weights(parameters)[0],
-            start,
-            bounds=(low, high),
-            x_scale=high - low,
-        )
-        results.append(result)
-    best = min(results, key=lambda result: result.cost).x
-    errors, weights = fit_weights(best)
-    frequency, damping, delay, backlash = map(float, best)
-    gain = float(weights[0] + weights[1])
-    is_immediate = weights[1] > MAX_IMMEDIATE * gain
+    grid_period = period / GRID_STEPS
+    times = np.arange(len(inputs)) * period
+    # each command is held, and the next one begins in the middle of a grid step
+    held = np.array([0.5 * grid_period, period - 0.5 * grid_period])
+    motion = Motion(
+        np.add.outer(times, held).ravel(),
+        np.repeat(inputs, 2)[:, None],
+        np.ones(1),
+        grid_period,
+        times[known],
+        outputs[known, None],
+    )
+    found = identify_response(motion, _search(inputs, period, expected))
+    by_mode, by_fast_modes = found.gains[:, 0]
+    gain = float(by_mode + by_fast_modes)
+    frequency = float(found.frequencies[0])
+    damping = float(found.dampings[0])
+    is_immediate = by_fast_modes > MAX_IMMEDIATE * gain
     if (expected * period > RESOLVED and is_immediate) or frequency * period > RESOLVED:
         frequency = damping = np.nan
-    residual = float(np.sqrt(np.mean(errors**2)) / np.std(outputs[known]))
-    return Response(frequency, damping, gain, delay, backlash, residual)
+    residual = np.sqrt(np.mean(found.residuals**2)) / np.std(outputs[known])
+    delay = found.delay / period
+    return Response(frequency, damping, gain, delay, found.backlash, float(residual))
 
 
-def _bounds(
-    inputs: Series, period: float, expected: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Limits of frequency, damping ratio, delay and backlash."""
-    max_frequency = min(MAX_FREQUENCY * expected, 0.5 / period)
-    min_frequency = min(MIN_FREQUENCY * expected, max_frequency / 2.0)
-    max_delay = max(MAX_DELAY_STEPS, MAX_DELAY_PERIODS / (expected * period))
-    max_backlash = MAX_BACKLASH * np.abs(inputs).max()
-    low = np.array([min_frequency, DAMPING_RATIOS[0], 0.0, 0.0])
-    return low, np.array([max_frequency, DAMPING_RATIOS[1], max_delay, max_backlash])
-
-
-def _starts(
-    expected: float, low: np.ndarray, high: np.ndarray
-) -> Float[np.ndarray, "starts 4"]:
-    """Different starting points within the limits.
+def _search(inputs: Series, period: float, expected: float) -> Search:
+    """Ranges and starting points around an expected frequency.
 
     For a mode that is fast for the control rate, many frequencies of `STARTS` are
     beyond the limit and become the same point.
     """
+    max_frequency = min(MAX_FREQUENCY * expected, 0.5 / period)
+    min_frequency = min(MIN_FREQUENCY * expected, max_frequency / 2.0)
+    max_delay = max(MAX_DELAY_STEPS * period, MAX_DELAY_PERIODS / expected)
+    max_backlash = MAX_BACKLASH * np.abs(inputs).max()
+    low = np.array([0.0, 0.0, min_frequency, DAMPING_RATIOS[0]])
+    high = np.array([max_delay, max_backlash, max_frequency, DAMPING_RATIOS[1]])
     frequency, delay, backlash = np.transpose(STARTS)
     damping = np.full_like(frequency, FIRST_DAMPING)
-    delay = delay * high[2]
-    backlash = backlash * high[3]
-    starts = np.stack([frequency * expected, damping, delay, backlash], axis=1)
-    return np.unique(starts.clip(low, high), axis=0)
-
-
-def _components(
-    inputs: Series,
-    period: float,
-    frequency: float,
-    damping: float,
-    delay: float,
-    backlash: float,
-) -> Float[np.ndarray, "steps 4"]:
-    """Components of the output: first mode, immediate part, offset and drift."""
-    transmitted = play_operator(inputs, backlash)
-    mode = second_order_response(transmitted, period, frequency, damping, delay)
-    offset = np.ones(len(inputs))
-    drift = np.linspace(-1.0, 1.0, len(inputs))
-    return np.stack([mode, _delayed(transmitted, delay), offset, drift], axis=1)
-
-
-def play_operator(inputs: Series, half_width: float) -> Series:
-    """Output of a play operator: it follows when the input leaves the backlash."""
-    outputs = []
-    output = float(inputs[0])
-    for value in inputs.tolist():
-        output = min(max(output, value - half_width), value + half_width)
-        outputs.append(output)
-    return np.array(outputs)
-
-
-def second_order_response(
-    inputs: Series, period: float, frequency: float, damping: float, delay: float
-) -> Series:
-    """Response of a second-order system at rest, exact at the control steps.
-
-    With a fractional delay, the input of the step before acts in the first part of each
-    step.
-    """
-    rate = 2.0 * np.pi * frequency
-    whole = int(delay)
-    share = delay % 1.0
-    rates = np.array(
-        [[0.0, 1.0, 0.0], [-(rate**2), -2.0 * damping * rate, rate**2], [0.0, 0.0, 0.0]]
-    )
-    durations = period * np.array([share, 1.0 - share])
-    before, after = expm(np.multiply.outer(durations, rates))
-    transition = after[:2, :2] @ before[:2, :2]
-    denominator = [1.0, -np.trace(transition), np.linalg.det(transition)]
-    outputs = np.full(len(inputs), inputs[0])
-    changes = inputs - inputs[0]
-    gains = (after[:2, 2], after[:2, :2] @ before[:2, 2])
-    for steps, gain in zip((whole, whole + 1), gains, strict=True):
-        second = (transition @ gain)[0] - np.trace(transition) * gain[0]
-        numerator = [0.0, gain[0], second]
-        outputs += lfilter(numerator, denominator, _shifted(changes, steps))
-    return outputs
-
-
-def _delayed(inputs: Series, delay: float) -> Series:
-    """The input, late by a delay [control steps], interpolated between steps."""
-    whole = int(delay)
-    share = delay % 1.0
-    earlier = _shifted(inputs, whole + 1)
-    return (1.0 - share) * earlier + share * _shifted(inputs, whole + 2)
-
-
-def _shifted(inputs: Series, steps: int) -> Series:
-    return np.concatenate([np.full(steps, inputs[0]), inputs])[: len(inputs)]
+    starts = [delay * max_delay, backlash * max_backlash, frequency * expected, damping]
+    return Search(low, high, np.stack(starts, axis=1), averaged=period)
 
 
 def spectrum(

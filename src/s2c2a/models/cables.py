@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from s2c2a.backlash import play
 from s2c2a.training.fit import Fixed
 
 MAX_CREEP = 0.5  # largest sum of the weights of one cable's filters
@@ -148,7 +149,7 @@ class Hysteresis(eqx.Module):
         """Memory after one more reading."""
         now = displacements[..., None, :]
         half = self.operators.widths[:, None]
-        plays = jnp.clip(memory.plays, now - half, now + half)
+        plays = play(memory.plays, now - half, now + half)
         if self.engaged:
             plays = now + jax.lax.stop_gradient(plays - now)
         crept = memory.crept + self.operators.shares[:, None] * (now - memory.crept)

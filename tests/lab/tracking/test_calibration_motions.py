@@ -62,7 +62,7 @@ def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
 
 def test_the_chirp_stays_within_the_limits():
     rate = tracking.COMMAND_RATE
-    bend = tracking.chirp(ARM, duration=20.0)
+    bend = tracking.base_chirp(ARM, duration=20.0)
     geometry = ArmGeometry.of(ARM)
     speed = np.abs(np.diff(bend)).max() * rate
     acceleration = np.abs(np.diff(bend, 2)).max() * rate**2
@@ -138,7 +138,7 @@ def test_held_bends_are_within_the_travel_of_the_cables(travel):
     targets = [bend for pair in tracking.held_bends(arm) for bend in pair]
     sizes = np.linalg.norm(targets, axis=-1)
     assert (sizes <= limits + 1e-9).all()
-    assert np.abs(tracking.chirp(arm, 5.0)).max() <= limits[0]
+    assert np.abs(tracking.base_chirp(arm, 5.0)).max() <= limits[0]
 
 
 def test_a_bend_out_of_reach_is_an_error_and_no_endless_motion():

@@ -6,7 +6,6 @@ from s2c2a.lab.tracking.latency import (
     LatencyError,
     MotionRecord,
     find_latency,
-    play,
 )
 
 ARM = load_arm("twin_arm")
@@ -65,12 +64,6 @@ def test_the_latency_is_not_the_lag_of_the_arm(latency):
     found = find_latency(ARM, record_of(latency))
     assert abs(found.seconds - latency) < 0.003
     assert found.std < 0.005
-
-
-def test_a_reversal_passes_after_the_backlash_only():
-    path = np.array([[0.0], [2.0], [1.5], [0.5]])
-    moved = play(path, np.array([1.0]))
-    assert moved[:, 0].tolist() == [0.0, 1.5, 1.5, 1.0]
 
 
 def test_too_little_motion_is_refused():

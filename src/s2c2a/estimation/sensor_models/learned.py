@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.backlash import play
 from s2c2a.estimation.sensor_models.base import (
     BiasPrior,
     ExpectedState,
@@ -106,7 +107,7 @@ class LearnedSensor(SensorModel):
         errors = self.network.errors
         low = predicted - errors.backlash
         high = predicted + errors.backlash
-        lag = jnp.clip(expected.lag, low, high)
+        lag = play(expected.lag, low, high)
         residual = measurements[self.name].reshape(-1) - lag
         return Innovation(residual, jacobian, NOISE_FACTOR * errors.noise, lag=lag)
 

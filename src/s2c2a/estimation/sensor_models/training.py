@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.backlash import play
 from s2c2a.errors import TrainingError
 from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
 from s2c2a.models.layers import Scaling
@@ -195,7 +196,7 @@ def with_backlash(
     low = predicted - half_widths
     high = predicted + half_widths
     for row in np.flatnonzero(continues):
-        lagging[row] = np.clip(lagging[row - 1], low[row], high[row])
+        lagging[row] = play(lagging[row - 1], low[row], high[row])
     return lagging
 
 

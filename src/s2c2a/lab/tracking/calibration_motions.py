@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RobotError
+from s2c2a.estimation.excitation import chirp
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
     FrameResidual,
@@ -35,8 +36,6 @@ POLL_PERIOD = 0.002  # s
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
 CHIRP_BEND_DEG = 12.0
-LIMIT_SHARE = 0.7  # of speed and acceleration limits, so that no command is shortened
-RAMP = 1.0  # s
 HELD_BEND_DEG = 15.0
 OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
@@ -199,35 +198,19 @@ def play_motion(
     return player
 
 
-def chirp(
-    arm: ArmSpec,
-    duration: float = CHIRP_DURATION,
-    frequencies: tuple[float, float] = CHIRP_FREQUENCIES,
+def base_chirp(
+    arm: ArmSpec, duration: float = CHIRP_DURATION
 ) -> Float[np.ndarray, " steps"]:
-    """Return the bend of an exponential chirp at the command rate [rad].
-
-    The amplitude falls where the limits of speed (as 1 / f) and acceleration (as
-    1 / f^2) of the arm require it, so that the arm moves as fast as it may: the error
-    of a latency is that of a position over the speed.
+    """Bend of the base module in a chirp, at the command rate [rad].
 
     Args:
         arm: limits of its commands.
         duration: of the chirp [s].
-        frequencies: first and last one [Hz].
     """
-    times = np.arange(0.0, duration, 1 / COMMAND_RATE)
-    first, last = frequencies
-    growth = np.log(last / first) / duration
-    omega = 2 * np.pi * first * np.exp(growth * times)
-    phase = (omega - omega[0]) / growth
     geometry = ArmGeometry.of(arm)
-    speed = LIMIT_SHARE * geometry.step_limit * arm.control_rate
-    acceleration = LIMIT_SHARE * geometry.acceleration_limit * arm.control_rate**2
     largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[0] / 2)
-    largest = min(largest, geometry.action_bends[0])
-    amplitude = np.minimum(largest, np.minimum(speed / omega, acceleration / omega**2))
-    ramp = np.clip(np.minimum(times, duration - times) / RAMP, 0.0, 1.0)
-    return ramp * amplitude * np.sin(phase)
+    amplitude = np.array([min(largest, geometry.action_bends[0])])
+    return chirp(arm, CHIRP_FREQUENCIES, duration, amplitude, COMMAND_RATE)[:, 0]
 
 
 def measure_latency(
@@ -246,7 +229,7 @@ def measure_latency(
         RobotError: the robot has a lasting fault; it goes to rest.
         EmergencyStopError: the emergency stop was triggered.
     """
-    bends = chirp(robot.arm, duration)
+    bends = base_chirp(robot.arm, duration)
     first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
     direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
 

@@ -5,6 +5,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Flex
+from s2c2a.backlash import play
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.spaces import States
 
@@ -48,7 +49,7 @@ class FlexStrips:
         """Bend the strips with the modules, `seconds` after the last call."""
         flex = self._flex
         bends = np.einsum("mskc,kc->ms", self._bend_gains, _bends_from_states(states))
-        self._strip_bends = np.clip(
+        self._strip_bends = play(
             self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis
         )
         drift, noise = self._random.normal(size=(2, *bends.shape))

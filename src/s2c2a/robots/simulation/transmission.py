@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Motor
 from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.backlash import play, play_along
 
 CablePath = Float[np.ndarray, "times modules cables"]
 
@@ -117,9 +118,9 @@ class CableTransmission:
             path = path - self._update_creep(path, times)
         low, high = self._friction_band(path, tensions, bend_angles)
         if creeps:
-            transmitted = self._follow_band(low, high)
+            transmitted = play_along(self.transmitted, low, high)
         else:
-            transmitted = np.clip(self.transmitted, low, high)
+            transmitted = play(self.transmitted, low, high)
         self.transmitted = transmitted[-1]
         return transmitted
 
@@ -149,15 +150,6 @@ class CableTransmission:
             self.crept = self.crept + shares[step] * (target - self.crept)
             creep_path[step] = self.crept
         return creep_path
-
-    def _follow_band(self, low: CablePath, high: CablePath) -> CablePath:
-        """Stay within a band that moves up and down."""
-        followed = np.empty_like(low)
-        position = self.transmitted
-        for step in range(len(low)):
-            position = np.clip(position, low[step], high[step])
-            followed[step] = position
-        return followed
 
     def _friction_band(
         self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray

@@ -1,0 +1,267 @@
+"""Backlash, vibration modes and a delay, identified from inputs and outputs.
+
+    y(t + T) = sum_i R_i x_i(t) + sum_j S_j v_j(t) + Q m(t) + c + d t
+    x_i'' + 2 z_i w_i x_i' + w_i^2 (x_i - p) = 0
+    s_j v_j' + v_j = p,   p = play(u)
+
+m is the mean of p over the last control period, for faster modes, which follow at once.
+
+The delay T, the backlash of the inputs u, and frequency and damping ratio of every mode
+are free; the time constants s_j are given, and m may be left out. The phase of a mode
+saturates at 180 deg, that of a delay grows with frequency without bound. The gains
+follow linearly (variable projection). The fit to whole recordings (output-error method)
+tolerates noise; its last round whitens the residuals by an autoregressive model of
+every output, so that it minimizes the error of one-step predictions.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_toeplitz
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.signal import bilinear, lfilter
+
+from s2c2a.backlash import play_along
+
+WHITENING_ORDER = 8
+MAX_EVALUATIONS = 30  # of a fit
+
+Grid = Float[np.ndarray, " grid"]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Inputs and outputs of a motion.
+
+    Attributes:
+        times: of the inputs [s], shape (n,).
+        inputs: points of a path; each passes through its own backlash, shape (n,
+            channels).
+        weights: of the inputs, whose weighted sum moves the modes, shape (channels,).
+        grid_period: of the simulated modes [s].
+        output_times: evenly spaced [s], shape (frames,).
+        outputs: shape (frames, outputs).
+    """
+
+    times: Float[np.ndarray, " n"]
+    inputs: Float[np.ndarray, "n channels"]
+    weights: Float[np.ndarray, " channels"]
+    grid_period: float
+    output_times: Float[np.ndarray, " frames"]
+    outputs: Float[np.ndarray, "frames outputs"]
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Ranges and first values of the parameters.
+
+    A row of parameters is: delay [s], half-width of the backlash, the frequencies [Hz]
+    of the modes, and their damping ratios.
+
+    Attributes:
+        low: smallest delay, backlash, frequency and damping ratio, shape (4,).
+        high: the largest ones, shape (4,).
+        starts: rows of parameters, shape (starts, 2 + 2 modes). Many fits end in a
+            local minimum; the best one counts.
+        lags: time constants of the first-order terms [s].
+        averaged: duration of the mean that stands for faster modes [s]; 0 for none.
+    """
+
+    low: Float[np.ndarray, " 4"]
+    high: Float[np.ndarray, " 4"]
+    starts: Float[np.ndarray, "starts parameters"]
+    lags: tuple[float, ...] = ()
+    averaged: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class DelayedResponse:
+    """Identified response.
+
+    Attributes:
+        delay: [s].
+        delay_std: standard deviation of the delay, from noise [s].
+        backlash: half-width, in the unit of the inputs.
+        frequencies: of the modes [Hz], shape (modes,).
+        dampings: ratios, shape (modes,).
+        gains: static gains of modes, first-order terms and the mean, shape (terms,
+            outputs).
+        residuals: outputs that are not explained, shape (frames, outputs).
+    """
+
+    delay: float
+    delay_std: float
+    backlash: float
+    frequencies: Float[np.ndarray, " modes"]
+    dampings: Float[np.ndarray, " modes"]
+    gains: Float[np.ndarray, "terms outputs"]
+    residuals: Float[np.ndarray, "frames outputs"]
+
+
+def identify_response(motion: Motion, search: Search) -> DelayedResponse:
+    """Fit the response to a motion."""
+    grid = np.arange(motion.times[0], motion.times[-1], motion.grid_period)
+    # finite differences of the other parameters use it again
+    transmitted = lru_cache(maxsize=2)(partial(_transmitted, motion, grid))
+    count = motion.outputs.shape[1]
+    scale = motion.outputs.std(axis=0).max()
+    first = _Fit(
+        motion,
+        search,
+        grid,
+        transmitted,
+        [np.ones(1)] * count,
+        np.full(count, scale),
+    )
+    fits = [first.solve(start) for start in _bounded(search.starts, search)]
+    best = min(fits, key=lambda fit: fit.cost)
+    whitened = first.whitened(best.x)
+    result = whitened.solve(best.x)
+    return whitened.response(result)
+
+
+def _bounded(rows: np.ndarray, search: Search) -> np.ndarray:
+    """Different rows within the ranges, with logarithms of frequencies and dampings."""
+    low, high = _ranges(search)
+    logs = np.concatenate([rows[:, :2], np.log(rows[:, 2:])], axis=1)
+    return np.unique(logs.clip(low, high), axis=0)
+
+
+def _ranges(search: Search) -> Float[np.ndarray, "2 parameters"]:
+    modes = (search.starts.shape[1] - 2) // 2
+    ranges = np.stack([search.low, search.high])
+    ranges[:, 2:] = np.log(ranges[:, 2:])
+    return np.repeat(ranges, [1, 1, modes, modes], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A fit with given weights of the residuals.
+
+    Attributes:
+        motion: inputs and outputs.
+        search: ranges of the parameters.
+        grid: times of the simulation [s].
+        transmitted: what a backlash transmits, on the grid.
+        filters: that whiten the residuals of every output.
+        noises: standard deviations of the whitened residuals.
+    """
+
+    motion: Motion
+    search: Search
+    grid: Grid
+    transmitted: Callable[[float], Grid]
+    filters: list[np.ndarray]
+    noises: np.ndarray
+
+    def solve(self, start: np.ndarray) -> OptimizeResult:
+        low, high = _ranges(self.search)
+        return least_squares(
+            self._errors,
+            start,
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=MAX_EVALUATIONS,
+        )
+
+    def whitened(self, values: np.ndarray) -> "_Fit":
+        """The fit with filters and weights by the residuals at parameters."""
+        residuals = _projected(self._regressors(values), self.motion.outputs).T
+        filters = [_whitening_filter(errors) for errors in residuals]
+        pairs = zip(residuals, filters, strict=True)
+        noises = [_filtered(errors, taps).std() for errors, taps in pairs]
+        return replace(self, filters=filters, noises=np.array(noises))
+
+    def response(self, result: OptimizeResult) -> DelayedResponse:
+        outputs = self.motion.outputs
+        regressors = self._regressors(result.x)
+        gains = np.linalg.lstsq(regressors, outputs, rcond=None)[0]
+        covariance = np.linalg.pinv(result.jac.T @ result.jac)
+        frequencies, dampings = np.exp(result.x[2:]).reshape(2, -1)
+        return DelayedResponse(
+            float(result.x[0]),
+            float(np.sqrt(covariance[0, 0])),
+            float(result.x[1]),
+            frequencies,
+            dampings,
+            gains[:-2],
+            outputs - regressors @ gains,
+        )
+
+    def _errors(self, values: np.ndarray) -> np.ndarray:
+        """Whitened residuals over their standard deviations."""
+        regressors = self._regressors(values)
+        weights = zip(self.motion.outputs.T, self.filters, self.noises, strict=True)
+        errors = [
+            _projected(_filtered(regressors, taps), _filtered(output, taps)) / noise
+            for output, taps, noise in weights
+        ]
+        return np.concatenate(errors)
+
+    def _regressors(self, values: np.ndarray) -> Float[np.ndarray, "frames terms"]:
+        """Modes and the other terms at the times of the outputs."""
+        period = self.motion.grid_period
+        path = self.transmitted(float(values[1]))
+        frequencies, dampings = np.exp(values[2:]).reshape(2, -1)
+        terms = []
+        for frequency, damping in zip(frequencies, dampings, strict=True):
+            terms.append(second_order_response(path, period, frequency, damping))
+        for lag in self.search.lags:
+            terms.append(_low_pass(path, period, [lag, 1.0]))
+        if self.search.averaged:
+            count = round(self.search.averaged / period)
+            terms.append(lfilter(np.full(count, 1.0 / count), 1.0, path))
+        moments = self.motion.output_times - values[0]
+        columns = [np.interp(moments, self.grid, term) for term in terms]
+        columns += [np.ones_like(moments), moments - moments.mean()]
+        return np.stack(columns, axis=1)
+
+
+def _transmitted(motion: Motion, grid: Grid, backlash: float) -> Grid:
+    """What backlash transmits, from zero on."""
+    inputs = motion.inputs
+    passed = play_along(inputs[0], inputs - backlash, inputs + backlash)
+    path = (passed - passed[0]) @ motion.weights
+    return np.interp(grid, motion.times, path)
+
+
+def second_order_response(
+    inputs: Grid, period: float, frequency: float, damping: float
+) -> Grid:
+    """Response of a vibration mode at rest, with a static gain of 1.
+
+    Args:
+        inputs: evenly spaced.
+        period: of the inputs [s], short for the mode.
+        frequency: without damping [Hz].
+        damping: ratio.
+    """
+    lag = 1.0 / (2.0 * np.pi * frequency)
+    return _low_pass(inputs, period, [lag**2, 2.0 * damping * lag, 1.0])
+
+
+def _low_pass(inputs: Grid, period: float, denominator: list[float]) -> Grid:
+    """Response of 1 / (... + a_1 s + 1), by the bilinear transform."""
+    return lfilter(*bilinear([1.0], denominator, 1.0 / period), inputs)
+
+
+def _filtered(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
+    """Values after a filter, without its beginning."""
+    return lfilter(taps, 1.0, values, axis=0)[len(taps) :]
+
+
+def _projected(regressors: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+    """What the best linear combination of regressors leaves of outputs."""
+    basis, _ = np.linalg.qr(regressors)
+    return outputs - basis @ (basis.T @ outputs)
+
+
+def _whitening_filter(errors: np.ndarray) -> np.ndarray:
+    """Taps that predict every error from those before (Yule-Walker)."""
+    order = range(WHITENING_ORDER + 1)
+    lags = np.array([errors[: len(errors) - lag] @ errors[lag:] for lag in order])
+    lags[0] *= 1.0 + 1e-9
+    return np.append(1.0, -solve_toeplitz(lags[:-1], lags[1:]))
