@@ -15,16 +15,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Circle, Polygon
+from matplotlib.transforms import Bbox
 
 from s2c2a.arm import ArmSpec
 from s2c2a.viz.charts import draw_arrow, new_figure, save_figure
 from s2c2a.viz.colors import BASE, FAINT, INK, MUTED, module_colors
+from s2c2a.viz.mesh import COLLAR, DISC_RADIUS
 from s2c2a.viz.mounting import SIDE, Mounting
 
 COLUMNS = 4  # of the figure; a cross-section takes one, the table three
 HEADING, SIDE_VIEW, TABLE_ROW, SECTION = 1.0, 3.4, 0.27, 2.7  # heights [inches]
 MAX_NUMBERED = 10  # boundaries of modules with a number
-DISC_RADIUS, BASE_RADIUS = 1.15, 1.7  # multiples of the cable radius
 
 QUANTITIES = (  # attribute of a module, factor, heading
     ("length", 1000, "length\n[mm]"),
@@ -87,8 +88,15 @@ def _bare_axes(figure: Figure, place: SubplotSpec) -> Axes:
     return axes
 
 
-def _write(axes: Axes, x: float, y: float, text: str, size: float, **style) -> None:
-    centered = {"ha": "center", "va": "center", "color": MUTED, "fontsize": size}
+def _write(axes: Axes, place, text: str, size: float, **style: Any) -> None:
+    """Write text centered at a point; `style` replaces alignment and color."""
+    centered: dict[str, Any] = {
+        "ha": "center",
+        "va": "center",
+        "color": MUTED,
+        "fontsize": size,
+    }
+    x, y = place
     axes.text(x, y, text, parse_math=False, **{**centered, **style})
 
 
@@ -102,8 +110,8 @@ def _write_heading(axes: Axes, arm: ArmSpec) -> None:
     )
     description = shorten(arm.description, 104, placeholder="…")
     left: dict[str, Any] = {"ha": "left", "va": "top"}
-    _write(axes, 0, 1, arm.name, 15, fontweight="bold", **(left | {"color": INK}))
-    _write(axes, 0, 0.6, "\n".join(filter(None, [description, totals])), 9, **left)
+    _write(axes, (0, 1), arm.name, 15, fontweight="bold", **(left | {"color": INK}))
+    _write(axes, (0, 0.6), "\n".join(filter(None, [description, totals])), 9, **left)
 
 
 def _directions(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
@@ -119,14 +127,14 @@ def _draw_gravity(axes: Axes, mounting: Mounting) -> None:
     for name, end in zip("xyz", directions.T, strict=True):
         if end.any():
             draw_arrow(axes, (0.0, 0.0), 0.6 * end, MUTED, 0.8, head=0.0)
-            _write(axes, *(0.85 * end), name, 8)
+            _write(axes, 0.85 * end, name, 8)
     text = "no gravity"
     if mounting.gravity.any():
         text = f"gravity\nthe arm {mounting.word}"
         tail = np.array([-0.6, 0.6])
         tip = tail + 1.2 * directions @ mounting.gravity
         draw_arrow(axes, tail, tip, INK, 2.2, head=15.0)
-    _write(axes, -1.5, 0, text, 8.5, color=INK, ha="right")
+    _write(axes, (-1.5, 0), text, 8.5, color=INK, ha="right")
 
 
 def _draw_side(axes: Axes, arm: ArmSpec) -> None:
@@ -144,7 +152,7 @@ def _draw_side(axes: Axes, arm: ArmSpec) -> None:
         axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none"))
 
     ends = np.cumsum([0.0, *(module.length for module in arm.modules)])
-    base = BASE_RADIUS * arm.modules[0].cable_radius
+    base = COLLAR[0][1] * arm.modules[0].cable_radius
     draw_box((-0.02 * arm.length, 0.0), base, BASE)
     colors = module_colors(arm.module_count)
     for module, low, high, color in zip(
@@ -193,7 +201,10 @@ def _draw_table(
     headings = ["module", *(heading for _, _, heading in QUANTITIES), "section"]
     share = TABLE_ROW * (len(rows) + 2) / height
     table = axes.table(
-        rows, colLabels=headings, edges="B", bbox=(0, 1 - share, 1, share)
+        rows,
+        colLabels=headings,
+        edges="B",
+        bbox=Bbox.from_bounds(0, 1 - share, 1, share),
     )
     table.auto_set_font_size(False)
     table.set_fontsize(9)
@@ -217,13 +228,17 @@ def _draw_cross_section(
     axes.add_patch(Circle((0, 0), 1, facecolor="none", **dashes))
     for name, end in zip("xy", np.eye(2), strict=True):
         draw_arrow(axes, (0.0, 0.0), 0.5 * end, MUTED, 0.9, head=8.0)
-        _write(axes, *(0.65 * end), name, 8)
+        _write(axes, 0.65 * end, name, 8)
     for number, angle in enumerate(module.cable_angles_deg, start=1):
         place = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
         axes.plot(*place, "o", color=color, markersize=13, mec="white")
-        style = {"color": "white", "va": "center_baseline", "fontweight": "bold"}
-        _write(axes, *place, str(number), 7.5, **style)
-        _write(axes, *(1.62 * place), f"{angle:g}°", 8, color=INK)
+        style: dict[str, Any] = {
+            "color": "white",
+            "va": "center_baseline",
+            "fontweight": "bold",
+        }
+        _write(axes, place, str(number), 7.5, **style)
+        _write(axes, 1.62 * place, f"{angle:g}°", 8, color=INK)
     word = "module" if len(numbers) == 1 else "modules"
     title = (
         f"{letter}   {word} {_number_ranges(numbers)}\n"

@@ -13,6 +13,7 @@ from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from s2c2a.arm import ArmSpec
@@ -22,19 +23,14 @@ from s2c2a.spaces import States
 from s2c2a.viz.arrays import Points, Spheres
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import ArmMesh, unit
-from s2c2a.viz.mounting import Surroundings
+from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE = (480, 400)  # pixels
 MAX_FRAMES = 120
 
-# arm lengths, see `Mounting.placed`
-EYE = (1.9, -2.0, 1.25)
-LOOK_AT = (0.0, 0.0, 0.48)
-VIEW_SIZE = 1.1  # edge of the cube that fills the frame
-AXIS_LENGTH = 0.15  # of the line along the desired axis
-
-LIGHT = unit(np.array([0.35, -0.55, 0.76]))  # direction to the light, world axes
+VIEW_SIZE = 1.2  # edge of the cube that fills the frame, arm lengths
+AXIS_LENGTH = 0.15  # of the line along the desired axis, arm lengths
 BEHIND, ARM, FRONT = 1, 2, 3  # drawing order
 
 
@@ -95,13 +91,12 @@ class Stage:
         placed = self._surroundings.mounting.placed
         self._center = self._world(arm.length * placed(LOOK_AT))
         self._towards_eye = unit(self._world(placed(EYE) - placed(LOOK_AT)))
-        self.figure = Figure(figsize=np.array(SIZE) / 100, dpi=100)
+        width, height = SIZE
+        self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         FigureCanvasAgg(self.figure)
-        self._axes = self.figure.add_axes(
-            (0, -0.1, 1, 1.2),
-            projection="3d",
-            computed_zorder=False,  # a square
-        )
+        square = (0, -0.1, 1, 1.2)
+        self._axes = Axes3D(self.figure, square, computed_zorder=False)
+        self.figure.add_axes(self._axes)
         self._axes.set_box_aspect((1, 1, 1))
         x, y, z = self._towards_eye
         self._axes.view_init(np.rad2deg(np.arcsin(z)), np.rad2deg(np.arctan2(y, x)))
@@ -197,5 +192,5 @@ def _shaded(triangles: Points, color: str) -> np.ndarray:
     """Colors of faces in soft light from above, 0 to 1, shape (faces, 3)."""
     edges = np.diff(triangles, axis=1)
     normals = unit(np.cross(edges[:, 0], edges[:, 1]))
-    brightness = 0.68 + 0.36 * np.clip(normals @ LIGHT, 0.0, 1.0)
+    brightness = 0.68 + 0.36 * np.clip(normals @ unit(np.array(SUN)), 0.0, 1.0)
     return np.clip(brightness[:, None] * to_rgb(color), 0.0, 1.0)
