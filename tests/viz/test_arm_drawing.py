@@ -3,7 +3,7 @@ import pytest
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.viz import arm_figure
-from s2c2a.viz.arm_drawing import SideView, kinds_of_module, spread
+from s2c2a.viz.arm_drawing import kinds_of_module
 
 
 @pytest.mark.parametrize(("modules", "cables"), [(1, 3), (3, 4), (20, 8)])
@@ -39,7 +39,6 @@ def test_twenty_kinds_of_module_get_twenty_cross_sections(make_module, tmp_path)
     assert arm_figure(arm, tmp_path / "arm.png").stat().st_size > 20_000
 
 
-SIZE = np.array([2.9, 4.2])
 MOUNTS = [
     ((0, 0, -1), (0, 1)),
     ((0, 0, 0), (0, 1)),
@@ -49,28 +48,61 @@ MOUNTS = [
 ]
 
 
+@pytest.fixture
+def side_of(monkeypatch, tmp_path):
+    """Axes of the side view of an arm, laid out."""
+    figures = []
+    monkeypatch.setattr(
+        "s2c2a.viz.arm_drawing.save_figure",
+        lambda figure, path: figures.append(figure),
+    )
+
+    def draw(arm):
+        arm_figure(arm, tmp_path / "arm.png")
+        figures[-1].draw_without_rendering()
+        return figures[-1].axes[2]
+
+    return draw
+
+
 @pytest.mark.parametrize(("gravity", "direction"), MOUNTS)
 def test_the_side_view_shows_the_whole_mounted_arm_to_scale(
-    make_arm, gravity, direction
+    make_arm, side_of, gravity, direction
 ):
-    arm = make_arm(gravity_direction=gravity)
-    view = SideView.of(arm, SIZE[1])
-    base, tip = view.at([0.0, arm.length])
+    side = side_of(make_arm(gravity_direction=gravity))
+    base, *modules = [patch.get_xy() for patch in side.patches]
     np.testing.assert_allclose(
-        tip - base, np.array(direction) * arm.length / view.per_inch, atol=1e-9
+        modules[-1].mean(axis=0) - modules[0].mean(axis=0), 0.4 * np.array(direction)
     )
-    corners = view.at(
-        [0.0, 0.0, arm.length, arm.length], 0.027 * np.array([-1, 1, -1, 1])
-    )
-    assert (corners > 0).all()
-    assert (corners < SIZE).all()
-    np.testing.assert_allclose(
-        np.linalg.norm(corners[1] - corners[0]) * view.per_inch, 2 * 0.027
-    )
+    np.testing.assert_allclose(np.ptp(modules[0], axis=0) @ np.abs(direction), 0.2)
+    across = 1 - np.abs(direction)
+    np.testing.assert_allclose(np.ptp(modules[0], axis=0) @ across, 2 * 0.027)
+    corners = np.concatenate([base, *modules])
+    box = side.viewLim
+    assert (corners >= box.min).all()
+    assert (corners <= box.max).all()
+    origin, right, up = side.transData.transform([(0, 0), (0.1, 0), (0, 0.1)])
+    np.testing.assert_allclose(right[0] - origin[0], up[1] - origin[1])
 
 
-def test_rows_are_spread_within_the_table_and_keep_their_order():
-    rows = spread(np.array([0.10, 0.11, 0.12, 0.97, 0.99]), 0.1)
-    assert np.diff(rows).min() > 0.1 - 1e-9
-    assert rows[0] >= 0.05
-    assert rows[-1] <= 0.95 + 1e-9
+def test_the_rows_of_the_table_have_the_order_of_the_side_view(make_arm, side_of):
+    for gravity, numbers in (
+        ((0, 0, -1), ["3", "2", "1"]),
+        ((0, 0, 1), ["1", "2", "3"]),
+    ):
+        side = side_of(make_arm(gravity_direction=gravity))
+        (table,) = side.figure.axes[3].tables
+        cells = table.get_celld()
+        assert [cells[row, 0].get_text().get_text() for row in (1, 2, 3)] == numbers
+
+
+def test_boundaries_are_numbered_in_millimeters_from_the_base(make_arm, side_of):
+    side = side_of(make_arm(gravity_direction=(0, 0, 1)))
+    ticks = zip(side.get_yticks(), side.get_yticklabels(), strict=True)
+    assert {round(-1000 * tick): label.get_text() for tick, label in ticks} == {
+        0: "0",
+        200: "200",
+        400: "400",
+        600: "600",
+    }
+    assert len(side_of(make_arm(20)).get_yticks()) <= 10

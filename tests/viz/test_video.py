@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from s2c2a.viz.video import SIZE, VideoRenderer, save_video
+from s2c2a.errors import S2C2AError
+from s2c2a.viz.video import SIZE, Stage, save_video
 
 
 def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
@@ -31,30 +32,55 @@ def test_a_run_becomes_an_mp4_if_ffmpeg_is_installed(make_trace, arm, tmp_path):
     assert save_video(make_trace(), arm, tmp_path / "run").suffix == ".mp4"
 
 
+def picture_of(arm, trace, step=0) -> np.ndarray:
+    """Pixels of one frame."""
+    stage = Stage(arm)
+    stage.draw(trace, step)
+    stage.figure.canvas.draw()
+    return np.array(stage.figure.canvas.buffer_rgba(), dtype=int)[..., :3]
+
+
+def middle_of(pixels: np.ndarray, color: int) -> np.ndarray:
+    """Mean row and column of what is mainly red (0), green (1) or blue (2)."""
+    others = np.delete(pixels, color, axis=-1).max(axis=-1)
+    return np.argwhere(pixels[..., color] - others > 40).mean(axis=0)
+
+
 @pytest.mark.parametrize(
     ("gravity", "below"), [((0, 0, -1), False), ((0, 0, 0), False), ((0, 0, 1), True)]
 )
 def test_the_tip_of_a_hanging_arm_is_below_its_base(
     make_arm, straight, tip_is_below, gravity, below, drawn
 ):
-    renderer = VideoRenderer(make_arm(gravity_direction=gravity))
     trace = drawn("s2c2a", [0.0], straight[None])
-    assert tip_is_below(np.array(renderer.frame(trace, 0))) == below
-    rows = renderer.project(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]]))[:, 1]
-    assert (rows[1] > rows[0] + 200) == below  # rows are counted from the top
+    pixels = picture_of(make_arm(gravity_direction=gravity), trace)
+    assert tip_is_below(pixels) == below
 
 
-def test_a_lying_arm_is_level_and_shown_from_the_side(make_arm):
-    for gravity in ((1, 0, 0), (0, -1, 0), (-0.6, 0.8, 0)):
-        base, tip = VideoRenderer(make_arm(gravity_direction=gravity)).project(
-            np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.6]])
-        )
-        assert tip[0] - base[0] > 3 * abs(tip[1] - base[1])
+@pytest.mark.parametrize("gravity", [(1, 0, 0), (0, -1, 0), (-0.6, 0.8, 0)])
+def test_a_lying_arm_is_level_and_shown_from_the_side(
+    make_arm, straight, drawn, gravity
+):
+    trace = drawn("s2c2a", [0.0], straight[None])
+    pixels = picture_of(make_arm(gravity_direction=gravity), trace)
+    down, right = middle_of(pixels, 0) - middle_of(pixels, 2)  # red tip, blue base
+    assert right > 3 * abs(down)
+    assert right > 100
 
 
 def test_an_arm_with_unknown_states_is_not_drawn(make_trace, arm):
     unknown = make_trace(states=np.full((200, 3, 6), np.nan))
-    red, green, blue = np.moveaxis(
-        np.array(VideoRenderer(arm).frame(unknown, 5), dtype=int), -1, 0
-    )
+    red, green, blue = np.moveaxis(picture_of(arm, unknown, 5), -1, 0)
     assert np.sum(red - np.maximum(green, blue) > 40) == 0
+
+
+def test_a_failing_ffmpeg_is_an_error_that_says_how_to_get_a_gif(
+    make_trace, arm, tmp_path, monkeypatch
+):
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
+    with pytest.raises(S2C2AError, match=r"cannot make the video.*to get a GIF"):
+        save_video(make_trace(), arm, tmp_path / "run", "mp4")
+    assert not (tmp_path / "run.mp4").exists()

@@ -14,6 +14,9 @@ from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colors import DESIRED, INK, POINTING, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.trace import Trace, check_not_empty, check_unique_labels
+from s2c2a_experiments.figures.paths import draw_ring, draw_run, label_path_ends
+
+NAMES = {ABOVE: "from above", SIDE: "from the side"}
 
 MAX_COLUMNS = 4
 AXES_SHOWN = 16
@@ -46,7 +49,7 @@ def _panels_figure(
         for row, view in enumerate(views):
             axes = charts.view_axes(figure, grid[rows * band + row, column], view)
             draw(axes, runs, view)
-            title = f"{name}, {charts.NAMES[view]}" if rows > 1 else name
+            title = f"{name}, {NAMES[view]}" if rows > 1 else name
             charts.headline(axes, title)
     return charts.save_figure(figure, path)
 
@@ -146,7 +149,7 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
             axes.plot([], [], color=color, linewidth=2.2, label=f"module {module + 1}")
     held = _held_position(trace.desired_positions, arm.length)
     if held is not None:
-        charts.draw_ring(axes, held, view, 15, "held end")
+        draw_ring(axes, held, view, 15, "held end")
     axes.plot(0, 0, "s", color=INK, markersize=4.5, zorder=FRONT)
 
 
@@ -222,11 +225,11 @@ def obstacles_figure(
                 alpha=0.75,
                 label="desired",
             )
-            charts.draw_ring(axes, known[-1], view, 12, "target")
+            draw_ring(axes, known[-1], view, 12, "target")
         for number, trace in enumerate(runs):
-            charts.draw_run(axes, trace, colors, view, FRONT - 3 * number)
+            draw_run(axes, trace, colors, view, FRONT - 3 * number)
         _include_points(axes, shown, view)
         if axes is axes.figure.axes[0]:
-            charts.label_path_ends(axes)
+            label_path_ends(axes)
 
     return _panels_figure(tasks, (ABOVE, SIDE), 2.5, draw, path)

@@ -15,17 +15,17 @@ from s2c2a.spaces import AXIS, POSITION
 from s2c2a.viz import charts
 from s2c2a.viz.charts import (
     FRONT,
-    OBSTACLE,
     Series,
     new_axes,
     new_figure,
     save_figure,
     seen,
 )
-from s2c2a.viz.colors import DESIRED, colors_by_label
+from s2c2a.viz.colors import DESIRED, OBSTACLE, colors_by_label
 from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
 from s2c2a.viz.trace import Trace, check_unique_labels, standing
+from s2c2a_experiments.figures.paths import draw_ends, draw_run, label_path_ends
 
 SENSED = "#2b9a4b"
 UPRIGHT_DEG = 3.0  # from the vertical; a smaller tilt has no meaningful azimuth
@@ -57,9 +57,7 @@ def estimation_figure(
             "all three, with at least one time"
         )
     figure = new_figure(7.6, 3.4)
-    axes = new_axes(
-        figure, figure.add_gridspec(1, 1)[0], "time [s]", "bending angle [deg]"
-    )
+    axes = new_axes(figure, 111, "time [s]", "bending angle [deg]")
     axes.plot(times, true_deg, color=DESIRED, linewidth=1.7, label="true")
     errors = np.abs(sensed_deg - true_deg)
     errors = errors[np.isfinite(errors)]
@@ -209,11 +207,11 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
             linestyle=(0, (1, 1.5)),
             label="obstacle",
         )
-        charts.draw_ends(views[0], center, ABOVE, OBSTACLE, order=3)
+        draw_ends(views[0], center, ABOVE, OBSTACLE, order=3)
     charts.draw_desired(views[1], follow.desired_path, ABOVE)
     for axes, trace in zip(views, (flee, follow), strict=True):
-        charts.draw_run(axes, trace, colors, ABOVE)
-    charts.label_path_ends(views[1])
+        draw_run(axes, trace, colors, ABOVE)
+    label_path_ends(views[1])
     figure.align_ylabels([flight, chase])
     return save_figure(figure, path)
 

@@ -29,25 +29,24 @@ from s2c2a.viz.colors import (
     GRID,
     GRID_STRONG,
     INK,
+    MUTED,
     OBSTACLE,
     REAL,
     module_colors,
+    pale,
     rgb,
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
-from s2c2a.viz.mounting import Surroundings
+from s2c2a.viz.mounting import SUN, Surroundings
 from s2c2a.viz.trace import STDS
 
 SHADOW = "#d9dee6"
-GHOST = "#5b6675"
 WARNING = "#f0a000"
 INSIDE = "#d62728"
 NEAR_DISTANCE = 0.05  # m; clearance below which an obstacle turns amber
 REACH_TOLERANCE = 0.005  # m; a target closer to the reach counts as reachable
-WHITE_SHARE = 0.6  # of the workspace's colors
 TRAIL_POINTS = 90
 UNCERTAINTY_OPACITY = 0.3
-SUN = (1.0, -1.4, 2.0)
 # lengths in arm lengths
 SAME_POSE = 0.015  # a ghost closer to the arm is hidden
 BALL_RADIUS = 0.042  # of the target
@@ -92,7 +91,7 @@ class ArmScene:
             visible=False,
         )
         self._shadow = add_outline(name="/shadow", color=SHADOW, side="double")
-        self._ghost = add_outline(name="/ghost", color=GHOST, opacity=0.22)
+        self._ghost = add_outline(name="/ghost", color=MUTED, opacity=0.22)
         add_line = partial(
             _add_mesh,
             scene,
@@ -238,11 +237,10 @@ class ArmScene:
         for number, (cloud, color) in enumerate(zip(points, colors, strict=True)):
             if not len(cloud):
                 continue
-            pale = [int(value + WHITE_SHARE * (255 - value)) for value in rgb(color)]
             self._scene.add_point_cloud(
                 f"/workspace/{number}",
                 cloud,
-                np.array(pale),
+                np.array(rgb(pale(color, 0.6))),
                 point_size=0.004 * self._size,
                 point_shape="circle",
             )
@@ -376,43 +374,35 @@ def _add_surroundings(scene: SceneApi, arm: ArmSpec) -> Surroundings:
         "/lights/sun", color=(255, 250, 240), intensity=2.0, position=tuple(SUN @ turn)
     )
     scene.world_axes.visible = False
-    _add_grid(scene, surroundings, GRID_HALF_WIDTH * size)
+    through_origin = surroundings.through_origin
+    for name, lines, color in (
+        ("fine", surroundings.grid[~through_origin], GRID),
+        ("strong", surroundings.grid[through_origin], GRID_STRONG),
+    ):
+        _add_grid_lines(scene, f"/floor/{name}", lines, color, GRID_HALF_WIDTH * size)
     scene.add_frame("/base_frame", axes_length=0.2 * size, axes_radius=0.005 * size)
     for name, position in surroundings.names.items():
         scene.add_label(
             f"/base_frame/{name}", name, position=position, font_screen_scale=0.8
         )
     if surroundings.arrow is not None:
+        tube = threads(surroundings.arrow[None], 0.006 * size)
+        _add_mesh(scene, "/gravity/line", tube, tube_faces(1, 2, THREAD_SIDES), INK)
         start, end = surroundings.arrow
-        _add_gravity(scene, start, end, size)
+        _add_ball(scene, "/gravity/end", 0.018 * size, INK, True, position=end)
+        scene.add_label(
+            "/gravity/word", "gravity", position=start, font_screen_scale=0.8
+        )
     return surroundings
-
-
-def _add_gravity(scene: SceneApi, start, end, size: float) -> None:
-    """Add an arrow in the direction of gravity."""
-    line = np.linspace(start, end, 12)
-    vertices = threads(line[None], 0.006 * size)
-    faces = tube_faces(1, len(line), THREAD_SIDES)
-    _add_mesh(scene, "/gravity/line", vertices, faces, INK)
-    _add_ball(scene, "/gravity/end", 0.018 * size, INK, visible=True, position=end)
-    scene.add_label("/gravity/word", "gravity", position=start, font_screen_scale=0.8)
-
-
-def _add_grid(scene: SceneApi, surroundings: Surroundings, half_width: float) -> None:
-    """Add grid lines of two triangles each.
-
-    A shader's grid costs a browser without a graphics card a sixth of its time.
-    """
-    strong = surroundings.through_origin
-    fine_lines = surroundings.grid[~strong]
-    strong_lines = surroundings.grid[strong]
-    _add_grid_lines(scene, "/floor/fine", fine_lines, GRID, half_width)
-    _add_grid_lines(scene, "/floor/strong", strong_lines, GRID_STRONG, half_width)
 
 
 def _add_grid_lines(
     scene: SceneApi, name: str, lines: np.ndarray, color: str, half_width: float
 ) -> None:
+    """Add grid lines of two triangles each, which tubes would make darker.
+
+    A shader's grid costs a browser without a graphics card a sixth of its time.
+    """
     directions = np.sign(lines[:, 1] - lines[:, 0])
     offsets = half_width * np.cross((0.0, 0.0, 1.0), directions)[:, None]
     corners = np.stack([lines - offsets, lines + offsets], axis=2).reshape(-1, 3)

@@ -21,15 +21,12 @@ from s2c2a.arm import ArmSpec
 from s2c2a.live.gate import HOST, Gate, only_with
 from s2c2a.live.request import Point
 from s2c2a.live.scene import ArmScene
-from s2c2a.viz.mounting import Mounting
+from s2c2a.viz.mounting import EYE, LOOK_AT, Mounting
 
 FRAME = 1 / 30  # s between frames
 BRAND = (31, 95, 196)
 FIELD_OF_VIEW_DEG = 40
-# positions of the camera and of what it looks at, in arm lengths
-CAMERA = (1.75, -1.85, 1.2)
-LOOK_AT = (0.12, 0.1, 0.55)
-# the same for a phone, whose lower half the panel covers
+# instead of EYE and LOOK_AT for a phone, whose lower half the panel covers
 PORTRAIT_CAMERA = (2.7, -2.9, 1.5)
 PORTRAIT_LOOK_AT = (0.0, 0.0, 0.1)
 
@@ -125,7 +122,7 @@ class Window:
 
 
 def camera_of(
-    arm: ArmSpec, position: Point = CAMERA, look_at: Point = LOOK_AT
+    arm: ArmSpec, position: Point = EYE, look_at: Point = LOOK_AT
 ) -> Float[np.ndarray, "2 3"]:
     """Initial position of the camera and of what it looks at [m], base frame."""
     mounting = Mounting.of(arm)

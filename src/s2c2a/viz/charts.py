@@ -16,24 +16,26 @@ from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.viz.arrays import Point, Points, Series, Spheres
-from s2c2a.viz.colors import DESIRED, FAINT, INK, MUTED, UNCOUNTED, colors_by_label
-from s2c2a.viz.mounting import ABOVE, SIDE, View
+from s2c2a.viz.arrays import Points, Series, Spheres
+from s2c2a.viz.colors import (
+    DESIRED,
+    FAINT,
+    INK,
+    MUTED,
+    OBSTACLE,
+    UNCOUNTED,
+    colors_by_label,
+)
+from s2c2a.viz.mounting import View
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 DOTS_PER_INCH = 160
-NAMES = {ABOVE: "from above", SIDE: "from the side"}
 FRONT = 50  # zorder of the first trace; the others lie behind it
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
-OBSTACLE = "#6b6f86"
 STATIONARY = 1e-6  # m; a target that moves less is drawn as a point
 MIN_SPAN = 0.02  # m; smallest range of an axis
 LOG_TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
-
-# estimated sizes in a legend, inches
-HANDLE_WIDTH = 0.6
-LETTER_WIDTH = 0.066
 
 Colors = Mapping[str, str]
 """Label of a trace -> its color."""
@@ -46,9 +48,9 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def new_axes(
-    figure: Figure, place: SubplotSpec, x_label: str, y_label: str, **options
+    figure: Figure, place: SubplotSpec | int, x_label: str, y_label: str, **options
 ) -> Axes:
-    """Axes with a light grid and without a box."""
+    """Axes with a light grid and without a box; place 111 is the whole figure."""
     axes = figure.add_subplot(place, **options)
     axes.set_xlabel(x_label, color=INK, fontsize=9)
     axes.set_ylabel(y_label, color=INK, fontsize=9)
@@ -127,18 +129,15 @@ def draw_arrow(axes: Axes, start, end, color: str, width: float, head: float) ->
     axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=style, zorder=3)
 
 
+def note(axes: Axes, x: float, y: float, text: str, **style) -> None:
+    """Write a small text at shares of the width and the height of axes."""
+    look: dict[str, Any] = {"color": MUTED, "fontsize": 8, **style}
+    axes.text(x, y, text, transform=axes.transAxes, **look)
+
+
 def write_placeholder(axes: Axes, text: str) -> None:
     """Write a text in the middle of empty axes."""
-    axes.text(
-        0.5,
-        0.5,
-        text,
-        transform=axes.transAxes,
-        ha="center",
-        va="center",
-        color=MUTED,
-        fontsize=9,
-    )
+    note(axes, 0.5, 0.5, text, ha="center", va="center", fontsize=9)
 
 
 def headline(axes: Axes, text: str) -> None:
@@ -149,7 +148,10 @@ def headline(axes: Axes, text: str) -> None:
 
 
 def legend(figure: Figure, **options) -> None:
-    """Add one frameless legend above all axes, with each label once."""
+    """Add one frameless legend above all axes, with each label once.
+
+    It has as many columns as fit into the figure.
+    """
     handles: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -161,23 +163,17 @@ def legend(figure: Figure, **options) -> None:
         "fontsize": 8.5,
         "labelcolor": INK,
         "loc": "outside upper right",
-        "ncols": _legend_columns(list(handles), figure.get_figwidth()),
         **options,
     }
-    shown = figure.legend(list(handles.values()), list(handles), **style)
-    for text in shown.get_texts():
-        text.set_parse_math(False)
-
-
-def _legend_columns(labels: list[str], width: float) -> int:
-    """Largest number of legend columns that fit into a width [inches]."""
-    for count in range(len(labels), 1, -1):
-        needed = 0.0
-        for column in np.array_split(labels, count):
-            needed += HANDLE_WIDTH + LETTER_WIDTH * max(map(len, column))
-        if needed < width:
-            return count
-    return 1
+    for columns in range(len(handles), 0, -1):
+        shown = figure.legend(
+            list(handles.values()), list(handles), ncols=columns, **style
+        )
+        for text in shown.get_texts():
+            text.set_parse_math(False)
+        if columns == 1 or shown.get_window_extent().width < figure.bbox.width:
+            return
+        shown.remove()
 
 
 def seen(points: Float[np.ndarray, "*batch features"], view: View) -> tuple[Any, Any]:
@@ -226,53 +222,6 @@ def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:
         if runs
     ]
     return f"{title}; {', '.join(notes)}" if notes else title
-
-
-def draw_ends(
-    axes: Axes,
-    path: Points,
-    view: View,
-    color: str,
-    order: float = FRONT,
-) -> None:
-    """Draw a hollow disc at the start of a path and a filled one at its end."""
-    finite = path[np.isfinite(path).all(axis=-1)]
-    if not len(finite):
-        return
-    for point, fill in ((finite[0], "white"), (finite[-1], color)):
-        _draw_end(axes, *seen(point, view), color, fill, zorder=order + 1)
-
-
-def draw_run(
-    axes: Axes, trace: Trace, colors: Colors, view: View, order: float = FRONT
-) -> None:
-    """Draw the path of the followed module's end with its start and end."""
-    path = trace.followed_path
-    color = colors[trace.label]
-    axes.plot(
-        *seen(path, view), color=color, linewidth=1.5, zorder=order, label=trace.label
-    )
-    draw_ends(axes, path, view, color, order)
-
-
-def label_path_ends(axes: Axes) -> None:
-    """Add the discs of `draw_ends` to the legend."""
-    for label, fill in (("start", "white"), ("end", MUTED)):
-        _draw_end(axes, [], [], MUTED, fill, linestyle="none", label=label)
-
-
-def _draw_end(axes: Axes, x, y, color: str, fill: str, **style) -> None:
-    axes.plot(x, y, "o", markersize=5.5, color=color, markerfacecolor=fill, **style)
-
-
-def draw_ring(axes: Axes, place: Point, view: View, size: float, label: str) -> None:
-    """Draw a ring around a desired point, with a diameter in points."""
-    style: dict[str, Any] = {
-        "markersize": size,
-        "markerfacecolor": DESIRED + "38",
-        "markeredgecolor": DESIRED,
-    }
-    axes.plot(*seen(place, view), "o", linestyle="none", label=label, **style)
 
 
 def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:

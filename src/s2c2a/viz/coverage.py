@@ -4,7 +4,6 @@ The workspace of the tip does not show whether the modules bent against each oth
 (`evaluation.coverage`).
 """
 
-import io
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,9 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
-from matplotlib.image import imread
 
 from s2c2a.episodes import Episode
 from s2c2a.evaluation.coverage import NEAR_BEND, NEAR_TIP, Coverage
@@ -25,6 +24,7 @@ from s2c2a.viz.charts import (
     label_log_axis,
     new_axes,
     new_figure,
+    note,
     save_figure,
     write_placeholder,
 )
@@ -75,11 +75,10 @@ def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height wid
         S2C2AError: the episodes lack a sensor that configurations need.
     """
     figure = _coverage(Coverage.of(episodes), 1)
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=IMAGE_DOTS_PER_INCH)
-    content.seek(0)
-    pixels = imread(content, format="png")[..., :3]
-    return np.rint(255.0 * pixels).astype(np.uint8)
+    figure.dpi = IMAGE_DOTS_PER_INCH
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[..., :3]
 
 
 def _coverage(coverage: Coverage, columns: int) -> Figure:
@@ -158,8 +157,8 @@ def _draw_pair_limits(axes: Axes, inner: float, outer: float) -> None:
     axes.plot(sides, [0.0, outer, outer, 0.0], **LIMIT_LINE)
     equal = min(inner, outer)
     axes.plot([0.0, equal], [0.0, equal], **EQUAL_LINE)
-    _write(axes, 0.02, "S shapes", "left")
-    _write(axes, 0.98, "equal bends: diagonal", "right")
+    note(axes, 0.02, 0.985, "S shapes", va="top")
+    note(axes, 0.98, 0.985, "equal bends: diagonal", va="top", ha="right")
 
 
 def _draw_bend_plane(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:
@@ -203,12 +202,6 @@ def _draw_density(
     axes.set_ylim(bottom - (margin if bottom < 0.0 else 0.0), top + 0.14 * top)
 
 
-def _write(axes: Axes, x: float, text: str, align: str) -> None:
-    """Write a small text at the top of axes."""
-    style: dict[str, Any] = {"ha": align, "va": "top", "fontsize": 8, "color": MUTED}
-    axes.text(x, 0.985, text, transform=axes.transAxes, **style)
-
-
 def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:
     """Draw how much time the arm spends at each speed, and in holds."""
     axes = new_axes(figure, place, "speed of the fastest module [deg/s]", "time [%]")
@@ -229,6 +222,6 @@ def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None
     axes.bar(left, 100.0 * holds, hold - left, align="edge", color=MUTED)
     axes.axvline(fastest, **LIMIT_LINE)
     label_log_axis(axes)
-    _write(axes, 0.02, "dashed: step limit", "left")
+    note(axes, 0.02, 0.985, "dashed: step limit", va="top")
     axes.margins(y=0.15)
     headline(axes, f"holds below {hold:.2g} deg/s (gray): {_percent(holds)}")

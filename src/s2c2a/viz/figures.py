@@ -167,7 +167,7 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
     if not tables:
         raise S2C2AError("there is no learning curve to draw; give at least one")
     figure = new_figure(7.6, 4.6)
-    axes = new_axes(figure, figure.add_gridspec(1, 1)[0], "epoch", "loss")
+    axes = new_axes(figure, 111, "epoch", "loss")
     for name, color in colors_by_label(tables).items():
         _draw_curve(axes, name, tables[name], color)
     if all((table[:, 1:] > 0).all() for table in tables.values()):

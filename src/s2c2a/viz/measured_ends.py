@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
 from s2c2a.data.outliers import MeasuredEnds, Outliers
-from s2c2a.viz.charts import headline, legend, new_axes, new_figure, save_figure
+from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure
 from s2c2a.viz.colors import INK, MUTED
 
 WIDTH, HEIGHT = 11.0, 2.1  # of the figure, and of the panel of each end [inches]
@@ -85,7 +85,6 @@ def measured_ends_figure(
             color=INK,
             fontsize=9,
         )
-    legend(figure)
     return save_figure(figure, path)
 
 

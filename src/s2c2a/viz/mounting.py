@@ -18,6 +18,11 @@ View = tuple[int, int]
 ABOVE = (0, 1)
 SIDE = (0, 2)
 
+# of the camera, what it looks at, and the light: see `Mounting.placed`
+EYE = (1.75, -1.85, 1.2)
+LOOK_AT = (0.12, 0.1, 0.55)
+SUN = (1.0, -1.4, 2.0)
+
 # ground plane: radius and depth below the base as shares of the arm's length
 GROUND_RADIUS = 0.7
 GROUND_DEPTH = 0.02

@@ -8,7 +8,6 @@ import numpy as np
 from s2c2a.viz.charts import (
     headline,
     label_log_axis,
-    legend,
     new_axes,
     new_figure,
     save_figure,
@@ -33,8 +32,7 @@ def sensor_comparison_figure(
         S2C2AError: the file cannot be written.
     """
     figure = new_figure(7.6, 1.4 + 0.34 * len(errors))
-    place = figure.add_gridspec(1, 1)[0]
-    axes = new_axes(figure, place, "mean error of the tip [cm]", "")
+    axes = new_axes(figure, 111, "mean error of the tip [cm]", "")
     mean_logs = {
         name: float(np.mean(np.log(list(values.values()))))
         for name, values in errors.items()
@@ -52,5 +50,4 @@ def sensor_comparison_figure(
     label_log_axis(axes)
     axes.set_yticks(range(len(names)), names)
     headline(axes, title)
-    legend(figure)
     return save_figure(figure, path)

@@ -1,43 +1,37 @@
 """Videos of runs: an MP4 where ffmpeg is installed, a GIF otherwise.
 
-The frames are painted face by face, without a window or a graphics card.
+Matplotlib paints the frames, without a window, a graphics card or OpenGL.
 """
 
 import shutil
-import subprocess
-from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
+from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from PIL import Image, ImageDraw
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.spaces import States
-from s2c2a.viz.arrays import Point, Points
-from s2c2a.viz.camera import Camera
-from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL, rgb
+from s2c2a.viz.arrays import Points, Spheres
+from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import ArmMesh, unit
-from s2c2a.viz.mounting import Surroundings
+from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE = (480, 400)  # pixels
-OVERSAMPLING = 2  # pixels painted for each pixel of the video, in both directions
 MAX_FRAMES = 120
-GIF_COLORS = 64
 
-# arm lengths, see `Camera.of`
-EYE = (1.9, -2.0, 1.25)
-LOOK_AT = (0.0, 0.0, 0.48)
-FIELD_HEIGHT = 1.65  # height of the field of view at the point looked at
-AXIS_LENGTH = 0.15  # of the line along the desired axis
-
-LIGHT = np.array([0.35, -0.55, 0.76])  # direction to the light, world axes
-BACKGROUND = "#ffffff"
-BALL = "#dde1e8"
+VIEW_SIZE = 1.2  # edge of the cube that fills the frame, arm lengths
+AXIS_LENGTH = 0.15  # of the line along the desired axis, arm lengths
+BEHIND, ARM, FRONT = 1, 2, 3  # drawing order
 
 
 def save_video(
@@ -65,170 +59,138 @@ def save_video(
     steps = range(0, trace.times.size, stride)
     duration = float(trace.times[-1] - trace.times[0])
     seconds = duration / max(len(steps) - 1, 1) or 0.1
-    renderer = VideoRenderer(arm)
-    frames = (renderer.frame(trace, step) for step in steps)
-    write = _write_mp4 if ending == "mp4" else _write_gif
-    return write(frames, path.with_suffix(f".{ending}"), seconds)
+    stage = Stage(arm)
+    writer = {"mp4": FFMpegWriter, "gif": PillowWriter}[ending](fps=1 / seconds)
+    with TemporaryDirectory() as folder:
+        video = Path(folder) / f"video.{ending}"
+        try:
+            with writer.saving(stage.figure, str(video), stage.figure.dpi):
+                for step in steps:
+                    stage.draw(trace, step)
+                    writer.grab_frame()
+        except (CalledProcessError, OSError) as error:
+            raise S2C2AError(
+                f"cannot make the video: {error}. "
+                "If it is ffmpeg that fails, remove it from the PATH to get a GIF."
+            ) from error
+        return write_atomically(video.read_bytes(), path.with_suffix(f".{ending}"))
 
 
-class VideoRenderer:
-    """Painter of single video frames of one arm."""
+class Stage:
+    """Figure of one arm at one step of a run, seen by a camera upright in the world.
+
+    Attributes:
+        figure: what `draw` has drawn.
+    """
 
     def __init__(self, arm: ArmSpec):
-        """Place an upright camera that sees the whole arm."""
+        """Place the camera so that it sees the whole arm."""
         self._mesh = ArmMesh(arm)
-        self._surroundings = Surroundings.of(arm)
         self._length = arm.length
-        mounting = self._surroundings.mounting
-        self._camera = Camera.of(mounting, arm.length, EYE, LOOK_AT)
-        self._light = LIGHT @ mounting.turn
-        height = OVERSAMPLING * SIZE[1]
-        self._focal_length = height / FIELD_HEIGHT / arm.length * self._camera.distance
+        self._surroundings = Surroundings.of(arm)
+        placed = self._surroundings.mounting.placed
+        self._center = self._world(arm.length * placed(LOOK_AT))
+        self._towards_eye = unit(self._world(placed(EYE) - placed(LOOK_AT)))
+        width, height = SIZE
+        self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+        FigureCanvasAgg(self.figure)
+        square = (0, -0.1, 1, 1.2)
+        self._axes = Axes3D(self.figure, square, computed_zorder=False)
+        self.figure.add_axes(self._axes)
+        self._axes.set_box_aspect((1, 1, 1))
+        x, y, z = self._towards_eye
+        self._axes.view_init(np.rad2deg(np.arcsin(z)), np.rad2deg(np.arctan2(y, x)))
+        self._axes.set_proj_type("persp", focal_length=1.6)
 
-    def frame(self, trace: Trace, step: int) -> Image.Image:
-        """Image of the arm at one step of a run."""
-        size = (OVERSAMPLING * SIZE[0], OVERSAMPLING * SIZE[1])
-        image = Image.new("RGB", size, BACKGROUND)
-        draw = ImageDraw.Draw(image)
-        self._draw_ground(draw)
-        self._draw_line(draw, trace.desired_path, DESIRED)
-        self._draw_line(draw, trace.followed_path[: step + 1], REAL)
-        for sphere in trace.spheres(step):
-            depth = self.project(sphere[:3])[2]
-            radius = self._focal_length * sphere[3] / depth / OVERSAMPLING
-            self._draw_dot(draw, sphere[:3], radius, BALL, OBSTACLE)
+    def _world(self, points: Points) -> Points:
+        """Points of the base frame along the world's axes."""
+        return points @ self._surroundings.mounting.turn.T
+
+    def draw(self, trace: Trace, step: int) -> None:
+        """Draw the run at one step, the target in front of the arm."""
+        axes = self._axes
+        axes.clear()
+        axes.set_axis_off()
+        half = VIEW_SIZE / 2 * self._length
+        low = self._center - half
+        high = self._center + half
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        self._draw_ground()
+        self._draw_line(trace.desired_path, DESIRED)
+        self._draw_line(trace.followed_path[: step + 1], REAL)
+        self._draw_spheres(trace.spheres(step))
         if np.isfinite(trace.states[step]).all():
-            self._draw_arm(draw, trace.states[step])
-        self._draw_target(draw, trace, step)
-        text = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
-        draw.text((16, size[1] - 44), text, MUTED, font_size=26)
-        return image.resize(SIZE, Image.Resampling.LANCZOS)
-
-    def project(self, points: Points) -> Points:
-        """Columns and rows [painted pixels] and depths [m] of points, base frame."""
-        right, up, depth = self._camera.coordinates(points)
-        center = OVERSAMPLING * np.array(SIZE) / 2
-        scale = self._focal_length / depth
-        return np.stack(
-            [center[0] + scale * right, center[1] - scale * up, depth], axis=-1
-        )
-
-    def _draw_ground(self, draw: ImageDraw.ImageDraw) -> None:
-        """Draw the grid, the names of its axes, and gravity."""
-        for ends in self._surroundings.grid:
-            self._draw_line(draw, ends, GRID, OVERSAMPLING)
-        for name, position in self._surroundings.names.items():
-            self._draw_text(draw, name, position)
-        arrow = self._surroundings.arrow
-        if arrow is None:
-            return
-        self._draw_line(draw, arrow, INK, 3 * OVERSAMPLING)
-        self._draw_dot(draw, arrow[1], 5, INK)
-        gap = 0.06 * self._length * self._surroundings.mounting.gravity
-        self._draw_text(draw, "gravity", arrow[0] - gap)
-
-    def _draw_target(self, draw: ImageDraw.ImageDraw, trace: Trace, step: int) -> None:
-        """Draw the desired position and a line along the desired axis."""
-        axis = trace.desired_axes[step, trace.pointing_module]
+            self._draw_arm(trace.states[step])
         position = trace.desired_path[step]
+        axis = trace.desired_axes[step, trace.pointing_module]
         tip = position + AXIS_LENGTH * self._length * axis
-        self._draw_line(draw, np.stack([position, tip]), DESIRED)
-        self._draw_dot(draw, position, 8, BACKGROUND, INK)
-        self._draw_dot(draw, position, 6, DESIRED, INK)
+        self._draw_line(np.stack([position, tip]), DESIRED, zorder=FRONT)
+        dot = {"marker": "o", "markersize": 9, "markeredgecolor": "white"}
+        self._draw_line(position[None], DESIRED, zorder=FRONT, **dot)
+        text = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
+        style = {"color": MUTED, "parse_math": False}
+        axes.text2D(0.02, 0.03, text, transform=self.figure.transFigure, **style)
 
-    def _draw_arm(self, draw: ImageDraw.ImageDraw, states: States) -> None:
-        """Draw the faces that are turned to the camera, the farthest first."""
-        triangles = []
+    def _draw_ground(self) -> None:
+        """Draw the grid, the names of its axes, and gravity."""
+        lines = self._world(self._surroundings.grid)
+        self._axes.add_collection3d(
+            Line3DCollection(lines, colors=GRID, linewidths=0.8, zorder=BEHIND)
+        )
+        for name, position in self._surroundings.names.items():
+            self._write(position, name)
+        arrow = self._surroundings.arrow
+        if arrow is not None:
+            self._draw_line(arrow, INK, linewidth=2.5)
+            self._draw_line(arrow[1:], INK, marker="o")
+            gap = 0.06 * self._length * self._surroundings.mounting.gravity
+            self._write(arrow[0] - gap, "gravity")
+
+    def _draw_spheres(self, spheres: Spheres) -> None:
+        """Draw obstacles as discs that face the camera."""
+        right = unit(np.cross([0.0, 0.0, 1.0], self._towards_eye))
+        up = np.cross(self._towards_eye, right)
+        angles = np.linspace(0.0, 2.0 * np.pi, 60)[:, None]
+        circle = np.cos(angles) * right + np.sin(angles) * up
+        for sphere in spheres:
+            disc = self._world(sphere[:3]) + sphere[3] * circle
+            style = {"facecolors": OBSTACLE + "48", "edgecolors": OBSTACLE}
+            self._axes.add_collection3d(
+                Poly3DCollection([disc], zorder=BEHIND, **style)
+            )
+
+    def _draw_arm(self, states: States) -> None:
+        """Draw all faces, the farthest first."""
+        faces = []
         colors = []
-        lifts = []
         vertices = self._mesh.vertices(states)
         for piece, corners in zip(self._mesh.pieces, vertices, strict=True):
-            faces = corners[piece.faces]
-            triangles.append(faces)
-            colors.append(self._shade(faces, piece.color))
-            lifts.append(np.full(len(faces), piece.lift))
-        places = self.project(np.concatenate(triangles))
+            triangles = self._world(corners)[piece.faces]
+            faces.append(triangles + piece.lift * self._towards_eye)
+            colors.append(_shaded(triangles, piece.color))
         shades = np.concatenate(colors)
-        nearness = np.concatenate(lifts) - places[..., 2].mean(axis=1)
-        for face in np.argsort(nearness):
-            corners = places[face, :, :2]
-            (a, b), (c, d) = corners[1:] - corners[0]
-            if a * d < b * c:  # faces the camera, for rows run downward
-                draw.polygon([tuple(corner) for corner in corners], tuple(shades[face]))
-
-    def _shade(self, triangles: Points, color: str):
-        """Colors of faces in soft light from above, 0 to 255, shape (faces, 3)."""
-        first = triangles[:, 1] - triangles[:, 0]
-        second = triangles[:, 2] - triangles[:, 0]
-        normals = unit(np.cross(first, second))
-        brightness = 0.68 + 0.36 * np.clip(normals @ self._light, 0.0, 1.0)
-        return np.clip(brightness[:, None] * rgb(color), 0, 255).astype(int)
-
-    def _draw_line(
-        self,
-        draw: ImageDraw.ImageDraw,
-        points: Points,
-        color: str,
-        width: int = 2 * OVERSAMPLING,
-    ) -> None:
-        """Draw a line through all finite points."""
-        finite = points[np.isfinite(points).all(axis=-1)]
-        if len(finite) > 1:
-            places = [tuple(place[:2]) for place in self.project(finite)]
-            draw.line(places, color, width, joint="curve")
-
-    def _draw_dot(
-        self,
-        draw: ImageDraw.ImageDraw,
-        point: Point,
-        radius: float,
-        fill: str,
-        outline: str | None = None,
-    ) -> None:
-        """Draw a disc with a radius in pixels of the video."""
-        if np.isfinite(point).all():
-            place = tuple(self.project(point)[:2])
-            draw.circle(place, OVERSAMPLING * radius, fill, outline, OVERSAMPLING)
-
-    def _draw_text(self, draw: ImageDraw.ImageDraw, text: str, point: Point) -> None:
-        place = tuple(self.project(point)[:2])
-        draw.text(place, text, MUTED, font_size=24, anchor="mm")
-
-
-def _write_gif(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
-    """Write frames that are each shown for some seconds."""
-    first, *others = (
-        frame.quantize(GIF_COLORS, dither=Image.Dither.NONE) for frame in frames
-    )
-    content = BytesIO()
-    first.save(
-        content,
-        "GIF",
-        save_all=True,
-        append_images=others,
-        duration=round(1000 * seconds),
-        loop=0,
-        optimize=True,
-    )
-    return write_atomically(content.getvalue(), path)
-
-
-def _write_mp4(frames: Iterator[Image.Image], path: Path, seconds: float) -> Path:
-    """Write frames that are each shown for some seconds, with ffmpeg."""
-    with TemporaryDirectory() as folder:
-        for number, frame in enumerate(frames):
-            frame.save(Path(folder) / f"{number:05d}.png")
-        video = Path(folder) / "video.mp4"
-        source = ["-framerate", f"{1 / seconds:.3f}", "-i", f"{folder}/%05d.png"]
-        result = subprocess.run(
-            ["ffmpeg", "-loglevel", "error", *source, "-pix_fmt", "yuv420p", video],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if result.returncode != 0:
-            raise S2C2AError(
-                f"ffmpeg cannot write the video: {result.stderr.strip()}. "
-                "Remove ffmpeg from the PATH to get a GIF."
+        self._axes.add_collection3d(
+            Poly3DCollection(
+                np.concatenate(faces),
+                facecolors=shades,
+                edgecolors=shades,  # no seams between the faces
+                linewidths=0.3,
+                zorder=ARM,
             )
-        return write_atomically(video.read_bytes(), path)
+        )
+
+    def _draw_line(self, points: Points, color: str, zorder=BEHIND, **style) -> None:
+        finite = points[np.isfinite(points).all(axis=-1)]
+        self._axes.plot(*self._world(finite).T, color=color, zorder=zorder, **style)
+
+    def _write(self, position, text: str) -> None:
+        place = self._world(position)
+        self._axes.text(*place, text, color=MUTED, ha="center", va="center")
+
+
+def _shaded(triangles: Points, color: str) -> np.ndarray:
+    """Colors of faces in soft light from above, 0 to 1, shape (faces, 3)."""
+    edges = np.diff(triangles, axis=1)
+    normals = unit(np.cross(edges[:, 0], edges[:, 1]))
+    brightness = 0.68 + 0.36 * np.clip(normals @ unit(np.array(SUN)), 0.0, 1.0)
+    return np.clip(brightness[:, None] * to_rgb(color), 0.0, 1.0)
