@@ -43,7 +43,7 @@ MAX_REACH = 10.0
 
 @dataclass(frozen=True)
 class Segments:
-    """Segments of all sessions.
+    """What was read of logs: segments of all sessions.
 
     Attributes:
         sessions: one session for each segment.
@@ -75,10 +75,7 @@ class Imported:
         residual: rms distance of the model's ends from the measured ones [m].
         at_rest: whether every row is a pose at rest.
         ambiguities: what the log does not determine.
-        broken_rows: number of unreadable rows.
-        rows: number of rows that were read.
-        excluded: poses that are excluded.
-        frame_motions: jumps and drifts of the frame.
+        segments: what was read.
     """
 
     arm: ArmSpec
@@ -91,10 +88,7 @@ class Imported:
     residual: float
     at_rest: bool
     ambiguities: tuple[str, ...]
-    broken_rows: int
-    rows: int
-    excluded: Excluded
-    frame_motions: tuple[FrameMotion, ...]
+    segments: Segments
 
 
 def import_logs(
@@ -149,10 +143,7 @@ def import_logs(
         residual,
         _is_at_rest(log_map),
         tuple(ambiguities),
-        segments.broken_rows,
-        segments.rows,
-        segments.excluded,
-        segments.frame_motions,
+        segments,
     )
 
 
@@ -166,10 +157,7 @@ class ImportedSession:
         similar: rows whose cables are most similar to those of the first session.
         change: what explains the difference from the first session.
         at_rest: whether every row is a pose at rest.
-        broken_rows: number of unreadable rows.
-        rows: number of rows that were read.
-        excluded: poses that are excluded.
-        frame_motions: jumps and drifts of the frame.
+        segments: what was read.
     """
 
     episodes: tuple[Episode, ...]
@@ -177,10 +165,7 @@ class ImportedSession:
     similar: SimilarRows
     change: SessionChange
     at_rest: bool
-    broken_rows: int
-    rows: int
-    excluded: Excluded
-    frame_motions: tuple[FrameMotion, ...]
+    segments: Segments
 
 
 def import_session(
@@ -214,10 +199,7 @@ def import_session(
         similar,
         change,
         _is_at_rest(log_map),
-        segments.broken_rows,
-        segments.rows,
-        segments.excluded,
-        segments.frame_motions,
+        segments,
     )
 
 

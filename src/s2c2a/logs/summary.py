@@ -82,16 +82,17 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
     if shortest < longest:
         steps = f"{shortest} to {longest}"
     broken = ""
-    if imported.broken_rows:
-        broken = f"; {imported.broken_rows} unreadable rows are gaps"
+    read = imported.segments
+    if read.broken_rows:
+        broken = f"; {read.broken_rows} unreadable rows are gaps"
     lines = [
         f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
-        f"{imported.rows} rows{broken}",
+        f"{read.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
-    if imported.excluded.count:
-        lines.append(str(imported.excluded))
-    return lines + [f"warning: {motion.text}" for motion in imported.frame_motions]
+    if read.excluded.count:
+        lines.append(str(read.excluded))
+    return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 
 
 def _describe_ends(episodes: Iterable[Episode]) -> str:

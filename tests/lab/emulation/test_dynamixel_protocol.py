@@ -3,18 +3,19 @@
 import pytest
 
 from s2c2a.lab.emulation import dynamixel_protocol as protocol
+from s2c2a.lab.emulation import instructions
 from s2c2a.lab.emulation.dynamixel_protocol import (
-    BROADCAST,
     Decoder,
-    Packet,
-    answer,
+    DynamixelProtocol,
     pack,
     stuff,
     unstuff,
 )
+from s2c2a.lab.emulation.instructions import BROADCAST, Packet
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.xl330 import XL330
 
+answer = DynamixelProtocol().answer
 PING_1 = bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E")
 READ_1 = bytes.fromhex("FF FF FD 00 01 07 00 02 84 00 04 00 1D 15")
 WRITE_1 = bytes.fromhex("FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89")
@@ -38,10 +39,10 @@ def word(value):
 
 
 def test_instructions_have_the_bytes_of_the_manual():
-    assert pack(1, protocol.PING) == PING_1
-    assert pack(1, protocol.READ, word(132) + word(4)) == READ_1
+    assert pack(1, instructions.PING) == PING_1
+    assert pack(1, instructions.READ, word(132) + word(4)) == READ_1
     goal = (512).to_bytes(4, "little")
-    assert pack(1, protocol.WRITE, word(116) + goal) == WRITE_1
+    assert pack(1, instructions.WRITE, word(116) + goal) == WRITE_1
 
 
 def test_status_packets_have_the_bytes_of_the_manual():
@@ -51,8 +52,8 @@ def test_status_packets_have_the_bytes_of_the_manual():
 
 def test_the_decoder_reads_the_packets_of_the_manual():
     assert decode(PING_1 + READ_1) == [
-        Packet(1, protocol.PING, b""),
-        Packet(1, protocol.READ, word(132) + word(4)),
+        Packet(1, instructions.PING, b""),
+        Packet(1, instructions.READ, word(132) + word(4)),
     ]
 
 
@@ -61,7 +62,7 @@ def test_a_packet_may_arrive_byte_by_byte_after_noise():
     packets = []
     for byte in b"\x00\xff\xff" + READ_1:
         packets += decoder.feed(bytes((byte,)), 0.0)
-    assert [packet.instruction for packet in packets] == [protocol.READ]
+    assert [packet.instruction for packet in packets] == [instructions.READ]
 
 
 def test_the_rest_of_a_packet_that_stays_out_is_not_awaited():
@@ -87,16 +88,16 @@ def test_stuffing_doubles_the_last_byte_of_a_header(data, stuffed):
 
 def test_a_stuffed_goal_arrives_whole():
     goal = (-131_073).to_bytes(4, "little", signed=True)
-    packet = pack(1, protocol.WRITE, word(116) + goal)
+    packet = pack(1, instructions.WRITE, word(116) + goal)
     assert b"\xff\xff\xfd\xfd\xff" in packet
-    assert decode(packet) == [Packet(1, protocol.WRITE, word(116) + goal)]
+    assert decode(packet) == [Packet(1, instructions.WRITE, word(116) + goal)]
 
 
 def test_a_goal_without_stuffing_is_dropped_and_the_next_packet_is_read():
-    body = bytes((protocol.WRITE,)) + word(116) + b"\xff\xff\xfd\xff"
+    body = bytes((instructions.WRITE,)) + word(116) + b"\xff\xff\xfd\xff"
     packet = protocol.HEADER + b"\x01" + word(len(body) + 2) + body
     packet += word(protocol.crc16(packet))
-    assert decode(packet + PING_1) == [Packet(1, protocol.PING, b"")]
+    assert decode(packet + PING_1) == [Packet(1, instructions.PING, b"")]
 
 
 def test_a_ping_is_answered_with_model_and_firmware():
@@ -108,7 +109,7 @@ def test_a_ping_is_answered_with_model_and_firmware():
 
 def test_all_servos_answer_a_broadcast_ping_in_the_order_of_their_ids():
     servos = make_servos(3)[::-1]
-    answers = answer(Packet(BROADCAST, protocol.PING, b""), servos, 0.0)
+    answers = answer(Packet(BROADCAST, instructions.PING, b""), servos, 0.0)
     assert [one.id for one in answers] == [1, 2, 3]
 
 
@@ -130,7 +131,7 @@ def test_a_wrong_crc_is_answered_with_an_error():
     ],
 )
 def test_a_write_is_answered_with_the_error_of_the_manual(address, data, code):
-    packet = Packet(1, protocol.WRITE, word(address) + data)
+    packet = Packet(1, instructions.WRITE, word(address) + data)
     answers = answer(packet, make_servos(), 0.0)
     assert answers[0].data == pack(1, protocol.STATUS, bytes((code,)))
 
@@ -143,7 +144,7 @@ def test_an_unknown_instruction_is_an_error():
 def test_a_sync_read_is_answered_in_the_order_asked_up_to_an_absent_servo():
     servos = make_servos(3)
     parameters = word(132) + word(4) + bytes((3, 1, 9, 2))
-    answers = answer(Packet(BROADCAST, protocol.SYNC_READ, parameters), servos, 0.0)
+    answers = answer(Packet(BROADCAST, instructions.SYNC_READ, parameters), servos, 0.0)
     assert [one.id for one in answers] == [3, 1]
 
 
@@ -159,41 +160,19 @@ def test_a_fast_sync_read_is_one_packet_with_a_crc_after_every_part():
     assert whole[-2:] == word(protocol.crc16(whole[:-2]))
 
 
-def test_a_bulk_read_asks_every_servo_for_something_else():
-    servos = make_servos(2, ticks=166.0)
-    request = b"\x02" + word(132) + word(4) + b"\x01" + word(0) + word(2)
-    answers = answer(Packet(BROADCAST, protocol.BULK_READ, request), servos, 0.0)
-    assert [one.data[9:-2] for one in answers] == [b"\xa6\x00\x00\x00", word(1200)]
-
-
 def test_a_sync_write_sets_every_goal_without_an_answer():
     servos = make_servos()
     goals = [(id, (100 * id).to_bytes(4, "little")) for id in (1, 2)]
     parameters = word(116) + word(4)
     parameters += b"".join(bytes((id,)) + goal for id, goal in goals)
-    packet = Packet(BROADCAST, protocol.SYNC_WRITE, parameters)
+    packet = Packet(BROADCAST, instructions.SYNC_WRITE, parameters)
     assert answer(packet, servos, 0.0) == []
     assert [servo["goal_position"] for servo in servos] == [100, 200]
 
 
-def test_a_registered_write_waits_for_its_action():
-    servos = make_servos(1)
-    write = word(116) + (300).to_bytes(4, "little")
-    answer(Packet(1, protocol.REG_WRITE, write), servos, 0.0)
-    before = servos[0]["goal_position"]
-    answer(Packet(1, protocol.ACTION, b""), servos, 0.0)
-    assert before == 0
-    assert servos[0]["goal_position"] == 300
-
-
-def test_a_factory_reset_is_refused():
-    answers = answer(Packet(1, protocol.FACTORY_RESET, b"\xff"), make_servos(), 0.0)
-    assert answers[0].data == pack(1, protocol.STATUS, b"\x01")
-
-
 def test_a_reboot_is_answered_and_followed_by_silence():
     servo = make_servos(1)[0]
-    answers = answer(Packet(1, protocol.REBOOT, b""), [servo], 2.0)
+    answers = answer(Packet(1, instructions.REBOOT, b""), [servo], 2.0)
     assert len(answers) == 1
     assert not servo.is_present(2.2)
     assert servo.is_present(2.4)
@@ -210,8 +189,8 @@ def test_the_alert_bit_shows_a_hardware_error():
 def test_the_status_return_level_silences_reads_and_writes(level, answered):
     servo = make_servos(1)[0]
     servo["status_return_level"] = level
-    read = Packet(1, protocol.READ, word(132) + word(4))
-    write = Packet(1, protocol.WRITE, word(65) + b"\x01")
+    read = Packet(1, instructions.READ, word(132) + word(4))
+    write = Packet(1, instructions.WRITE, word(65) + b"\x01")
     answers = answer(read, [servo], 0.0) + answer(write, [servo], 0.0)
     assert len(answers) == answered
 

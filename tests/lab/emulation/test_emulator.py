@@ -151,21 +151,27 @@ def test_positions_follow_from_directions_and_home(tmp_path):
     assert winch.servo.position == pytest.approx(before - 200, abs=5)
 
 
+def servo_way(emulator):
+    """A turn in the direction that pays the first cable out [ticks]."""
+    return 4096 * emulator.winches[0].direction
+
+
 def test_a_silent_master_trips_the_watchdog_and_the_motor_stops(tmp_path):
     options = EmulatorOptions(homed=True, link=tmp_path / "port")
     emulator = Emulator(ARM, options)
     servo = emulator.servos[0]
-    servo["operating_mode"] = 1
+    servo["operating_mode"] = 4
     servo["torque_enable"] = 1
-    servo["goal_velocity"] = 20
+    servo["goal_position"] = round(servo.position) + servo_way(emulator)
     servo["bus_watchdog"] = 10
     for emulator.now in (0.1, 0.15, 0.2, 0.25, 0.3):
         emulator.advance_chunk()
     stopped = emulator.plant.positions[0]
-    emulator.advance_chunk()
+    for _ in range(20):
+        emulator.advance_chunk()
     assert servo.watchdog_tripped
-    assert stopped > 0
-    assert emulator.plant.positions[0] == stopped
+    assert 0 < stopped < 0.06
+    assert emulator.plant.positions[0] == pytest.approx(stopped, abs=0.002)
 
 
 def test_a_baud_rate_that_the_servos_do_not_know_is_refused():

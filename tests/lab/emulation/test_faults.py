@@ -6,8 +6,9 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
-from s2c2a.lab.emulation.answers import Answer
-from s2c2a.lab.emulation.faults import Disturbances, Fault, apply_fault, parse_faults
+from s2c2a.lab.emulation.fault_texts import Fault
+from s2c2a.lab.emulation.faults import GRAMMAR, Disturbances, apply_fault
+from s2c2a.lab.emulation.instructions import Answer
 
 ARM = load_arm("twin_arm")
 IDS = range(1, 10)
@@ -21,16 +22,16 @@ def emulator(tmp_path_factory):
 
 def make_disturbances(kind, *values):
     disturbances = Disturbances(np.random.default_rng(0))
-    disturbances.set(kind, values)
+    disturbances.values[kind] = values
     return disturbances
 
 
 def test_faults_are_parsed():
-    faults = parse_faults(["3 gone 4 1.5", "torque+0.5 lost 0.1"], IDS)
-    assert faults == (
-        Fault(3.0, False, "gone", (4.0, 1.5)),
-        Fault(0.5, True, "lost", (0.1,)),
-    )
+    faults = GRAMMAR.parse(["3 gone 4 1.5", "torque+0.5 lost 0.1"], IDS)
+    assert faults == [
+        Fault(0.5, "lost", (), (0.1,), after_torque=True),
+        Fault(3.0, "gone", ("4",), (1.5,)),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -39,12 +40,12 @@ def test_faults_are_parsed():
 )
 def test_an_invalid_fault_names_the_allowed_kinds(text):
     with pytest.raises(S2C2AError, match=r"late SECONDS SHARE.*gone ID \[SECONDS\]"):
-        parse_faults([text], IDS)
+        GRAMMAR.parse([text], IDS)
 
 
 def test_a_fault_of_a_servo_that_does_not_exist_names_the_servos():
     with pytest.raises(S2C2AError, match=r"names servo 12; .* 1, 2, 3"):
-        parse_faults(["1 reboot 12"], IDS)
+        GRAMMAR.parse(["1 reboot 12"], IDS)
 
 
 def test_a_lost_answer_still_takes_its_place_in_the_order():
@@ -75,22 +76,23 @@ def test_a_share_of_the_answers_is_hit_and_none_after_share_zero():
     answers = [Answer(1, b"abc", 0.0)] * 1000
     lost = sum(not one.data for one in disturbances.disturb(answers))
     assert 250 < lost < 350
-    disturbances.set("lost", (0.0,))
+    disturbances.values["lost"] = (0.0,)
     assert disturbances.disturb(answers) == answers
 
 
 def test_faults_reach_servos_and_cables(emulator):
     emulator.now = 10.0
-    for kind, *values in (
-        ("gone", 1, 0.5),
-        ("reboot", 2),
-        ("overload", 3),
-        ("stalled", 4),
-        ("snapped", 5),
-        ("stuffed", 6),
-        ("voltage", 4.0),
+    for text in (
+        "gone 1 0.5",
+        "reboot 2",
+        "overload 3",
+        "stalled 4",
+        "snapped 5",
+        "stuffed 6",
+        "voltage 4.0",
     ):
-        apply_fault(Fault(0.0, False, kind, tuple(values)), emulator)
+        (fault,) = GRAMMAR.parse([f"0 {text}"], IDS)
+        apply_fault(fault, emulator)
     servos = emulator.servos
     assert [servo.is_present(10.2) for servo in servos[:3]] == [False, False, True]
     assert servos[0].is_present(10.6)
@@ -104,7 +106,7 @@ def test_faults_reach_servos_and_cables(emulator):
 
 def test_a_hot_servo_shuts_down_within_seconds(emulator):
     servo = emulator.servos[8]
-    apply_fault(Fault(0.0, False, "hot", (9.0,)), emulator)
+    apply_fault(Fault(0.0, "hot", ("9",)), emulator)
     seconds = 0
     while not servo.errors and seconds < 60:
         servo.update(servo.state, 1.0, 0.0)
@@ -138,7 +140,7 @@ def test_a_servo_without_stuffing_cannot_have_its_fault(tmp_path):
 
 
 def test_a_servo_states_another_model(emulator):
-    (fault,) = parse_faults(["0 model 3 1020"], IDS)
+    (fault,) = GRAMMAR.parse(["0 model 3 1020"], IDS)
     apply_fault(fault, emulator)
     numbers = [servo["model_number"] for servo in emulator.servos]
     assert numbers[2] == 1020
@@ -147,7 +149,7 @@ def test_a_servo_states_another_model(emulator):
 
 @pytest.mark.parametrize(("text", "doubled"), [("twin 4", False), ("twin 4 1", True)])
 def test_a_twin_answers_too(emulator, text, doubled):
-    (fault,) = parse_faults([f"0 {text}"], IDS)
+    (fault,) = GRAMMAR.parse([f"0 {text}"], IDS)
     apply_fault(fault, emulator)
     measured, identity = bytes(range(100, 130)), bytes(range(12))
     answers = [Answer(4, measured, 0.0), Answer(4, identity, 0.0)]

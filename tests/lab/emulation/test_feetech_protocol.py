@@ -1,16 +1,13 @@
 """Packets of Feetech's protocol, against byte strings of its manual."""
 
 from s2c2a.lab.emulation import feetech_protocol as protocol
-from s2c2a.lab.emulation.feetech_protocol import (
-    BROADCAST,
-    Decoder,
-    Packet,
-    answer,
-    pack,
-)
+from s2c2a.lab.emulation import instructions
+from s2c2a.lab.emulation.feetech_protocol import Decoder, FeetechProtocol, pack
+from s2c2a.lab.emulation.instructions import BROADCAST, Packet
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.sts3215 import STS3215
 
+answer = FeetechProtocol().answer
 PING_1 = bytes.fromhex("FF FF 01 02 01 FB")
 PING_STATUS = bytes.fromhex("FF FF 01 02 00 FC")
 READ_POSITION = bytes.fromhex("FF FF 01 04 02 38 02 BE")
@@ -26,20 +23,20 @@ def decode(data):
 
 
 def test_a_ping_has_the_bytes_of_the_manual_and_so_has_its_answer():
-    assert pack(1, protocol.PING) == PING_1
+    assert pack(1, instructions.PING) == PING_1
     answers = answer(decode(PING_1)[0], make_servos(), 0.0)
     assert [one.data for one in answers] == [PING_STATUS]
 
 
 def test_a_position_is_read_with_the_bytes_of_the_manual():
-    assert pack(1, protocol.READ, b"\x38\x02") == READ_POSITION
+    assert pack(1, instructions.READ, b"\x38\x02") == READ_POSITION
     answers = answer(decode(READ_POSITION)[0], make_servos(), 0.0)
     assert answers[0].data == POSITION_STATUS
 
 
 def test_a_damaged_packet_is_dropped_and_the_next_one_is_read():
     packets = decode(READ_POSITION[:-1] + b"\x00" + PING_1)
-    assert packets == [Packet(1, protocol.PING, b"")]
+    assert packets == [Packet(1, instructions.PING, b"")]
 
 
 def test_a_packet_may_arrive_byte_by_byte():
@@ -47,11 +44,11 @@ def test_a_packet_may_arrive_byte_by_byte():
     packets = []
     for byte in PING_1:
         packets += decoder.feed(bytes((byte,)), 0.0)
-    assert packets == [Packet(1, protocol.PING, b"")]
+    assert packets == [Packet(1, instructions.PING, b"")]
 
 
 def test_a_sync_read_is_answered_in_the_order_asked():
-    packet = Packet(BROADCAST, protocol.SYNC_READ, b"\x38\x02\x02\x01")
+    packet = Packet(BROADCAST, instructions.SYNC_READ, b"\x38\x02\x02\x01")
     answers = answer(packet, make_servos(), 0.0)
     assert [one.id for one in answers] == [2, 1]
     assert answers[1].data == POSITION_STATUS
@@ -60,17 +57,10 @@ def test_a_sync_read_is_answered_in_the_order_asked():
 def test_a_sync_write_sets_every_goal_without_an_answer():
     servos = make_servos()
     parameters = b"\x2a\x02" + b"\x01\x00\x08" + b"\x02\x01\x08"
-    assert answer(Packet(BROADCAST, protocol.SYNC_WRITE, parameters), servos, 0) == []
+    assert (
+        answer(Packet(BROADCAST, instructions.SYNC_WRITE, parameters), servos, 0) == []
+    )
     assert [servo["goal_position"] for servo in servos] == [2048, 2049]
-
-
-def test_a_registered_write_waits_for_its_action():
-    servos = make_servos(1)
-    answer(Packet(1, protocol.REG_WRITE, b"\x2a\x00\x08"), servos, 0.0)
-    before = servos[0]["goal_position"]
-    answer(Packet(BROADCAST, protocol.ACTION, b""), servos, 0.0)
-    assert before == 1304
-    assert servos[0]["goal_position"] == 2048
 
 
 def test_hardware_errors_are_in_every_answer():

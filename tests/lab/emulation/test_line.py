@@ -8,7 +8,7 @@ import pytest
 from serial import Serial
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.answers import Answer
+from s2c2a.lab.emulation.instructions import Answer
 from s2c2a.lab.emulation.line import Line
 
 

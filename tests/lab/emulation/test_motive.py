@@ -11,8 +11,9 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
 from s2c2a.lab.emulation import natnet_protocol as protocol
+from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.mocap import Babbling, MocapEmulator
-from s2c2a.lab.emulation.mocap_faults import MocapFault, parse_mocap_faults
+from s2c2a.lab.emulation.mocap_faults import GRAMMAR
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.plant import Pose
 from s2c2a.lab.emulation.tracked_bodies import to_stream
@@ -135,9 +136,9 @@ def test_with_y_up_the_height_is_the_second_coordinate():
 
 
 def test_a_body_and_seconds_are_parsed():
-    late, hidden = parse_mocap_faults(("3 hidden end-1 1.5", "2 late 0.1 0.5"), NAMES)
-    assert late == MocapFault(2.0, "late", (), (0.1, 0.5))
-    assert hidden == MocapFault(3.0, "hidden", ("end-1",), (1.5,))
+    late, hidden = GRAMMAR.parse(("3 hidden end-1 1.5", "2 late 0.1 0.5"), NAMES)
+    assert late == Fault(2.0, "late", (), (0.1, 0.5))
+    assert hidden == Fault(3.0, "hidden", ("end-1",), (1.5,))
 
 
 @pytest.mark.parametrize(
@@ -159,13 +160,13 @@ def test_a_body_and_seconds_are_parsed():
 )
 def test_an_invalid_fault_lists_the_kinds(text):
     with pytest.raises(S2C2AError, match=r"hidden BODY \[SECONDS\]"):
-        parse_mocap_faults((text,), NAMES)
+        GRAMMAR.parse((text,), NAMES)
 
 
 @pytest.mark.parametrize("text", ["1 hidden tip", "1 swapped base base"])
 def test_a_fault_of_an_unknown_body_lists_the_bodies(text):
     with pytest.raises(S2C2AError, match="base, end-1"):
-        parse_mocap_faults((text,), NAMES)
+        GRAMMAR.parse((text,), NAMES)
 
 
 @pytest.mark.parametrize(

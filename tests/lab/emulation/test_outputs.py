@@ -11,11 +11,11 @@ from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.outputs import (
     Periodic,
-    PoseSender,
     PositionRecord,
     StatusFile,
     parse_address,
 )
+from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +57,11 @@ def test_poses_are_sent_as_json_datagrams(emulator):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(10.0)
-        sender = PoseSender(receiver.getsockname(), 100.0)
-        sender.write(emulator, 1.5)
-        sender.write(emulator, 1.505)
-        sender.write(emulator, 1.52)
+        options = DatagramOptions(rate=100.0, receiver=receiver.getsockname())
+        poses = emulator.plant.poses
+        sender = PoseDatagrams(list(poses()), options)
+        for moment in (1.5, 1.505, 1.52):
+            sender.serve(moment, poses)
         contents = [json.loads(receiver.recv(65_536)) for _ in range(2)]
         sender.close()
     assert [content["frame"] for content in contents] == [0, 1]

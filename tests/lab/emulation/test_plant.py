@@ -6,7 +6,6 @@ import pytest
 from s2c2a.arm import Motor, load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.plant import DRIVING_FRICTION, SLACK, Plant, approach
-from s2c2a.lab.emulation.servo import Drive
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.transmission import compute_motor_path
 
@@ -21,10 +20,8 @@ def plant():
     return Plant(ARM, homed=True)
 
 
-def power(plant, goal, tension=STRONG, drive=Drive.POSITION):
-    count = len(plant.positions)
+def power(plant, goal, tension=STRONG):
     plant.targets.torque[:] = True
-    plant.targets.drive[:] = [drive] * count
     plant.targets.goal[:] = goal
     plant.targets.speed[:] = SPEED
     plant.targets.tension[:] = tension
@@ -81,18 +78,6 @@ def test_a_motor_yields_above_its_tension_limit(plant):
     advance(plant, 0.5)
     assert held.min() > 2.0
     assert plant.pulls().max() < 1.1 + DRIVING_FRICTION
-
-
-def test_motors_follow_a_tension(plant):
-    power(plant, 2.0, tension=2.0, drive=Drive.CURRENT)
-    advance(plant, 1.0)
-    np.testing.assert_allclose(plant.pulls(), 2.0 - DRIVING_FRICTION, rtol=0.05)
-
-
-def test_motors_follow_a_speed(plant):
-    power(plant, 0.01, drive=Drive.VELOCITY)
-    advance(plant, 0.5)
-    np.testing.assert_allclose(plant.positions, 0.005)
 
 
 def test_motors_without_power_stay_under_little_tension(plant):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from s2c2a.lab.emulation.servo import Drive, MotorState
+from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.sts3215 import STS3215
 
 
@@ -61,26 +61,6 @@ def test_changes_under_the_lock_are_lost_in_a_restart(servo):
 def test_the_torque_limit_is_a_share_of_the_stall_current(servo):
     write(servo, "torque_limit", 250)
     assert servo.command().current == pytest.approx(0.6)
-
-
-def test_wheel_mode_turns_with_a_speed(servo):
-    write(servo, "operating_mode", 1)
-    write(servo, "goal_speed", -652)
-    command = servo.command()
-    assert command.drive is Drive.VELOCITY
-    assert command.goal == pytest.approx(-1.0, abs=1e-3)
-
-
-def test_goals_in_step_mode_are_relative(servo):
-    write(servo, "operating_mode", 3)
-    write(servo, "goal_position", 100)
-    write(servo, "goal_position", -300)
-    assert servo.command().goal == 5000 - 200
-
-
-def test_calibration_calls_the_position_2048(servo):
-    write(servo, "torque_enable", 128)
-    assert read(servo, "present_position") == 2048
 
 
 def test_measurements_have_the_units_of_the_manual(servo):

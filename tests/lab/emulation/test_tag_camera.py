@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import tag_camera
-from s2c2a.lab.emulation.tag_camera import RenderedCamera, TagScene, look_at
+from s2c2a.lab.emulation.tag_camera import TagScene, look_at
 from s2c2a.lab.tracking import ModuleEnds
 from s2c2a.lab.tracking.poses import Pose
 from s2c2a.lab.tracking.tags import CameraModel, TagLayout, TagTracker, estimate_poses
@@ -67,11 +67,25 @@ def test_noise_repeats_with_its_seed(scene):
     assert np.array_equal(first, second)
 
 
-def test_a_tracker_follows_a_rendered_camera(scene):
-    def open_camera():
-        return RenderedCamera(lambda: TagScene(CAMERA, LAYOUT), lambda: POSES, VIEW)
+class RenderedCamera:
+    """A source of pictures of a straight arm; a scene belongs to one thread."""
 
-    with TagTracker(open_camera, CAMERA, LAYOUT) as tracker:
+    def __init__(self):
+        self._scene = None
+
+    def read(self):
+        self._scene = self._scene or TagScene(CAMERA, LAYOUT)
+        now = time.perf_counter()
+        return self._scene.render(POSES, VIEW), now
+
+    def close(self):
+        if self._scene is not None:
+            self._scene.close()
+        self._scene = None
+
+
+def test_a_tracker_follows_a_rendered_camera(scene):
+    with TagTracker(RenderedCamera, CAMERA, LAYOUT) as tracker:
         end = time.monotonic() + 30
         while tracker.counts.accepted < 2 and time.monotonic() < end:
             time.sleep(0.01)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from s2c2a.lab.emulation.servo import Drive, MotorState, RefusalError
+from s2c2a.lab.emulation.servo import MotorState, RefusalError
 from s2c2a.lab.emulation.xl330 import XL330
 
 TORQUE = 64
@@ -51,9 +51,10 @@ def test_torque_locks_the_eeprom(servo):
     assert read(servo, "operating_mode") == 4
 
 
-def test_an_operating_mode_that_does_not_exist_is_refused(servo):
+@pytest.mark.parametrize("mode", [0, 1, 2, 16])
+def test_an_operating_mode_that_does_not_wind_to_positions_is_refused(servo, mode):
     with pytest.raises(RefusalError, match="out of range"):
-        write(servo, "operating_mode", 2)
+        write(servo, "operating_mode", mode)
 
 
 def test_a_write_over_several_registers_is_whole_or_not_at_all(servo):
@@ -153,12 +154,10 @@ def test_goal_current_limits_the_current_in_current_based_position_mode(servo):
 
 
 def test_velocities_are_in_units_of_the_manual(servo):
-    write(servo, "operating_mode", 1)
-    write(servo, "goal_velocity", -100)
-    command = servo.command()
-    assert command.drive is Drive.VELOCITY
-    assert command.goal == pytest.approx(-22.9 * 2 * math.pi / 60)
-    update(servo, velocity=command.goal, current=-0.12, voltage=4.8)
+    write(servo, "profile_velocity", 100)
+    speed = servo.command().speed
+    assert speed == pytest.approx(22.9 * 2 * math.pi / 60)
+    update(servo, velocity=-speed, current=-0.12, voltage=4.8)
     assert read(servo, "present_velocity") == -100
     assert read(servo, "present_current") == -120
     assert read(servo, "present_voltage") == 48

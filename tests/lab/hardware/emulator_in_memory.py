@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 from s2c2a.arm import load_arm
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
-from s2c2a.lab.emulation.faults import apply_fault, parse_faults
+from s2c2a.lab.emulation.faults import GRAMMAR, apply_fault
 from s2c2a.lab.emulation.line import Line
 from s2c2a.lab.emulation.outputs import describe
 from s2c2a.lab.hardware.serial_line import POLL_PERIOD
@@ -151,7 +151,7 @@ class EmulatorInMemory:
 
     def inject(self, fault):
         """Let a fault occur, such as "gone 4 0.5"."""
-        (parsed,) = parse_faults([f"0 {fault}"], self._emulator._ids)
+        (parsed,) = GRAMMAR.parse([f"0 {fault}"], self._emulator._ids)
         apply_fault(parsed, self._emulator)
 
     def status(self):

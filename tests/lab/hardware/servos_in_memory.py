@@ -132,10 +132,11 @@ def serve(port, monkeypatch):
         Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
     )
     monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: module)
-    for name in ("EXCHANGE_MARGIN", "LISTEN_MARGIN", "QUIET_TIME", "CYCLE_MARGIN"):
-        monkeypatch.setattr(f"s2c2a.lab.hardware.dynamixel.bus.{name}", 0.001)
-    for name in ("PATIENT_TIMEOUT", "LISTEN_TIMEOUT", "REPLY_TIMEOUT"):
-        monkeypatch.setattr(f"s2c2a.lab.hardware.feetech.bus.{name}", 0.001)
+    for name in ("EXCHANGE_MARGIN", "LISTEN_MARGIN", "QUIET_TIME"):
+        monkeypatch.setattr(f"s2c2a.lab.hardware.serial_bus.{name}", 0.001)
+    for protocol in ("dynamixel", "feetech"):
+        name = f"s2c2a.lab.hardware.{protocol}.bus.CYCLE_MARGIN"
+        monkeypatch.setattr(name, 0.001)
     for name in ("bring_up", "motion_watch", "timing"):
         monkeypatch.setattr(f"s2c2a.lab.hardware.{name}.time", port.clock)
     monkeypatch.setattr("s2c2a.lab.hardware.bring_up.PATIENCE", 0.0)

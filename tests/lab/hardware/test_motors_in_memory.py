@@ -371,7 +371,7 @@ def test_two_servos_with_one_id_are_told_apart(make_bench, verb, protocol, overl
 
 def test_noise_that_spoils_single_answers_is_no_collision(make_bench):
     bench = make_bench()
-    bench.port.disturbances.set("corrupted", (0.05,))
+    bench.port.disturbances.values["corrupted"] = (0.05,)
     bench.run("jog")
     assert bench.port[2].state.ticks - START == pytest.approx(0.020 / TICK, abs=9)
 

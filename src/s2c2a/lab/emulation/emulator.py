@@ -1,8 +1,7 @@
 """Event loop of emulated servos: the line, the servos and the arm behind them."""
 
-import select
+import socket
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,26 +12,23 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import MODEL_NUMBERS, Servos
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.lab.emulation.faults import Disturbances, Fault, FaultSchedule, parse_faults
+from s2c2a.lab.emulation.fault_texts import Fault
+from s2c2a.lab.emulation.faults import GRAMMAR, Disturbances, FaultSchedule
 from s2c2a.lab.emulation.line import Line
-from s2c2a.lab.emulation.motive import MotiveOptions, MotiveOutput
-from s2c2a.lab.emulation.outputs import (
-    PoseSender,
-    PositionRecord,
-    StatusFile,
-    parse_address,
-)
+from s2c2a.lab.emulation.mocap_server import MocapServer
+from s2c2a.lab.emulation.motive import Motive, MotiveOptions
+from s2c2a.lab.emulation.outputs import PositionRecord, StatusFile, parse_address
 from s2c2a.lab.emulation.plant import Plant
+from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.emulation.protocols import protocol_of
-from s2c2a.lab.emulation.servo import Drive, MotorState, Servo
+from s2c2a.lab.emulation.real_time import RealTimeArm
+from s2c2a.lab.emulation.servo import MotorState, Servo
 from s2c2a.lab.emulation.winch import Pulley, Winch
 
-_LATEST = 0.2  # s; physics that is later than this loses the time
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
-_LONGEST_SLEEP = 0.1  # s
 
-Output = StatusFile | PoseSender | PositionRecord | MotiveOutput
+Output = StatusFile | PositionRecord
 
 _TURN_STREAM = 12
 _NOISE_STREAM = 13
@@ -50,7 +46,7 @@ class EmulatorOptions:
         homed: whether the arm is in use: its cables start without slack, and its servos
             store the settings of `motors home`.
         firmware: of Dynamixel servos.
-        faults: as texts (`faults.EXAMPLE`).
+        faults: as texts (`faults.GRAMMAR`).
         link: symbolic link to the port; None: in a new temporary folder.
         port_file: file for the name of the port.
         status_file: JSON file with the state of the servos.
@@ -104,18 +100,15 @@ def default_servos(arm: ArmSpec) -> Servos:
     return Servos.model_validate({"ids": ids})
 
 
-class Emulator:
+class Emulator(RealTimeArm):
     """Servos of an arm on a pseudo-terminal, in real time.
 
     Attributes:
         options: of the emulator.
-        plant: the arm and its motors.
         winches: servos with their cables, module by module.
         line: the port.
         disturbances: of the line.
         voltage: of the supply [V].
-        now: time since the start [s].
-        late: time that the physics lost on a busy machine [s].
         packet_count: instructions that arrived.
         largest_command: largest displacement that a powered motor was sent to [m].
         largest_current: largest current of a motor [A].
@@ -131,9 +124,10 @@ class Emulator:
         self.table = arm.servos or default_servos(arm)
         self._protocol = protocol_of(self.table)
         self._schedule = FaultSchedule(self._parse_faults())
-        self.plant = Plant(
+        plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed
         )
+        super().__init__(plant, options.duration)
         self.disturbances = Disturbances(self._random_stream(_LINE_STREAM))
         self._noise = self._random_stream(_NOISE_STREAM)
         self.winches = self._make_winches()
@@ -142,10 +136,8 @@ class Emulator:
         self.line = Line(self._choose_link(), self.table.baud_rate)
         self._decoder = self._protocol.decoder()
         self._plug_time = float("inf")
-        self._stopped = False
-        self._mocap: MotiveOutput | None = None
-        self.now = 0.0
-        self.late = 0.0
+        self._outputs: list[Output] = []
+        self._servers: list[MocapServer] = []
         self.packet_count = 0
         self.largest_command = 0.0
         self.largest_current = 0.0
@@ -154,10 +146,6 @@ class Emulator:
     def servos(self) -> list[Servo]:
         """The servos, module by module."""
         return [winch.servo for winch in self.winches]
-
-    def stop(self) -> None:
-        """Let `run` end soon; for signal handlers and other threads."""
-        self._stopped = True
 
     def unplug(self, seconds: float) -> None:
         """Take the port away for a time [s]; the servos keep their power."""
@@ -175,27 +163,37 @@ class Emulator:
             SimulationError: the simulation diverged.
         """
         self.line.plug()
-        outputs = self._open_outputs()
+        self._open_outputs()
         try:
             if self.options.port_file is not None:
                 write_atomically(f"{self.line.link}\n", self.options.port_file)
             on_ready(str(self.line.link))
-            start = time.monotonic()
-            while not self._stopped and self.now < self.options.duration:
-                self._wait(start)
-                self.now = time.monotonic() - start
-                self.serve()
-                for output in outputs:
-                    output.write(self, self.now)
+            self._loop()
         finally:
-            self._close(outputs)
+            self._close()
 
-    def _close(self, outputs: list[Output]) -> None:
+    def _close(self) -> None:
         self.line.unplug()
-        for output in outputs:
-            output.close()
+        for opened in (*self._outputs, *self._servers):
+            opened.close()
         if self._folder is not None:
             self._folder.rmdir()
+
+    @property
+    def _files(self) -> list[int | socket.socket]:
+        return [self.line.file] if self.line.is_plugged else []
+
+    def _next_time(self) -> float:
+        # a frame must not wait for the physics
+        servers = [server.next_time for server in self._servers]
+        return min(self.line.next_time, *servers, float("inf"))
+
+    def _serve_all(self) -> None:
+        self.serve()
+        for server in self._servers:
+            server.serve(self.now, self.plant.poses)
+        for output in self._outputs:
+            output.write(self, self.now)
 
     def serve(self) -> None:
         """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
@@ -207,15 +205,6 @@ class Emulator:
             self._receive()
             self.line.transmit(self.now)
         self._advance()
-
-    def _wait(self, start: float) -> None:
-        """Sleep until bytes arrive or something is due."""
-        due = min(self.line.next_time, self.late + self.plant.time + self.plant.chunk)
-        if self._mocap is not None:  # a frame must not wait for the physics
-            due = min(due, self._mocap.next_time)
-        timeout = due - (time.monotonic() - start)
-        files = [self.line.file] if self.line.is_plugged else []
-        select.select(files, [], [], min(max(0.0, timeout), _LONGEST_SLEEP))
 
     def _receive(self) -> None:
         data = self.line.receive()
@@ -236,16 +225,9 @@ class Emulator:
             if servo.is_present(self.now) and baud_rate in (None, servo.baud_rate)
         ]
 
-    def _advance(self) -> None:
-        """Advance the physics by at most one chunk, towards the wall clock."""
-        behind = self.now - self.late - self.plant.time
-        if behind < self.plant.chunk:
-            return
-        if behind < _PATIENCE and self.line.next_time - self.now < _NEARLY:
-            return
-        if behind > _LATEST:
-            self.late += behind - self.plant.chunk
-        self.advance_chunk()
+    def _is_busy(self, behind: float) -> bool:
+        is_answering = self.line.next_time - self.now < _NEARLY
+        return behind < _PATIENCE and is_answering
 
     def advance_chunk(self) -> None:
         """Advance motors, arm and servos by one chunk of physics."""
@@ -259,38 +241,35 @@ class Emulator:
 
     def _note_extremes(self) -> None:
         targets = self.plant.targets
-        driven = targets.torque & targets.follows(Drive.POSITION)
-        largest = float(np.max(np.abs(targets.goal), where=driven, initial=0.0))
+        goals = np.abs(targets.goal)
+        largest = float(np.max(goals, where=targets.torque, initial=0.0))
         self.largest_command = max(self.largest_command, largest)
         current = max(abs(servo.state.current) for servo in self.servos)
         self.largest_current = max(self.largest_current, current)
 
-    def _open_outputs(self) -> list[Output]:
+    def _open_outputs(self) -> None:
         options = self.options
-        outputs: list[Output] = []
+        names = list(self.plant.poses())
         if options.status_file is not None:
-            outputs.append(StatusFile(options.status_file))
-        if options.poses_to:
-            address = parse_address(options.poses_to)
-            outputs.append(PoseSender(address, options.pose_rate))
+            self._outputs.append(StatusFile(options.status_file))
         if options.record is not None:
             modules = self.plant.arm.module_count
-            outputs.append(PositionRecord(options.record, modules, options.pose_rate))
+            record = PositionRecord(options.record, modules, options.pose_rate)
+            self._outputs.append(record)
+        if options.poses_to:
+            receiver = parse_address(options.poses_to)
+            stream = DatagramOptions(rate=options.pose_rate, receiver=receiver)
+            self._servers.append(PoseDatagrams(names, stream))
         if options.mocap is not None:
-            outputs.append(self._open_mocap(options.mocap))
-        return outputs
+            # physics reads the motors' positions earlier than their encoders do, so
+            # that the arm leads; frames wait for the encoders
+            latency = options.mocap.latency + self.plant.lead
+            motive = Motive(names, replace(options.mocap, latency=latency))
+            motive.open()
+            self._servers.append(motive)
 
-    def _open_mocap(self, options: MotiveOptions) -> MotiveOutput:
-        # physics reads the motors' positions earlier than their encoders do, so that
-        # the arm leads; frames wait for the encoders
-        latency = options.latency + self.plant.lead
-        self._mocap = MotiveOutput(
-            list(self.plant.poses()), replace(options, latency=latency)
-        )
-        return self._mocap
-
-    def _parse_faults(self) -> tuple[Fault, ...]:
-        faults = parse_faults(self.options.faults, self._ids)
+    def _parse_faults(self) -> list[Fault]:
+        faults = GRAMMAR.parse(self.options.faults, self._ids)
         stuffed = any(fault.kind == "stuffed" for fault in faults)
         if stuffed and not self._protocol.stuffs:
             raise S2C2AError(

@@ -1,20 +1,24 @@
 """Faults of emulated servos: on the line, in a servo, in the arm."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.lab.emulation.answers import Answer
+from s2c2a.lab.emulation.fault_texts import (
+    MAYBE_SECONDS,
+    SECONDS,
+    SHARE,
+    Argument,
+    Fault,
+    FaultGrammar,
+    Shares,
+)
+from s2c2a.lab.emulation.instructions import Answer
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.emulator import Emulator
-
-EXAMPLE = "3 gone 4 1.5"
-AFTER_TORQUE = "torque+"
-"""Before a time: it counts from the moment at which the first torque is switched on."""
 
 STUFFED_POSITION = -131_073  # ticks; FF FF FD FF on the wire
 _LONGEST_GARBAGE = 8  # bytes
@@ -22,41 +26,23 @@ _HEAD = 9  # bytes of an answer before its data, which two servos with one id sh
 _SHORTEST_MEASUREMENT = 20  # bytes of an answer with measurements
 
 
-class _Argument(NamedTuple):
-    """One argument of a fault.
-
-    Attributes:
-        name: as users read it.
-        low: smallest value.
-        high: largest value.
-        required: whether it must be given.
-    """
-
-    name: str
-    low: float = 0.0
-    high: float = float("inf")
-    required: bool = True
-
-
-_ID = _Argument("ID")
-_SHARE = _Argument("SHARE", 0, 1)
-_SECONDS = _Argument("SECONDS")
-KINDS: dict[str, tuple[_Argument, ...]] = {
-    "lost": (_SHARE,),
-    "corrupted": (_SHARE,),
-    "late": (_SECONDS, _SHARE),
-    "garbage": (_SHARE,),
+_ID = Argument("ID", high=None)
+KINDS: dict[str, tuple[Argument, ...]] = {
+    "lost": (SHARE,),
+    "corrupted": (SHARE,),
+    "late": (SECONDS, SHARE),
+    "garbage": (SHARE,),
     "stuffed": (_ID,),
-    "gone": (_ID, _SECONDS._replace(required=False)),
+    "gone": (_ID, MAYBE_SECONDS),
     "reboot": (_ID,),
     "hot": (_ID,),
     "overload": (_ID,),
     "stalled": (_ID,),
     "snapped": (_ID,),
-    "voltage": (_Argument("VOLTS", 0, 60),),
-    "unplug": (_SECONDS,),
-    "model": (_ID, _Argument("NUMBER", 0, 65_535)),
-    "twin": (_ID, _Argument("DOUBLED", 0, 1, required=False)),
+    "voltage": (Argument("VOLTS", 0, 60),),
+    "unplug": (SECONDS,),
+    "model": (_ID, Argument("NUMBER", 0, 65_535)),
+    "twin": (_ID, Argument("DOUBLED", 0, 1, required=False)),
 }
 """Kinds of faults and their arguments.
 
@@ -73,82 +59,7 @@ each other, or, with DOUBLED 1, one after the other.
 LINE_KINDS = frozenset(("lost", "corrupted", "late", "garbage"))
 
 
-@dataclass(frozen=True)
-class Fault:
-    """One scheduled fault.
-
-    Attributes:
-        time: when it occurs [s].
-        after_torque: whether the time counts from the first torque, not from the start.
-        kind: a name in `KINDS`.
-        values: its arguments.
-    """
-
-    time: float
-    after_torque: bool
-    kind: str
-    values: tuple[float, ...]
-
-
-def parse_faults(texts: Sequence[str], ids: Sequence[int]) -> tuple[Fault, ...]:
-    """Parse faults such as `EXAMPLE`.
-
-    Args:
-        texts: one fault each.
-        ids: of the servos.
-
-    Raises:
-        S2C2AError: a fault has no valid time, kind or arguments.
-    """
-    return tuple(_parse_fault(text, ids) for text in texts)
-
-
-def _parse_fault(text: str, ids: Sequence[int]) -> Fault:
-    words = text.split()
-    after_torque = text.strip().startswith(AFTER_TORQUE)
-    try:
-        time = float(words[0].removeprefix(AFTER_TORQUE))
-        kind = words[1]
-        fault = Fault(time, after_torque, kind, tuple(map(float, words[2:])))
-    except (ValueError, IndexError) as error:
-        raise _invalid_fault(text) from error
-    if not (0 <= time < float("inf") and _has_valid_arguments(fault)):
-        raise _invalid_fault(text)
-    if KINDS[kind][0] is _ID and fault.values[0] not in ids:
-        raise S2C2AError(
-            f"'{text}' names servo {fault.values[0]:g}; the arm has the servos "
-            f"{', '.join(map(str, ids))}"
-        )
-    return fault
-
-
-def _has_valid_arguments(fault: Fault) -> bool:
-    arguments = KINDS.get(fault.kind)
-    if arguments is None or len(fault.values) > len(arguments):
-        return False
-    if len(fault.values) < sum(argument.required for argument in arguments):
-        return False
-    pairs = zip(fault.values, arguments, strict=False)
-    return all(argument.low <= value <= argument.high for value, argument in pairs)
-
-
-def _suggested(text: str) -> str:
-    kind = "".join(text.split()[1:2])
-    return "" if kind in KINDS else did_you_mean(kind, KINDS)
-
-
-def _invalid_fault(text: str) -> S2C2AError:
-    kinds = [" ".join((kind, *map(_describe, KINDS[kind]))) for kind in KINDS]
-    return S2C2AError(
-        f"'{text}' is not a fault{_suggested(text)}; write a time [s] (after "
-        f"'{AFTER_TORQUE}', from the "
-        f'first torque on) and one of: {", ".join(kinds)}; for example "{EXAMPLE}", '
-        f'"{AFTER_TORQUE}5 snapped 2"'
-    )
-
-
-def _describe(argument: _Argument) -> str:
-    return argument.name if argument.required else f"[{argument.name}]"
+GRAMMAR = FaultGrammar("a fault", "servo", KINDS, "3 gone 4 1.5", has_torque=True)
 
 
 class FaultSchedule:
@@ -167,7 +78,7 @@ class FaultSchedule:
             self._torque_time = emulator.now
         due = [fault for fault in self._pending if self._is_due(fault, emulator.now)]
         self._pending = [fault for fault in self._pending if fault not in due]
-        for fault in sorted(due, key=lambda fault: fault.time):
+        for fault in due:
             apply_fault(fault, emulator)
 
     def _is_due(self, fault: Fault, now: float) -> bool:
@@ -179,7 +90,7 @@ class FaultSchedule:
 def apply_fault(fault: Fault, emulator: "Emulator") -> None:
     """Let a fault occur now."""
     if fault.kind in LINE_KINDS:
-        emulator.disturbances.set(fault.kind, fault.values)
+        emulator.disturbances.values[fault.kind] = fault.values
     elif fault.kind == "voltage":
         emulator.voltage = fault.values[0]
     elif fault.kind == "unplug":
@@ -190,14 +101,14 @@ def apply_fault(fault: Fault, emulator: "Emulator") -> None:
 
 def _apply_to_servo(fault: Fault, emulator: "Emulator") -> None:
     winch = next(
-        one for one in emulator.winches if one.original_id == int(fault.values[0])
+        one for one in emulator.winches if one.original_id == int(fault.targets[0])
     )
     servo = winch.servo
     match fault.kind:
         case "stuffed":
             servo.shift_position(STUFFED_POSITION)
         case "gone":
-            seconds = fault.values[1] if len(fault.values) > 1 else float("inf")
+            seconds = fault.values[0] if fault.values else float("inf")
             servo.gone_until = emulator.now + seconds
         case "reboot":
             servo.restart(emulator.now)
@@ -210,13 +121,13 @@ def _apply_to_servo(fault: Fault, emulator: "Emulator") -> None:
         case "snapped":
             emulator.plant.snapped[winch.cable] = True
         case "model":
-            servo["model_number"] = int(fault.values[1])
+            servo["model_number"] = int(fault.values[0])
         case "twin":
-            is_doubled = len(fault.values) > 1 and fault.values[1] > 0
+            is_doubled = any(fault.values)
             emulator.disturbances.twins[servo.id] = is_doubled
 
 
-class Disturbances:
+class Disturbances(Shares):
     """What happens to answers on the line.
 
     Attributes:
@@ -229,19 +140,14 @@ class Disturbances:
         Args:
             random: decides which answers are hit.
         """
-        self._random = random
-        self._values: dict[str, tuple[float, ...]] = {}
+        super().__init__(random)
         self.twins: dict[int, bool] = {}
-
-    def set(self, kind: str, values: tuple[float, ...]) -> None:
-        """Set the arguments of a kind in `LINE_KINDS` from now on."""
-        self._values[kind] = values
 
     def disturb(self, answers: list[Answer]) -> list[Answer]:
         """Return answers as they leave the line; a lost one is empty."""
         if self.twins:
             answers = [self._answer_twice(answer) for answer in answers]
-        if not self._values:
+        if not self.values:
             return answers
         return [self._disturb(answer) for answer in answers]
 
@@ -259,21 +165,17 @@ class Disturbances:
         return replace(answer, data=answer.data[:_HEAD] + tail)
 
     def _disturb(self, answer: Answer) -> Answer:
-        if self._hits("late"):
-            delay = answer.delay + self._values["late"][0]
+        if self.hits("late"):
+            delay = answer.delay + self.values["late"][0]
             answer = replace(answer, delay=delay)
-        if self._hits("corrupted"):
+        if self.hits("corrupted"):
             answer = replace(answer, data=self._flip_bit(answer.data))
-        if self._hits("garbage"):
+        if self.hits("garbage"):
             size = self._random.integers(1, _LONGEST_GARBAGE + 1)
             answer = replace(answer, data=self._random.bytes(int(size)) + answer.data)
-        if self._hits("lost"):
+        if self.hits("lost"):
             answer = replace(answer, data=b"")
         return answer
-
-    def _hits(self, kind: str) -> bool:
-        values = self._values.get(kind)
-        return values is not None and self._random.random() < values[-1]
 
     def _flip_bit(self, data: bytes) -> bytes:
         flipped = bytearray(data)

@@ -11,7 +11,7 @@ from fcntl import ioctl
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.answers import Answer
+from s2c2a.lab.emulation.instructions import Answer
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _READ_SIZE = 4096

@@ -1,7 +1,6 @@
 """Event loop of emulated motion capture of a simulated arm, in real time."""
 
-import select
-import time
+import socket
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -11,9 +10,10 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
-from s2c2a.lab.emulation.plant import Plant, Pose
+from s2c2a.lab.emulation.plant import Plant
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
+from s2c2a.lab.emulation.real_time import RealTimeArm
 
 OPTIONS: Mapping[str, type[StreamOptions]] = {
     "natnet": MotiveOptions,
@@ -21,9 +21,12 @@ OPTIONS: Mapping[str, type[StreamOptions]] = {
     "udp": DatagramOptions,
 }
 """Options by protocol."""
+_SERVERS: Mapping[type[StreamOptions], Callable[..., MocapServer]] = {
+    MotiveOptions: Motive,
+    QtmOptions: Qtm,
+    DatagramOptions: PoseDatagrams,
+}
 MOTIONS = ("none", "babble")
-_LATEST = 0.2  # s; physics that is later than this loses the time
-_LONGEST_SLEEP = 0.1  # s
 _SPEED = 0.1  # m/s
 _TENSION = 100.0  # N
 _FREQUENCIES = (0.03, 0.2)  # Hz
@@ -69,23 +72,14 @@ def make_server(names: Sequence[str], options: StreamOptions) -> MocapServer:
     Raises:
         S2C2AError: a fault is invalid.
     """
-    match options:
-        case MotiveOptions():
-            return Motive(names, options)
-        case QtmOptions():
-            return Qtm(names, options)
-        case DatagramOptions():
-            return PoseDatagrams(names, options)
-    raise S2C2AError(f"no protocol has {type(options).__name__}")
+    return _SERVERS[type(options)](names, options)
 
 
-class MocapEmulator:
+class MocapEmulator(RealTimeArm):
     """An arm, its motion, and motion capture that tracks base and module ends.
 
     Attributes:
-        plant: the arm and its motors.
         server: of the poses.
-        late: time that the physics lost on a busy machine [s].
     """
 
     def __init__(
@@ -114,20 +108,14 @@ class MocapEmulator:
             raise S2C2AError(f"motion '{motion}'; give {' or '.join(MOTIONS)}")
         if not duration > 0:
             raise S2C2AError(f"duration {duration} s is not allowed; give more than 0")
-        self.plant = Plant(arm, fidelity, options.seed, payload, homed=True)
+        plant = Plant(arm, fidelity, options.seed, payload, homed=True)
+        super().__init__(plant, duration)
         self.server = make_server(list(self.plant.poses()), options)
         self._babbling = Babbling(arm, options.seed) if motion == "babble" else None
-        self._duration = duration
-        self._stopped = False
-        self.late = 0.0
         targets = self.plant.targets
         targets.torque[:] = True
         targets.speed[:] = _SPEED
         targets.tension[:] = _TENSION
-
-    def stop(self) -> None:
-        """Let `run` end soon; for signal handlers and other threads."""
-        self._stopped = True
 
     def run(self, on_ready: Callable[[], None] = lambda: None) -> None:
         """Serve until `stop` is called or the duration is over.
@@ -142,35 +130,23 @@ class MocapEmulator:
         self.server.open()
         try:
             on_ready()
-            start = time.monotonic()
-            now = 0.0
-            while not self._stopped and now < self._duration:
-                self._wait(start)
-                now = time.monotonic() - start
-                self._advance(now)
-                self.server.serve(now, self.poses)
+            self._loop()
         finally:
             self.server.close()
 
-    def poses(self) -> Mapping[str, Pose]:
-        """Return `T_world_body` of base and module ends; the world is the base."""
-        return self.plant.poses()
+    @property
+    def _files(self) -> list[int | socket.socket]:
+        return [*self.server.files]
 
-    def _wait(self, start: float) -> None:
-        """Sleep until a request arrives or something is due."""
-        physics = self.late + self.plant.time + self.plant.chunk
-        due = min(physics, self.server.next_time)
-        timeout = due - (time.monotonic() - start)
-        timeout = min(max(0.0, timeout), _LONGEST_SLEEP)
-        select.select(self.server.files, [], [], timeout)
+    def _next_time(self) -> float:
+        return self.server.next_time
 
-    def _advance(self, now: float) -> None:
-        """Advance the physics by at most one chunk, towards the wall clock."""
-        behind = now - self.late - self.plant.time
-        if behind < self.plant.chunk:
-            return
-        if behind > _LATEST:
-            self.late += behind - self.plant.chunk
+    def _serve_all(self) -> None:
+        self._advance()
+        self.server.serve(self.now, self.plant.poses)
+
+    def advance_chunk(self) -> None:
+        """Move the motors, and simulate one chunk."""
         if self._babbling is not None:
             self.plant.targets.goal[:] = self._babbling.goals(self.plant.time)
         self.plant.advance()

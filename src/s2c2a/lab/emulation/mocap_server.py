@@ -6,11 +6,13 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.mocap_faults import SHARE_KINDS, MocapFault, parse_mocap_faults
+from s2c2a.lab.emulation.fault_texts import Fault, Shares
+from s2c2a.lab.emulation.mocap_faults import GRAMMAR, SHARE_KINDS
 from s2c2a.lab.emulation.plant import Pose
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody, TrackedBodies
 
@@ -30,7 +32,7 @@ class StreamOptions:
         rate: frames a second [Hz].
         noise: standard deviation of positions [m].
         latency: from exposure to transmission [s].
-        faults: as texts (`mocap_faults.EXAMPLE`).
+        faults: as texts (`mocap_faults.GRAMMAR`).
         host: address on which it listens.
         seed: of noise and faults.
     """
@@ -60,18 +62,22 @@ def require(is_valid: bool, name: str, value: object, allowed: str) -> None:
         raise S2C2AError(f"{name} {value!r} is not allowed; give {allowed}")
 
 
-class MocapServer(ABC):
+Options = TypeVar("Options", bound=StreamOptions)
+
+
+class MocapServer(ABC, Generic[Options]):
     """Server of one stream; `serve` does what is due, and never waits.
 
     A subclass knows the protocol. Faults act on the bodies before a frame is encoded,
     and on the frames in the queue.
 
     Attributes:
+        options: of the stream.
         frame_count: frames since the start.
         drift: of the clock [s/s].
     """
 
-    def __init__(self, names: Sequence[str], options: StreamOptions):
+    def __init__(self, names: Sequence[str], options: Options):
         """A server that is not open yet.
 
         Args:
@@ -81,16 +87,16 @@ class MocapServer(ABC):
         Raises:
             S2C2AError: a fault is invalid.
         """
-        self._stream = options
+        self.options = options
         self._names = list(names)
-        self._pending = parse_mocap_faults(options.faults, self._names)
+        self._pending = GRAMMAR.parse(options.faults, self._names)
         self._random = np.random.default_rng([options.seed, _NOISE_STREAM])
         self._bodies = TrackedBodies(
             self._names, options.noise, options.up, self._random
         )
         self._queue: list[tuple[float, int, bytes]] = []
         self._queued = 0
-        self._disturbances: dict[str, tuple[float, ...]] = {}
+        self._shares = Shares(self._random)
         self._boot_time = 0.0
         self._next_frame = 0.0
         self.frame_count = 0
@@ -165,14 +171,14 @@ class MocapServer(ABC):
         self._open()
         self._answer_requests(now)
         if now >= self._next_frame:
-            period = 1 / self._stream.rate
+            period = 1 / self.options.rate
             self._next_frame = max(self._next_frame + period, now)
             self._publish(now, poses())
         self._send_queued(now)
 
-    def _apply(self, fault: MocapFault, now: float) -> None:
+    def _apply(self, fault: Fault, now: float) -> None:
         if fault.kind in SHARE_KINDS:
-            self._disturbances[fault.kind] = fault.values
+            self._shares.values[fault.kind] = fault.values
         elif fault.kind == "drift":
             self.drift = fault.values[0] * 1e-6
         elif fault.kind == "restart":
@@ -190,30 +196,26 @@ class MocapServer(ABC):
         """Encode the poses and queue the frame."""
         time = (now - self._boot_time) * (1 + self.drift)
         bodies = self._bodies.see(poses, now)
-        if self._hits("absurd"):
+        if self._shares.hits("absurd"):
             bodies = self._bodies.corrupt(bodies)
         content = self._encode(self.frame_count, time, bodies)
         self.frame_count += 1
-        if self._hits("incomplete"):
+        if self._shares.hits("incomplete"):
             content = self._without_part(content)
-        self._queue_disturbed(content, now + self._stream.latency)
+        self._queue_disturbed(content, now + self.options.latency)
 
     def _queue_disturbed(self, content: bytes, due: float) -> None:
-        if self._hits("lost"):
+        if self._shares.hits("lost"):
             return
-        if self._hits("late"):
-            due += self._disturbances["late"][0]
-        if self._hits("reordered"):
-            due += _REORDERING / self._stream.rate
+        if self._shares.hits("late"):
+            due += self._shares.values["late"][0]
+        if self._shares.hits("reordered"):
+            due += _REORDERING / self.options.rate
         self._push(due, content)
-        if self._hits("duplicated"):
+        if self._shares.hits("duplicated"):
             self._push(due, content)
-        if self._hits("garbage"):
+        if self._shares.hits("garbage"):
             self._push(due, self._damage(content))
-
-    def _hits(self, kind: str) -> bool:
-        values = self._disturbances.get(kind)
-        return values is not None and self._random.random() < values[-1]
 
     def _damage(self, content: bytes) -> bytes:
         """Return a frame that lacks a part, or random bytes."""

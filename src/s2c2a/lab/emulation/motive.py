@@ -4,16 +4,12 @@ import socket
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import natnet_protocol as protocol
 from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions, require
 from s2c2a.lab.emulation.natnet_protocol import VERSIONS
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody
-
-if TYPE_CHECKING:
-    from s2c2a.lab.emulation.emulator import Emulator
 
 _CLIENT_TIMEOUT = 10.0  # s; a client that does not keep itself alive is forgotten
 _MAX_CLIENTS = 16
@@ -57,12 +53,8 @@ def _is_group(text: str) -> bool:
         return False
 
 
-class Motive(MocapServer):
-    """Server of one stream by NatNet.
-
-    Attributes:
-        options: of the stream.
-    """
+class Motive(MocapServer[MotiveOptions]):
+    """Server of one stream by NatNet."""
 
     def __init__(self, names: Sequence[str], options: MotiveOptions):
         """A server that is not open yet.
@@ -75,7 +67,6 @@ class Motive(MocapServer):
             S2C2AError: a fault is invalid.
         """
         super().__init__(names, options)
-        self.options = options
         self._sockets: tuple[socket.socket, socket.socket] | None = None
         self._clients: dict[tuple[str, int], float] = {}
 
@@ -178,33 +169,3 @@ class Motive(MocapServer):
         # a client that has left, or a full buffer, is no error of Motive
         with suppress(OSError):
             sender.sendto(content, address)
-
-
-class MotiveOutput:
-    """Motive that tracks the arm of emulated servos."""
-
-    def __init__(self, names: Sequence[str], options: MotiveOptions):
-        """Listen for requests.
-
-        Args:
-            names: of the rigid bodies.
-            options: of Motive.
-
-        Raises:
-            S2C2AError: a port is taken.
-        """
-        self._motive = Motive(names, options)
-        self._motive.open()
-
-    @property
-    def next_time(self) -> float:
-        """Time at which `write` is due again [s]."""
-        return self._motive.next_time
-
-    def write(self, emulator: "Emulator", now: float) -> None:
-        """Answer requests and send the frames that are due."""
-        self._motive.serve(now, emulator.plant.poses)
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._motive.close()

@@ -1,15 +1,12 @@
-"""Outputs of an emulator: a status file, true poses, a record of positions."""
+"""Outputs of an emulator: a status file, and a record of positions."""
 
 import json
-import socket
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.lab.emulation.pose_datagrams import encode_poses
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.emulator import Emulator
@@ -118,44 +115,6 @@ def _describe_servo(emulator: "Emulator", cable: int) -> dict[str, Any]:
         "errors": list(servo.errors),
         "watchdog_tripped": servo.watchdog_tripped,
     }
-
-
-class PoseSender:
-    """Sends the true poses of base and module ends as JSON over UDP."""
-
-    def __init__(self, address: tuple[str, int], rate: float):
-        """Open a socket.
-
-        Args:
-            address: host and port of the receiver.
-            rate: datagrams a second [Hz].
-        """
-        self._address = address
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._due = Periodic(1.0 / rate)
-        self._frame = 0
-
-    def write(self, emulator: "Emulator", now: float) -> None:
-        """Send the poses if they are due; a receiver that is absent is no error."""
-        if not self._due.is_due(now):
-            return
-        poses = emulator.plant.poses()
-        bodies = {name: StreamedBody(pose) for name, pose in poses.items()}
-        content = encode_poses(self._frame, now, bodies)
-        self._frame += 1
-        try:
-            self._socket.sendto(content, self._address)
-        except socket.gaierror as error:
-            raise S2C2AError(
-                f"no host '{self._address[0]}': {error}; correct --poses-to"
-            ) from error
-        except OSError:
-            return
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
 
 
 class PositionRecord:

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.sensors import Sensors
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.servo import Drive
 from s2c2a.robots.simulation import SimulatedRobot
 
 Cables = Float[np.ndarray, " cables"]
@@ -33,14 +32,12 @@ class Targets:
 
     Attributes:
         torque: whether a motor is powered.
-        drive: what it follows.
-        goal: displacement [m], speed [m/s] or tension [N], as `drive` selects.
+        goal: displacement [m].
         speed: largest speed [m/s].
         tension: largest tension [N].
     """
 
     torque: np.ndarray
-    drive: list[Drive]
     goal: np.ndarray
     speed: np.ndarray
     tension: np.ndarray
@@ -49,12 +46,7 @@ class Targets:
     def without_power(cls, count: int) -> "Targets":
         """Return the targets of motors that are not powered."""
         zeros = np.zeros(count)
-        drives = [Drive.POSITION] * count
-        return cls(zeros.astype(bool), drives, zeros.copy(), zeros.copy(), zeros.copy())
-
-    def follows(self, drive: Drive) -> np.ndarray:
-        """Return which motors follow a kind of goal."""
-        return np.array([one is drive for one in self.drive])
+        return cls(zeros.astype(bool), zeros.copy(), zeros.copy(), zeros.copy())
 
 
 @dataclass(frozen=True)
@@ -212,17 +204,7 @@ class Plant:
         speed = np.minimum(targets.speed, self._limit)
         lag = self.arm.motor.time_constant
         largest_step = speed * self.chunk
-        followed = approach(self.positions, targets.goal, self.chunk, lag, speed)
-        turning = np.clip(targets.goal, -speed, speed) * self.chunk
-        wanted = np.where(
-            targets.follows(Drive.VELOCITY), self.positions + turning, followed
-        )
-        # A motor that follows a tension stops where the cable balances it.
-        balance = self.positions - (targets.goal - pulls) / self.stiffnesses
-        balance = np.clip(
-            balance, self.positions - largest_step, self.positions + largest_step
-        )
-        wanted = np.where(targets.follows(Drive.CURRENT), balance, wanted)
+        wanted = approach(self.positions, targets.goal, self.chunk, lag, speed)
         winding = targets.tension - DRIVING_FRICTION - pulls
         yielding = pulls - targets.tension - DRIVING_FRICTION
         innermost = self.positions - np.maximum(winding, 0.0) / self.stiffnesses

@@ -54,12 +54,8 @@ def _describe(body: StreamedBody) -> dict[str, list[float]] | None:
     }
 
 
-class PoseDatagrams(MocapServer):
-    """Sender of one stream of JSON datagrams to one receiver, without connections.
-
-    Attributes:
-        options: of the stream.
-    """
+class PoseDatagrams(MocapServer[DatagramOptions]):
+    """Sender of one stream of JSON datagrams to one receiver, without connections."""
 
     def __init__(self, names: Sequence[str], options: DatagramOptions):
         """A sender that is not open yet.
@@ -72,7 +68,6 @@ class PoseDatagrams(MocapServer):
             S2C2AError: a fault is invalid.
         """
         super().__init__(names, options)
-        self.options = options
         self._socket: socket.socket | None = None
 
     @property

@@ -58,12 +58,8 @@ class _Client:
     is_streaming: bool = False
 
 
-class Qtm(MocapServer):
-    """Server of one stream by the QTM RT protocol, little-endian.
-
-    Attributes:
-        options: of the stream.
-    """
+class Qtm(MocapServer[QtmOptions]):
+    """Server of one stream by the QTM RT protocol, little-endian."""
 
     def __init__(self, names: Sequence[str], options: QtmOptions):
         """A server that is not open yet.
@@ -76,7 +72,6 @@ class Qtm(MocapServer):
             S2C2AError: a fault is invalid.
         """
         super().__init__(names, options)
-        self.options = options
         self._listener: socket.socket | None = None
         self._clients: list[_Client] = []
 

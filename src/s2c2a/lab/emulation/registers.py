@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 
 @dataclass(frozen=True)
@@ -13,25 +13,25 @@ class Register:
         name: of the value.
         address: of its first byte.
         size: number of bytes.
-        writable: whether instructions may change it.
-        eeprom: whether it survives a restart, and is locked while the torque is on.
         initial: value of a new servo.
         low: smallest value that instructions may write.
         high: largest value that instructions may write.
         values: the only values that instructions may write; empty: the whole range.
         sign_bit: bit of the sign of sign-magnitude numbers; None: two's complement.
+        writable: whether instructions may change it.
+        eeprom: whether it survives a restart, and is locked while the torque is on.
     """
 
     name: str
     address: int
     size: int
-    writable: bool = False
-    eeprom: bool = False
     initial: int = 0
     low: int = 0
     high: int = 0
     values: tuple[int, ...] = ()
     sign_bit: int | None = None
+    writable: bool = False
+    eeprom: bool = False
 
     @cached_property
     def end(self) -> int:
@@ -88,3 +88,13 @@ class ControlTable:
         for register in self.registers:
             memory[register.address : register.end] = register.encode(register.initial)
         return memory
+
+
+measured = Register
+"""A measurement."""
+volatile = partial(Register, writable=True)
+"""A setting that a restart resets."""
+stored = partial(Register, writable=True, eeprom=True)
+"""A setting that survives a restart."""
+constant = partial(Register, eeprom=True)
+"""What a servo states of itself."""

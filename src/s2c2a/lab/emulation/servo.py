@@ -1,14 +1,18 @@
 """Behavior of a bus servo: memory, locks, shutdown, restart; no protocol, no motor."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import ClassVar
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.registers import ControlTable, Register
 
 RESTART_TIME = 0.3  # s; a servo that restarts is silent
 AMBIENT = 25.0  # deg C
+RETURN_DELAY_UNIT = 2e-6  # s
+VOLTAGE_UNIT = 0.1  # V
 _THERMAL_TIME = 150.0  # s
 _HEATING = 35.0  # deg C at rest of the thermal model, per A2
 _FAULT_AMBIENT = 130.0  # deg C
@@ -23,6 +27,7 @@ class Reason(Enum):
     LIMIT = "value beyond a configured limit"
     ACCESS = "register that is read-only, locked or absent"
     FAILED = "instruction that cannot be executed"
+    INSTRUCTION = "instruction that does not exist"
 
 
 class RefusalError(S2C2AError):
@@ -33,28 +38,18 @@ class RefusalError(S2C2AError):
         self.reason = reason
 
 
-class Drive(Enum):
-    """What a motor follows."""
-
-    POSITION = "position"
-    VELOCITY = "velocity"
-    CURRENT = "current"
-
-
 @dataclass(frozen=True)
 class MotorCommand:
     """What a servo demands of its motor.
 
     Attributes:
         torque: whether the motor is powered.
-        drive: what it follows.
-        goal: position [ticks], velocity [rad/s] or current [A], as `drive` says.
+        goal: position [ticks].
         speed: largest speed [rad/s].
         current: largest current [A].
     """
 
     torque: bool = False
-    drive: Drive = Drive.POSITION
     goal: float = 0.0
     speed: float = 0.0
     current: float = 0.0
@@ -80,37 +75,42 @@ class MotorState:
 class Servo(ABC):
     """A servo on a bus: control table, and what it does to the motor.
 
+    Of the operating modes, those that wind cables are emulated: positions.
+
     Attributes:
         table: registers of the model.
+        baud_rates: speeds of the port by the value of their register [bit/s].
+        error_bits: bits of the hardware errors by name.
         ticks_per_turn: of the position.
         torque_constant: torque per current [N m/A].
         state: latest measurement at the motor.
         temperature: [deg C].
         overheats: whether a fault heats the servo.
-        registered: address and data of a write that waits for its action.
         silent_until: end of the restart [s].
         gone_until: time until which the servo is off the bus [s].
     """
 
     table: ControlTable
+    baud_rates: ClassVar[tuple[int, ...]]
+    error_bits: ClassVar[Mapping[str, int]]
     ticks_per_turn = 4096
     torque_constant: float
     overload_current: float
     overload_time = 1.0  # s
 
-    def __init__(self, id: int, state: MotorState):
+    def __init__(self, id: int, state: MotorState, firmware: int = 0):
         """Power the servo up.
 
         Args:
             id: on the bus.
             state: of the motor.
+            firmware: version, of models that have several.
         """
         self.memory = self.table.initial_memory()
         self.state = state
         self.temperature = AMBIENT
         self.overheats = False
         self._shift = 0
-        self.registered: tuple[int, bytes] | None = None
         self.silent_until = 0.0
         self.gone_until = 0.0
         self._overloaded_for = 0.0
@@ -125,7 +125,9 @@ class Servo(ABC):
 
     def __setitem__(self, name: str, value: int) -> None:
         """Change a register from inside: without locks and ranges."""
-        register = self.table.by_name[name]
+        self._put(self.table.by_name[name], value)
+
+    def _put(self, register: Register, value: int) -> None:
         self.memory[register.address : register.end] = register.encode(value)
 
     @property
@@ -149,24 +151,29 @@ class Servo(ABC):
         return bool(self["torque_enable"])
 
     @property
-    @abstractmethod
     def baud_rate(self) -> int:
         """Speed of the port [bit/s]."""
+        return self.baud_rates[self["baud_rate"]]
 
     @baud_rate.setter
-    @abstractmethod
     def baud_rate(self, baud_rate: int) -> None:
-        """Store the speed of the port."""
+        self["baud_rate"] = self.baud_rates.index(baud_rate)
 
     @property
-    @abstractmethod
     def return_delay(self) -> float:
         """Time between an instruction and its answer [s]."""
+        return RETURN_DELAY_UNIT * self["return_delay"]
 
     @property
-    @abstractmethod
     def errors(self) -> tuple[str, ...]:
         """Names of the hardware errors."""
+        bits = self["hardware_error"]
+        return tuple(name for name, bit in self.error_bits.items() if bits & bit)
+
+    @property
+    def is_shut_down(self) -> bool:
+        """Whether a hardware error keeps the torque off."""
+        return bool(self["hardware_error"] & self._shutdown_bits)
 
     @abstractmethod
     def set_up(self, current: float) -> None:
@@ -191,13 +198,31 @@ class Servo(ABC):
     def command(self) -> MotorCommand:
         """Return what the servo demands of its motor."""
 
+    @property
     @abstractmethod
+    def _shutdown_bits(self) -> int:
+        """Bits of the hardware errors that switch the torque off."""
+
+    @property
+    @abstractmethod
+    def _present_offset(self) -> int:
+        """Present position where the motor is at zero [ticks]."""
+
+    @property
+    def _present_position(self) -> int:
+        return round(self.state.ticks) + self._present_offset
+
     def raise_error(self, name: str) -> None:
         """Set a hardware error: "overload", "overheating" or "voltage"."""
+        self["hardware_error"] |= self.error_bits[name]
+        if self.is_shut_down:
+            self["torque_enable"] = 0
 
-    @abstractmethod
     def _measure(self) -> None:
         """Write the measurements into the registers."""
+        self["present_position"] = self._present_position
+        self["present_voltage"] = round(self.state.voltage / VOLTAGE_UNIT)
+        self["present_temperature"] = round(self.temperature)
 
     @abstractmethod
     def _accept(self, register: Register, value: int) -> int | None:
@@ -211,9 +236,13 @@ class Servo(ABC):
     def _changed(self, register: Register) -> None:
         """React to a register that an instruction changed."""
 
-    @abstractmethod
     def _check_health(self) -> None:
         """Raise the hardware errors that the measurements show."""
+        if self.temperature > self["temperature_limit"]:
+            self.raise_error("overheating")
+        volts = round(self.state.voltage / VOLTAGE_UNIT)
+        if not self["min_voltage"] <= volts <= self["max_voltage"]:
+            self.raise_error("voltage")
 
     def is_present(self, now: float) -> bool:
         """Return whether the servo listens: it is powered and does not restart."""
@@ -245,7 +274,7 @@ class Servo(ABC):
         accepted = [self._accept(register, value) for register, value in changes]
         for (register, _), value in zip(changes, accepted, strict=True):
             if value is not None:
-                self[register.name] = value
+                self._put(register, value)
                 self._changed(register)
 
     def resolve(self, address: int) -> int:
@@ -286,7 +315,6 @@ class Servo(ABC):
         for register in self.table.registers:
             if not register.eeprom:
                 self[register.name] = register.initial
-        self.registered = None
         self.silent_until = silent_until
         self._overloaded_for = 0.0
         self.forget_turns()

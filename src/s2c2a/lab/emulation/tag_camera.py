@@ -5,8 +5,7 @@ physics: bodies are placed at the poses that the simulation of the arm gives.
 """
 
 import sys
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from itertools import pairwise
 
@@ -158,54 +157,6 @@ class TagScene:
         )
         mujoco.mjv_connector(geom, kind, self._arm_radius, start, end)
         self._scene.ngeom += 1
-
-
-class RenderedCamera:
-    """A source of pictures for `TagTracker`: a camera in front of a simulated arm.
-
-    It waits so that it has the rate of a camera; a slow computer is slower. The scene
-    is opened by the thread that reads the first picture, to which its graphics belong.
-    """
-
-    def __init__(
-        self,
-        open_scene: Callable[[], TagScene],
-        poses: Callable[[], Mapping[str, Pose]],
-        camera: Pose,
-        rate: float = 30.0,
-        effects: Effects | None = None,
-    ):
-        """A camera.
-
-        Args:
-            open_scene: opens what renders the pictures.
-            poses: returns the present `T_world_body` by name.
-            camera: `T_world_camera`.
-            rate: of the pictures [Hz].
-            effects: blur, noise, and what is hidden.
-        """
-        self._open_scene = open_scene
-        self._opened: TagScene | None = None
-        self._poses = poses
-        self._pose = camera
-        self._period = 1 / rate
-        self._effects = effects
-        self._next = time.perf_counter()
-
-    def read(self) -> tuple[np.ndarray, float]:
-        """Return a picture and the time of its exposure (`time.perf_counter`) [s]."""
-        if self._opened is None:
-            self._opened = self._open_scene()
-        time.sleep(max(0.0, self._next - time.perf_counter()))
-        now = time.perf_counter()
-        self._next = max(self._next + self._period, now)
-        return self._opened.render(self._poses(), self._pose, self._effects), now
-
-    def close(self) -> None:
-        """Close the scene; the next picture opens another."""
-        if self._opened is not None:
-            self._opened.close()
-        self._opened = None
 
 
 def look_at(position, target, up=(0.0, 0.0, 1.0)) -> Pose:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from s2c2a.lab.emulation.mocap_faults import MocapFault
+from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.plant import Pose
 
 _MILLIMETERS = 1000.0  # of a meter
@@ -73,16 +73,16 @@ class TrackedBodies:
         self._shift = np.zeros(3)
         self._seen: dict[str, Pose] = {}
 
-    def apply(self, fault: MocapFault, now: float) -> None:
+    def apply(self, fault: Fault, now: float) -> None:
         """Begin or end a fault of the bodies; other kinds have no effect."""
         if fault.kind in ("hidden", "frozen"):
             seconds = fault.values[0] if fault.values else math.inf
             ends = self._hidden if fault.kind == "hidden" else self._frozen
-            ends[fault.bodies[0]] = now + seconds
+            ends[fault.targets[0]] = now + seconds
         elif fault.kind == "swapped":
-            self._swapped ^= {frozenset(fault.bodies)}
+            self._swapped ^= {frozenset(fault.targets)}
         elif fault.kind == "flipped":
-            self._flipped ^= set(fault.bodies)
+            self._flipped ^= set(fault.targets)
         elif fault.kind == "millimeters":
             self._scale = _MILLIMETERS if self._scale == 1.0 else 1.0
         elif fault.kind == "knocked":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2c2a.lab.emulation.plant import Plant
-from s2c2a.lab.emulation.servo import Drive, MotorState, Servo
+from s2c2a.lab.emulation.servo import MotorState, Servo
 
 GEAR_FRICTION = 0.012  # A of a motor that moves
 CURRENT_NOISE = 0.002  # A
@@ -83,16 +83,8 @@ class Winch:
         targets = plant.targets
         radius = self.pulley.radius_at(-plant.positions[self.cable])
         tension_per_current = self.servo.torque_constant / radius
-        goal = self.direction * command.goal
-        if command.drive is Drive.POSITION:
-            goal = self.displacement(command.goal)
-        elif command.drive is Drive.VELOCITY:
-            goal *= radius
-        else:
-            goal *= -tension_per_current
         targets.torque[self.cable] = command.torque
-        targets.drive[self.cable] = command.drive
-        targets.goal[self.cable] = goal
+        targets.goal[self.cable] = self.displacement(command.goal)
         targets.speed[self.cable] = command.speed * radius
         targets.tension[self.cable] = command.current * tension_per_current
 

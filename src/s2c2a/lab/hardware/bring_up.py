@@ -95,6 +95,7 @@ class BringUp:
         self._arm = arm
         self._servos = servos_of(arm)
         self._ids = np.array(self._servos.ids)
+        self._places = {int(id): place for place, id in np.ndenumerate(self._ids)}
         self._confirm = confirm
         self._report = report
         self._guard = guard
@@ -124,9 +125,8 @@ class BringUp:
         self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
         with self._moving([id], self._servos.limits.current):
             winches = self._winches_at([id])
-            start = self._displacement(winches, id)
-            self._wind({id: start + distance}, winches)
-            return self._displacement(winches, id) - start
+            self._wind({id: distance}, winches)
+            return self._displacement(winches, id)
 
     def home(
         self,
@@ -220,13 +220,10 @@ class BringUp:
                 taut = self._mean_positions(ids)
                 at_home = Winches.of(self._arm, taut).positions(stretch)
                 for id in ids:
-                    homes[id].append(int(at_home[self._ids == id][0]))
+                    homes[id].append(int(at_home[self._places[id]]))
                 if number + 1 < repeat:
                     self._relax(ids)
-            last = np.zeros(self._ids.shape, int)
-            for id in ids:
-                last[self._ids == id] = homes[id][-1]
-            self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, last))
+            self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, at_home))
         means = {id: round(float(np.mean(values))) for id, values in homes.items()}
         self._report(f"module {module + 1}: home at {means} ticks")
         return homes
@@ -240,13 +237,12 @@ class BringUp:
         Raises:
             BusError: a cable does not become taut.
         """
-        start = {id: self._displacement(winches, id) for id in ids}
-        targets = {id: place - MAX_SLACK for id, place in start.items()}
+        targets = dict.fromkeys(ids, -MAX_SLACK)
         for share in CURRENT_STEPS:
             self._bus.set_current(ids, share * self._servos.home_current)
             self._wind(targets, winches)
         for id in ids:
-            wound = start[id] - self._displacement(winches, id)
+            wound = -self._displacement(winches, id)
             if wound > 0.95 * MAX_SLACK:
                 raise BusError(
                     f"servo {id} ({self._servos.number_of(id)}) wound in "
@@ -384,16 +380,16 @@ class BringUp:
         present = winches.displacements(positions)
         goals = {}
         for id, target in targets.items():
-            place = float(present[self._ids == id][0])
+            place = float(present[self._places[id]])
             goals[id] = min(max(target, place - MAX_LEAD), place + MAX_LEAD)
         self._send(goals, winches)
 
     def _send(self, displacements: dict[int, float], winches: Winches) -> None:
         values = np.zeros(self._ids.shape)
         for id, displacement in displacements.items():
-            values[self._ids == id] = displacement
+            values[self._places[id]] = displacement
         positions = winches.positions(values)
-        goals = {id: int(positions[self._ids == id][0]) for id in displacements}
+        goals = {id: int(positions[self._places[id]]) for id in displacements}
         self._bus.send_goals(goals)
 
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
@@ -408,7 +404,7 @@ class BringUp:
         states = self._states(ids)
         positions = np.zeros(self._ids.shape, int)
         for id, state in states.items():
-            positions[self._ids == id] = state.position
+            positions[self._places[id]] = state.position
         return positions
 
     def _mean_positions(self, ids: list[int]) -> np.ndarray:
@@ -423,13 +419,14 @@ class BringUp:
     def _displacement(self, winches: Winches, id: int) -> float:
         """Displacement of one cable [m]."""
         displacements = winches.displacements(self._positions([id]))
-        return float(displacements[self._ids == id][0])
+        return float(displacements[self._places[id]])
 
     def _tension(self, id: int, winches: Winches) -> float:
         """Tension of one cable [N], from its current."""
-        currents = np.where(self._ids == id, self._states([id])[id].current, 0.0)
+        current = self._states([id])[id].current
+        currents = np.full(self._ids.shape, current)
         tensions = winches.tensions(currents, self._torque_constant)
-        return float(tensions[self._ids == id][0])
+        return float(tensions[self._places[id]])
 
 
 def _cable_fault(error: float, rise: float) -> str:

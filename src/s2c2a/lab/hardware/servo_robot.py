@@ -135,8 +135,9 @@ class ServoRobot(Robot):
             states = self._read_states()
         except PortLostError as error:
             return self._lost_reading(moment, str(error))
-        displacements = self._displacements(states)
-        tensions = self._tensions(states)
+        displacements = self._winches.displacements(self._values(states, "position"))
+        currents = self._values(states, "current")
+        tensions = self._winches.tensions(currents, self._torque_constant)
         values = {"cables": displacements}
         if self.arm.motor.current_noise is not None:
             values["tensions"] = tensions
@@ -362,28 +363,16 @@ class ServoRobot(Robot):
         restarted = self.bus.restarted
         return describe_faults(states, self._servos, self._flat_ids, restarted)
 
+    def _values(self, states: Mapping[int, ServoState], name: str) -> np.ndarray:
+        """A measurement of all servos; NaN where one did not answer."""
+        values = [
+            getattr(states[id], name) if id in states else np.nan
+            for id in self._flat_ids
+        ]
+        return np.array(values, float).reshape(self._ids.shape)
+
     def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
-        values = [states[id].position for id in self._flat_ids]
-        return np.array(values).reshape(self._ids.shape)
-
-    def _displacements(self, states: Mapping[int, ServoState]) -> Actions:
-        """Displacements [m]; NaN where a servo did not answer."""
-        known = np.array([id in states for id in self._flat_ids])
-        positions = [
-            states[id].position if id in states else 0 for id in self._flat_ids
-        ]
-        shape = self._ids.shape
-        values = self._winches.displacements(np.array(positions).reshape(shape))
-        return np.where(known.reshape(shape), values, np.nan)
-
-    def _tensions(self, states: Mapping[int, ServoState]) -> np.ndarray:
-        """Tensions [N] from motor currents; NaN where a servo did not answer."""
-        currents = [
-            states[id].current if id in states else np.nan for id in self._flat_ids
-        ]
-        return self._winches.tensions(
-            np.array(currents).reshape(self._ids.shape), self._torque_constant
-        )
+        return self._values(states, "position").astype(int)
 
     def _lost_reading(self, moment: float, fault: str) -> Reading:
         """A reading without any measurement."""

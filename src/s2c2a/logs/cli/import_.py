@@ -75,10 +75,10 @@ def _draw_ends(imported: "Imported | ImportedSession", out: Path) -> None:
     from s2c2a import viz
     from s2c2a.viz.measured_ends import RowMark
 
-    excluded = imported.excluded
+    excluded = imported.segments.excluded
     marks = []
     notes = []
-    for motion in imported.frame_motions:
+    for motion in imported.segments.frame_motions:
         notes.append(motion.text)
         if motion.row >= 0:
             first = int((excluded.ends.stretches < motion.log).sum())

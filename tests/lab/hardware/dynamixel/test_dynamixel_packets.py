@@ -6,16 +6,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.lab.hardware.dynamixel.packets import (
-    BROADCAST,
-    Instruction,
-    StatusPacket,
+    REBOOT,
+    STATUS,
     StatusReader,
     crc16,
     encode,
     unstuffed,
 )
+from s2c2a.lab.hardware.packets import (
+    BROADCAST,
+    PING,
+    READ,
+    SYNC_WRITE,
+    WRITE,
+    Answer,
+)
 
-STATUS = 0x55
 STREAMS = 1000
 PACKETS = 100  # of a stream
 
@@ -49,16 +55,16 @@ def slow_crc(data):
 @pytest.mark.parametrize(
     ("packet", "expected"),
     [
-        ((1, Instruction.PING), "ff ff fd 00 01 03 00 01 19 4e"),
+        ((1, PING), "ff ff fd 00 01 03 00 01 19 4e"),
         (
-            (1, Instruction.READ, bytes.fromhex("84 00 04 00")),
+            (1, READ, bytes.fromhex("84 00 04 00")),
             "ff ff fd 00 01 07 00 02 84 00 04 00 1d 15",
         ),
         (
-            (1, Instruction.WRITE, bytes.fromhex("74 00 00 02 00 00")),
+            (1, WRITE, bytes.fromhex("74 00 00 02 00 00")),
             "ff ff fd 00 01 09 00 03 74 00 00 02 00 00 ca 89",
         ),
-        ((1, Instruction.REBOOT), "ff ff fd 00 01 03 00 08 2f 4e"),
+        ((1, REBOOT), "ff ff fd 00 01 03 00 08 2f 4e"),
     ],
 )
 def test_instructions_are_those_of_the_manual(packet, expected):
@@ -67,7 +73,7 @@ def test_instructions_are_those_of_the_manual(packet, expected):
 
 def test_the_answer_to_a_ping_is_that_of_the_manual():
     stream = bytes.fromhex("ff ff fd 00 01 07 00 55 00 06 04 26 65 5d")
-    assert read(stream) == [StatusPacket(1, 0, b"\x06\x04\x26")]
+    assert read(stream) == [Answer(1, 0, b"\x06\x04\x26")]
 
 
 @given(st.binary(max_size=200))
@@ -87,7 +93,7 @@ HEADER_BYTES = st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x55]), max_size=40)
 
 @given(HEADER_BYTES.map(bytes), st.integers(0, 252), st.integers(0, 255))
 def test_stuffing_is_taken_out_again(data, id, error):
-    assert read(status(id, data, error)) == [StatusPacket(id, error, data)]
+    assert read(status(id, data, error)) == [Answer(id, error, data)]
 
 
 @given(HEADER_BYTES.map(bytes))
@@ -98,10 +104,10 @@ def test_stuffing_leaves_no_header_in_a_packet(data):
 @given(HEADER_BYTES.map(bytes))
 def test_stuffing_is_that_of_the_manufacturer(data):
     sdk = pytest.importorskip("dynamixel_sdk")
-    raw = bytes([BROADCAST, len(data) + 3, 0, Instruction.SYNC_WRITE]) + data
+    raw = bytes([BROADCAST, len(data) + 3, 0, SYNC_WRITE]) + data
     packet = [0xFF, 0xFF, 0xFD, 0, *raw, 0, 0]
     packet = sdk.PacketHandler(2.0).addStuffing(packet)
-    ours = encode(BROADCAST, Instruction.SYNC_WRITE, data)
+    ours = encode(BROADCAST, SYNC_WRITE, data)
     assert bytes(packet[7:-2]) == ours[7:-2]
 
 

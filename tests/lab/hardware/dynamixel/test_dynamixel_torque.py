@@ -2,9 +2,9 @@
 
 import pytest
 
+from s2c2a.lab.hardware import serial_bus
 from s2c2a.lab.hardware.bus import BusError
 from s2c2a.lab.hardware.dynamixel import DynamixelBus
-from s2c2a.lab.hardware.dynamixel import bus as dynamixel
 
 
 class SilentLine:
@@ -36,7 +36,7 @@ class SilentLine:
 
 @pytest.fixture
 def bus(monkeypatch):
-    monkeypatch.setattr(dynamixel, "SerialLine", lambda *_: SilentLine())
+    monkeypatch.setattr(serial_bus, "SerialLine", lambda *_: SilentLine())
     return DynamixelBus("fake")
 
 

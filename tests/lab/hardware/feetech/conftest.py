@@ -10,8 +10,8 @@ from s2c2a.lab.hardware.feetech import FeetechBus
 def port(monkeypatch):
     fake = FakePort(1, 2, 3)
     serve(fake, monkeypatch)
-    monkeypatch.setattr("s2c2a.lab.hardware.feetech.bus.PATIENT_TIMEOUT", 0.01)
-    monkeypatch.setattr("s2c2a.lab.hardware.feetech.bus.LISTEN_TIMEOUT", 0.01)
+    for name in ("EXCHANGE_MARGIN", "LISTEN_MARGIN", "QUIET_TIME"):
+        monkeypatch.setattr(f"s2c2a.lab.hardware.serial_bus.{name}", 0.01)
     return fake
 
 

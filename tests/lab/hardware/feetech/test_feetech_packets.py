@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.lab.hardware.bus import BusError
-from s2c2a.lab.hardware.feetech import packets, tables
-from s2c2a.lab.hardware.feetech.packets import decode_value, encode_value, take_answers
+from s2c2a.lab.hardware.feetech.packets import FeetechPackets, take_answers
+from s2c2a.lab.hardware.feetech.tables import REGISTERS
 
-SIGNED = tables.GOAL_POSITION
+packets = FeetechPackets()
+SIGNED = REGISTERS["goal_position"]
 ANSWER = bytes.fromhex("ff ff 01 04 00 18 05 dd")  # 1304 ticks, of the manual's form
 
 
@@ -24,21 +25,21 @@ ANSWER = bytes.fromhex("ff ff 01 04 00 18 05 dd")  # 1304 ticks, of the manual's
     ],
 )
 def test_a_position_is_sign_and_magnitude(value, data):
-    assert encode_value(value, SIGNED) == bytes.fromhex(data)
-    assert decode_value(bytes.fromhex(data), SIGNED) == value
+    assert SIGNED.encode(value) == bytes.fromhex(data)
+    assert SIGNED.decode(bytes.fromhex(data)) == value
 
 
 def test_the_load_has_its_sign_in_bit_ten():
-    assert decode_value(bytes.fromhex("64 04"), tables.PRESENT_LOAD) == -100
+    assert REGISTERS["load"].decode(bytes.fromhex("64 04")) == -100
 
 
 def test_negative_zero_is_zero():
-    assert decode_value(bytes.fromhex("00 80"), SIGNED) == 0
+    assert SIGNED.decode(bytes.fromhex("00 80")) == 0
 
 
 @given(st.integers(-32_767, 32_767))
 def test_an_encoded_position_is_decoded(value):
-    assert decode_value(encode_value(value, SIGNED), SIGNED) == value
+    assert SIGNED.decode(SIGNED.encode(value)) == value
 
 
 @pytest.mark.parametrize(
@@ -46,40 +47,40 @@ def test_an_encoded_position_is_decoded(value):
     [
         (32_768, SIGNED),
         (-32_768, SIGNED),
-        (-1, tables.TORQUE_LIMIT),
-        (256, tables.TORQUE_ENABLE),
+        (-1, REGISTERS["torque_limit"]),
+        (256, REGISTERS["torque"]),
     ],
 )
 def test_a_value_beyond_its_register_is_rejected(value, register):
     with pytest.raises(BusError, match="cannot hold"):
-        encode_value(value, register)
+        register.encode(value)
 
 
 def test_a_write_switches_the_torque_on():
     expected = bytes.fromhex("ff ff 01 04 03 28 01 ce")
-    assert packets.write_packet(1, tables.TORQUE_ENABLE, 1) == expected
+    assert packets.write(1, REGISTERS["torque"], 1) == expected
 
 
 def test_one_packet_writes_the_goals_of_all_servos():
     expected = bytes.fromhex("ff ff fe 0a 83 2a 02 01 00 10 02 01 80 b4")
     goals = {1: 4096, 2: -1}
-    assert packets.sync_write_packet(goals, tables.GOAL_POSITION) == expected
+    assert packets.sync_write(goals, REGISTERS["goal_position"]) == expected
 
 
 def test_one_packet_reads_the_states_of_all_servos():
     expected = bytes.fromhex("ff ff fe 06 82 2e 19 01 02 2f")
-    assert packets.sync_read_packet((1, 2), tables.STATE_BLOCK) == expected
+    assert packets.sync_read((1, 2), REGISTERS["state"]) == expected
 
 
 def test_the_state_block_reaches_from_speed_limit_to_current():
-    block = tables.STATE_BLOCK
+    block = REGISTERS["state"]
     assert block.address == 46
     assert block.address + block.size - 1 == 70
 
 
 def test_too_many_servos_for_a_packet_are_rejected():
     with pytest.raises(BusError, match="fewer servos"):
-        packets.sync_write_packet(dict.fromkeys(range(100), 0), SIGNED)
+        packets.sync_write(dict.fromkeys(range(100), 0), SIGNED)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +114,7 @@ def test_a_changed_byte_spoils_an_answer(position):
 
 
 def test_an_echoed_read_is_no_answer():
-    echo = packets.read_packet(1, tables.TORQUE_ENABLE)
+    echo = packets.read(1, REGISTERS["torque"])
     assert take_answers(bytearray(echo), {1}, 1) == []
     assert take_answers(bytearray(echo), {1}, 0) == []
 

@@ -1,64 +1,46 @@
 """Servo bus of DYNAMIXEL X-series servos."""
 
-import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from s2c2a.lab.hardware.bus import (
     BusError,
     HardwareError,
-    Hearing,
     Mode,
-    PortLostError,
-    ServoBus,
     ServoInfo,
     ServoRefusalError,
     ServoState,
     StoredChange,
 )
+from s2c2a.lab.hardware.dynamixel import tables
 from s2c2a.lab.hardware.dynamixel.packets import (
-    BROADCAST,
-    Instruction,
-    StatusPacket,
+    FAST_SYNC_READ,
+    REBOOT,
+    DynamixelPackets,
     StatusReader,
-    encode,
     unstuffed,
 )
-from s2c2a.lab.hardware.dynamixel.tables import (
-    BAUD_RATES,
-    CURRENT_LIMITED_POSITION,
-    EXTENDED_POSITION,
-    HARDWARE_ERROR_BITS,
-    INDIRECT_COUNT,
-    MAX_POSITION,
-    MAX_WATCHDOG,
-    MODELS,
-    REGISTERS,
-    VELOCITY_UNIT,
-    VOLTAGE_UNIT,
-    WATCHDOG_TRIPPED,
-    WATCHDOG_UNIT,
+from s2c2a.lab.hardware.dynamixel.tables import REGISTERS
+from s2c2a.lab.hardware.packets import (
+    BROADCAST,
+    PING,
+    SYNC_READ,
+    WRITE,
+    Answer,
     Register,
 )
-from s2c2a.lab.hardware.presence import DAMAGED, hear
-from s2c2a.lab.hardware.serial_line import SerialLine
+from s2c2a.lab.hardware.serial_bus import (
+    CYCLE_MARGIN,
+    EXCHANGE_MARGIN,
+    SerialBus,
+    stored_changes,
+)
 
-ATTEMPTS = 3
-CYCLE_MARGIN = 0.02
-"""Wait beyond wire time and latency of the adapter, in a cycle [s]; many adapters keep
-bytes for up to 16 ms and do not say so."""
-EXCHANGE_MARGIN = 0.2  # s; the same, outside of a cycle
-QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
-CYCLE_QUIET_TIME = 0.001  # s; the same, in a cycle
-LISTEN_MARGIN = 0.05  # s; the same, to find out whether a servo is there
-MEASURED_ADDRESS = 120
-MEASURED_SIZE = 27
-"""Block of measurements, from the time to the temperature. No two servos have the same
-ones, so that the answers of two with one id damage each other."""
+CYCLE_QUIET_TIME = 0.001
+"""Time without a byte, after which no late answer is on its way, in a cycle [s]."""
 SCAN_TIME = 0.003  # s for the answer of each possible id
 ALERT = 0x80
 ANSWER_ALL = 2  # status return level
 PING_SIZE = 3  # bytes: model number, firmware
-STATUS_OVERHEAD = 11  # bytes of a status packet without data
 REFUSALS = {
     1: "it failed to process the packet",
     2: "it does not know the instruction",
@@ -86,13 +68,15 @@ the last one is wrong.
 STATE_SIZE = sum(REGISTERS[name].size for name in STATE_LAYOUT)
 
 
-class DynamixelBus(ServoBus):
-    """DYNAMIXEL servos of one model on a serial port, with protocol 2.0.
+class DynamixelBus(SerialBus):
+    """DYNAMIXEL servos of one model on a serial port, with protocol 2.0."""
 
-    Attributes:
-        model: facts of the servos' model.
-        restarted: see `ServoBus`.
-    """
+    brand = "DYNAMIXEL"
+    packets = DynamixelPackets()
+    registers = REGISTERS
+    models = tables.MODELS
+    baud_rates = tables.BAUD_RATES
+    limit_register = "goal_current"
 
     def __init__(
         self,
@@ -116,32 +100,19 @@ class DynamixelBus(ServoBus):
             max_current: largest current of any motion [A]; by default the model's.
 
         Raises:
-            BusError: unknown model, or the port cannot be opened.
+            BusError: unknown model or speed, or the port cannot be opened.
         """
-        if model not in MODELS:
-            raise BusError(
-                f"no DYNAMIXEL model '{model}' is known; choose one of "
-                f"{', '.join(MODELS)}, or add it to s2c2a.lab.hardware.dynamixel.tables"
-            )
-        self.model = MODELS[model]
-        self.ticks_per_turn = 4096
-        self.torque_constant = self.model.torque_constant
-        self.baud_rates = BAUD_RATES
+        super().__init__(port, baud_rate, model, max_current)
         self._fast_read = fast_read
         self._watchdog = watchdog
-        model_current = self.model.max_current
-        self._max_current = min(max_current or model_current, model_current)
-        self._current_limits: dict[int, int] = {}
-        self._line = SerialLine(port, baud_rate)
         self._indirect_data: dict[int, int] = {}
         self._misses: dict[int, int] = {}
         self._goals: dict[int, int] = {}
-        self.restarted: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
         """Return the servos that answer; see `ServoBus`."""
         wanted = set(ids)
-        self._line.write(encode(BROADCAST, Instruction.PING))
+        self._line.write(self.packets.encode(BROADCAST, PING))
         reader = StatusReader()
         found = list(self._receive(reader, BROADCAST * SCAN_TIME, wanted))
         return [
@@ -150,17 +121,9 @@ class DynamixelBus(ServoBus):
             if not wanted or packet.id in wanted
         ]
 
-    def set_baud_rate(self, baud_rate: int) -> None:
-        """Change the speed of the port; see `ServoBus`."""
-        self._line.baud_rate = baud_rate
-
     def assign(self, id: int, new_id: int, baud_rate: int) -> None:
         """Store another id and baud rate; see `ServoBus`."""
-        if baud_rate not in BAUD_RATES:
-            raise BusError(
-                f"DYNAMIXEL servos have no baud rate {baud_rate}; "
-                f"choose one of {', '.join(map(str, BAUD_RATES))}"
-            )
+        code = self._baud_code(baud_rate)
         if new_id != id:
             if self.scan([new_id]):
                 raise BusError(
@@ -169,34 +132,29 @@ class DynamixelBus(ServoBus):
                 )
             self._change_identity(id, "id", new_id)
             self.info(new_id)
-        self._change_identity(new_id, "baud_rate", BAUD_RATES.index(baud_rate))
+        self._change_identity(new_id, "baud_rate", code)
 
-    def prepare(
-        self, ids: Iterable[int], mode: Mode, current: float, speed: float
+    def _prepare_one(
+        self,
+        info: ServoInfo,
+        changes: Sequence[StoredChange],
+        mode: Mode,
+        current: float,
+        speed: float,
     ) -> None:
-        """Set mode and limits with the torque off; see `ServoBus`."""
-        ids = tuple(ids)
-        infos = [self.info(id) for id in ids]
-        for info in infos:
-            self.check_model(info, self.model.name, self.model.number)
-        changes = {id: self._stored_changes(id, mode) for id in ids}
-        accepted = self.confirm_stored(changes)
-        self.set_torque(ids, on=False)
-        for info in infos:
-            id = info.id
-            self.restarted.discard(id)
-            self._goals.pop(id, None)
-            # only now: no servo has torque without a watchdog
-            self.arm_watchdog([id], 0.0)
-            for change in accepted.get(id, ()):
-                self.write(id, change.name, change.new)
-            self._note_current_limit(id)
-            self.write(id, "status_return_level", ANSWER_ALL)
-            self.write(id, "profile_acceleration", 0)
-            self.write(id, "profile_velocity", max(round(speed / VELOCITY_UNIT), 1))
-            if mode is Mode.CURRENT_LIMITED_POSITION:
-                self.set_current([id], current)
-            self._join_state(info)
+        id = info.id
+        self._goals.pop(id, None)
+        # only now: no servo has torque without a watchdog
+        self.arm_watchdog([id], 0.0)
+        for change in changes:
+            self.write(id, change.name, change.new)
+        self._note_stored_limit(id, self.read(id, "current_limit"))
+        self.write(id, "status_return_level", ANSWER_ALL)
+        self.write(id, "profile_acceleration", 0)
+        self.write(id, "profile_velocity", max(round(speed / tables.VELOCITY_UNIT), 1))
+        if mode is Mode.CURRENT_LIMITED_POSITION:
+            self.set_current([id], current)
+        self._join_state(info)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
         """Switch the torque, of all servos at once; see `ServoBus`."""
@@ -205,26 +163,21 @@ class DynamixelBus(ServoBus):
             self._repeat_goals(ids)
             self.arm_watchdog(ids, self._watchdog)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
-        self._write_each(ids, "torque", int(on))  # with a confirmation
-
-    def set_current(self, ids: Iterable[int], current: float) -> None:
-        """Set the largest current; see `ServoBus`."""
-        units = round(min(current, self._max_current) / self.model.current_unit)
-        limits = {id: self._current_limits.get(id, units) for id in ids}
-        values = {id: max(min(units, limit), 1) for id, limit in limits.items()}
-        self._write_values("goal_current", values)
+        self._write_values("torque", dict.fromkeys(ids, int(on)))  # with a confirmation
 
     def arm_watchdog(self, ids: Iterable[int], seconds: float) -> None:
         """Let servos stop without commands; see `ServoBus`."""
         units = 0
         if seconds > 0:
-            units = min(max(round(seconds / WATCHDOG_UNIT), 1), MAX_WATCHDOG)
-        self._write_each(ids, "watchdog", units)
+            units = min(
+                max(round(seconds / tables.WATCHDOG_UNIT), 1), tables.MAX_WATCHDOG
+            )
+        self._write_values("watchdog", dict.fromkeys(ids, units))
 
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions; see `ServoBus`."""
         limited = {
-            id: min(max(ticks, -MAX_POSITION), MAX_POSITION)
+            id: min(max(ticks, -tables.MAX_POSITION), tables.MAX_POSITION)
             for id, ticks in goals.items()
         }
         self._goals |= limited
@@ -246,36 +199,9 @@ class DynamixelBus(ServoBus):
             found |= {id: state for id, state in states.items() if state is not None}
         return found
 
-    def listen(self, id: int) -> Hearing:
-        """Ask one servo for its identity and its measurements; see `ServoBus`."""
-        return hear(lambda: self._listen_once(id), ATTEMPTS)
-
     def reboot(self, id: int) -> None:
         """Restart a servo; see `ServoBus`."""
-        self._exchange(id, Instruction.REBOOT)
-
-    def close(self) -> None:
-        """Close the port; see `ServoBus`."""
-        self._line.close()
-
-    def read(self, id: int, name: str) -> int:
-        """Return a register of a servo, by its name in `tables.REGISTERS`.
-
-        Raises:
-            BusError: the servo does not answer.
-        """
-        return self._read(id, REGISTERS[name])
-
-    def write(self, id: int, name: str, value: int) -> None:
-        """Write a register of a servo and wait for the confirmation.
-
-        Raises:
-            ServoRefusalError: the servo refuses the value.
-            BusError: the servo does not answer.
-        """
-        register = REGISTERS[name]
-        data = register.address.to_bytes(2, "little") + register.encode(value)
-        self._exchange(id, Instruction.WRITE, data, f"writing {name} = {value}")
+        self._ask(id, self.packets.encode(id, REBOOT), 0, "reboot")
 
     def info(self, id: int) -> ServoInfo:
         """Return the identity of one servo.
@@ -283,11 +209,22 @@ class DynamixelBus(ServoBus):
         Raises:
             BusError: the servo does not answer.
         """
-        return self._info_of(self._exchange(id, Instruction.PING, size=PING_SIZE))
+        return self._info_of(self._ask(id, *self._ping(id), "ping"))
 
-    def _info_of(self, packet: StatusPacket) -> ServoInfo:
+    def _ping(self, id: int) -> tuple[bytes, int]:
+        """A ping, and the size of its answer."""
+        return self.packets.encode(id, PING), PING_SIZE
+
+    def _probes(self, id: int) -> Sequence[tuple[bytes, int]]:
+        measurements = REGISTERS["measurements"]
+        read = self.packets.read(id, measurements)
+        return (self._ping(id), (read, measurements.size))
+
+    def _info_of(self, packet: Answer) -> ServoInfo:
         number = int.from_bytes(packet.data[:2], "little")
-        names = [model.name for model in MODELS.values() if model.number == number]
+        names = [
+            model.name for model in tables.MODELS.values() if model.number == number
+        ]
         firmware = packet.data[2] if len(packet.data) > 2 else 0
         return ServoInfo(packet.id, number, (*names, "unknown")[0], firmware)
 
@@ -299,85 +236,25 @@ class DynamixelBus(ServoBus):
         Raises:
             ServoRefusalError: the servo refuses the value.
         """
-        register = REGISTERS[name]
-        data = register.address.to_bytes(2, "little") + register.encode(value)
-        self._line.write(encode(id, Instruction.WRITE, data))
+        self._line.write(self.packets.write(id, REGISTERS[name], value))
         for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
-    def _listen_once(self, id: int) -> Iterator[tuple[bytes, int]]:
-        """Yield what comes back and its valid answers, for each request."""
-        margin = self._line.latency + LISTEN_MARGIN
-        quiet_time = self._line.latency + QUIET_TIME
-        parameters = _span(MEASURED_ADDRESS, MEASURED_SIZE)
-        requests = (
-            (encode(id, Instruction.PING), PING_SIZE),
-            (encode(id, Instruction.READ, parameters), MEASURED_SIZE),
-        )
-        for packet, size in requests:
-            wire_time = self._line.wire_time(len(packet) + STATUS_OVERHEAD + size)
-            heard = self._line.ask(packet, wire_time + margin, quiet_time)
-            answers = [one for one in _packets_in(heard) if one.id == id]
-            yield heard, len(answers)
-
     def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
-        """Changes of registers that keep their value without power.
-
-        Only what differs is written: the memory wears out with every write.
-        """
         is_limited = mode is Mode.CURRENT_LIMITED_POSITION
-        needed = {
+        required = {
             "drive_mode": 0,
-            "operating_mode": CURRENT_LIMITED_POSITION
+            "operating_mode": tables.CURRENT_LIMITED_POSITION
             if is_limited
-            else EXTENDED_POSITION,
+            else tables.EXTENDED_POSITION,
             "homing_offset": 0,
         }
-        stored = {name: self.read(id, name) for name in needed}
-        changes = [
-            StoredChange(name, stored[name], value)
-            for name, value in needed.items()
-            if stored[name] != value
-        ]
-        delay = self.read(id, "return_delay")
-        if delay:
-            changes.append(StoredChange("return_delay", delay, 0, is_required=False))
-        limit = self.read(id, "current_limit")
-        allowed = round(self._max_current / self.model.current_unit)
-        if limit > allowed:
-            changes.append(StoredChange("current_limit", limit, allowed, False))
-        return changes
-
-    def _note_current_limit(self, id: int) -> None:
-        """Remember the stored limit, which the servo lets no goal exceed."""
-        limit = self.read(id, "current_limit")
-        self._current_limits[id] = limit
-        if limit < round(self._max_current / self.model.current_unit):
-            stored = limit * self.model.current_unit
-            self.warn_of_low_limit(id, stored, self._max_current)
-
-    def _write_each(self, ids: Iterable[int], name: str, value: int) -> None:
-        """Write the same value to all servos; see `_write_values`."""
-        self._write_values(name, dict.fromkeys(ids, value))
-
-    def _write_values(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of all servos, also after one of them failed.
-
-        Raises:
-            BusError: names all servos that failed, with the error of the first.
-        """
-        failures: dict[int, BusError] = {}
-        for id, value in values.items():
-            try:
-                self.write(id, name, value)
-            except PortLostError:
-                raise
-            except BusError as error:
-                failures[id] = error
-        if len(failures) > 1:
-            raise BusError(f"servos {list(failures)}: {next(iter(failures.values()))}")
-        for failure in failures.values():
-            raise failure
+        names = (*required, "return_delay", "current_limit")
+        stored = {name: self.read(id, name) for name in names}
+        allowed = self._current_units(self._max_current)
+        limit = min(stored["current_limit"], allowed)
+        wanted = {"return_delay": 0, "current_limit": limit}
+        return stored_changes(stored, required, wanted)
 
     def _repeat_goals(self, ids: Iterable[int]) -> None:
         """Write the last goals again, with a confirmation.
@@ -399,20 +276,11 @@ class DynamixelBus(ServoBus):
         for name in STATE_LAYOUT:
             register = REGISTERS[name]
             addresses += range(register.address, register.address + register.size)
-        assert len(addresses) <= INDIRECT_COUNT
+        assert len(addresses) <= tables.INDIRECT_COUNT
         start = REGISTERS["indirect_address"].address
-        data = start.to_bytes(2, "little")
-        for address in addresses:
-            data += address.to_bytes(2, "little")
-        self._exchange(id, Instruction.WRITE, data, "writing indirect addresses")
-
-    def _sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of many servos in one packet, without confirmation."""
-        register = REGISTERS[name]
-        parameters = _span(register.address, register.size)
-        for id, value in values.items():
-            parameters += bytes([id]) + register.encode(value)
-        self._line.write(encode(BROADCAST, Instruction.SYNC_WRITE, parameters))
+        data = b"".join(part.to_bytes(2, "little") for part in (start, *addresses))
+        packet = self.packets.encode(id, WRITE, data)
+        self._ask(id, packet, 0, "writing indirect addresses")
 
     def _count_misses(self, asked: list[int], found: Collection[int]) -> None:
         """Count a miss of the first silent servo, not of those behind it."""
@@ -436,19 +304,18 @@ class DynamixelBus(ServoBus):
     def _read_group(self, address: int, ids: list[int]) -> dict[int, bytes]:
         """Joined blocks of servos."""
         is_joint = self._fast_read and not any(self._misses.get(id) for id in ids)
-        instruction = Instruction.SYNC_READ
-        if is_joint:
-            instruction = Instruction.FAST_SYNC_READ
-        parameters = _span(address, STATE_SIZE) + bytes(ids)
-        self._line.write(encode(BROADCAST, instruction, parameters))
-        expected = len(ids) * (STATUS_OVERHEAD + STATE_SIZE)
+        instruction = FAST_SYNC_READ if is_joint else SYNC_READ
+        parameters = self.packets.span(Register(address, STATE_SIZE)) + bytes(ids)
+        packet = self.packets.encode(BROADCAST, instruction, parameters)
+        expected = len(ids) * (self.packets.overhead + STATE_SIZE)
         reader = StatusReader(expected if is_joint else 2 * STATE_SIZE)
-        duration = self._line.wire_time(len(parameters) + expected)
         found: dict[int, bytes] = {}
         awaited = {BROADCAST} if is_joint else set(ids)
-        duration += self._line.latency + CYCLE_MARGIN
-        for packet in self._receive(reader, duration, awaited):
-            for id, data in _blocks(packet, len(ids)):
+        answers = self._exchange(
+            packet, reader, STATE_SIZE, CYCLE_MARGIN, awaited, len(ids)
+        )
+        for answer in answers:
+            for id, data in _blocks(answer, len(ids)):
                 if id in ids and len(data) == STATE_SIZE:
                     found[id] = data
         if len(found) < len(ids):
@@ -469,95 +336,22 @@ class DynamixelBus(ServoBus):
             return None
         return ServoState(
             position=values["position"],
-            velocity=values["velocity"] * VELOCITY_UNIT,
+            velocity=values["velocity"] * tables.VELOCITY_UNIT,
             current=values["current"] * self.model.current_unit,
-            voltage=values["voltage"] * VOLTAGE_UNIT,
+            voltage=values["voltage"] * tables.VOLTAGE_UNIT,
             temperature=float(values["temperature"]),
             errors=_hardware_errors(values["hardware_error"]),
-            watchdog_tripped=values["watchdog"] == WATCHDOG_TRIPPED,
+            watchdog_tripped=values["watchdog"] == tables.WATCHDOG_TRIPPED,
         )
 
-    def _read(self, id: int, register: Register) -> int:
-        parameters = _span(register.address, register.size)
-        answer = self._exchange(id, Instruction.READ, parameters, size=register.size)
-        return register.decode(answer.data)
-
-    def _exchange(
-        self,
-        id: int,
-        instruction: Instruction,
-        parameters: bytes = b"",
-        purpose: str = "",
-        size: int = 0,
-    ) -> StatusPacket:
-        """Send an instruction to one servo and return its answer.
-
-        Args:
-            id: of the servo.
-            instruction: to carry out.
-            parameters: of the instruction.
-            purpose: description of the access, for the error message.
-            size: number of bytes that a read returns.
-
-        Raises:
-            ServoRefusalError: the servo refuses the instruction.
-            BusError: the servo does not answer.
-        """
-        packet = encode(id, instruction, parameters)
-        count = len(packet) + STATUS_OVERHEAD + size
-        duration = self._line.wire_time(count) + self._line.latency + EXCHANGE_MARGIN
-        for _ in range(ATTEMPTS):
-            self._line.write(packet)
-            for answer in self._receive(StatusReader(), duration, {id}):
-                self._check_refusal(answer, purpose or instruction.name.lower())
-                if answer.id == id and len(answer.data) == size:
-                    return answer
-            # a late answer must not be taken for that of the next attempt
-            self._line.drain(QUIET_TIME)
-        if self.listen(id) in (Hearing.DAMAGED, Hearing.DOUBLED):
-            raise BusError(f"servo {id} does not answer clearly: {DAMAGED}")
-        raise BusError(
-            f"servo {id} on {self._line.port} does not answer at "
-            f"{self._line.baud_rate} bit/s; check its cable, its power and its id "
-            "(`s2c2a motors scan`)"
-        )
-
-    def _check_refusal(self, answer: StatusPacket, purpose: str) -> None:
+    def _check_refusal(self, answer: Answer, purpose: str) -> None:
         number = answer.error & ~ALERT
         if number:
             reason = REFUSALS.get(number, f"error {number}")
             raise ServoRefusalError(f"servo {answer.id} refuses {purpose}: {reason}")
 
-    def _receive(
-        self, reader: StatusReader, duration: float, awaited: Collection[int]
-    ) -> Iterator[StatusPacket]:
-        """Yield packets until all awaited servos answered, or the time is over."""
-        remaining = set(awaited)
-        deadline = time.monotonic() + duration
-        while data := self._line.read(deadline):
-            for packet in reader.feed(data):
-                remaining.discard(packet.id)
-                yield packet
-            if awaited and not remaining:
-                return
-            # a line that is never quiet must not block the caller
-            if time.monotonic() > deadline:
-                break
-        yield from reader.flush()
 
-
-def _packets_in(data: bytes) -> list[StatusPacket]:
-    """All valid packets in bytes."""
-    reader = StatusReader()
-    return [*reader.feed(data), *reader.flush()]
-
-
-def _span(address: int, size: int) -> bytes:
-    """Address and size of a block, as parameters."""
-    return address.to_bytes(2, "little") + size.to_bytes(2, "little")
-
-
-def _blocks(packet: StatusPacket, count: int) -> Iterator[tuple[int, bytes]]:
+def _blocks(packet: Answer, count: int) -> Iterator[tuple[int, bytes]]:
     """Yield id and data of every servo in a status packet.
 
     A joint answer holds (error, id, data, checksum) of one servo after the other; the
@@ -579,6 +373,6 @@ def _blocks(packet: StatusPacket, count: int) -> Iterator[tuple[int, bytes]]:
 def _hardware_errors(bits: int) -> frozenset[HardwareError]:
     return frozenset(
         HardwareError[name]
-        for bit, name in HARDWARE_ERROR_BITS.items()
+        for bit, name in tables.HARDWARE_ERROR_BITS.items()
         if bits & (1 << bit)
     )

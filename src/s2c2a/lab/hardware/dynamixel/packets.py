@@ -13,48 +13,20 @@ Where the bytes FF FF FD occur after the length, a byte FD is stuffed behind the
 that they are not taken for a header.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import IntEnum
+from collections.abc import Collection, Iterator
+
+from s2c2a.lab.hardware.packets import BROADCAST, Answer, ServoPackets
 
 HEADER = b"\xff\xff\xfd\x00"
 PATTERN = b"\xff\xff\xfd"
 STUFFED = b"\xff\xff\xfd\xfd"
-BROADCAST = 254
 PREFIX = 7  # bytes up to the length
 MIN_LENGTH = 3  # instruction and CRC
 MAX_LENGTH = 1024
 CRC_POLYNOMIAL = 0x8005
-
-
-class Instruction(IntEnum):
-    """Instructions that the bus uses."""
-
-    PING = 0x01
-    READ = 0x02
-    WRITE = 0x03
-    REBOOT = 0x08
-    STATUS = 0x55
-    SYNC_READ = 0x82
-    SYNC_WRITE = 0x83
-    FAST_SYNC_READ = 0x8A
-
-
-@dataclass(frozen=True)
-class StatusPacket:
-    """Answer of a servo.
-
-    Attributes:
-        id: of the servo; `BROADCAST` for the joint answer to a fast sync read.
-        error: error number; the highest bit is an alert of the hardware.
-        data: without error, stuffing and CRC. The joint answer may hold stuffing: the
-            first servo states the length before it knows the data of the others, so
-            firmware may not stuff it.
-    """
-
-    id: int
-    error: int
-    data: bytes
+REBOOT = 0x08
+STATUS = 0x55
+FAST_SYNC_READ = 0x8A
 
 
 def _crc_table() -> tuple[int, ...]:
@@ -80,7 +52,7 @@ def crc16(data: bytes) -> int:
     return value
 
 
-def encode(id: int, instruction: Instruction, parameters: bytes = b"") -> bytes:
+def encode(id: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Return the bytes of an instruction packet.
 
     Args:
@@ -103,6 +75,9 @@ def unstuffed(data: bytes) -> bytes:
 class StatusReader:
     """Finds status packets in a stream of bytes; damaged ones are dropped.
 
+    A joint answer may hold stuffing: the first servo states the length before it knows
+    the data of the others, so firmware may not stuff it.
+
     Attributes:
         damaged: number of headers without a sound packet behind them.
     """
@@ -118,13 +93,13 @@ class StatusReader:
         self._max_length = max_length
         self.damaged = 0
 
-    def feed(self, data: bytes) -> Iterator[StatusPacket]:
+    def feed(self, data: bytes) -> Iterator[Answer]:
         """Add bytes and yield the packets that are complete."""
         self._buffer += data
         while packet := self._next():
             yield packet
 
-    def flush(self) -> Iterator[StatusPacket]:
+    def flush(self) -> Iterator[Answer]:
         """Yield the remaining packets at the end of the stream.
 
         An incomplete packet is dropped; complete ones inside it are found.
@@ -133,7 +108,7 @@ class StatusReader:
             self._drop_header()
             yield from self.feed(b"")
 
-    def _next(self) -> StatusPacket | None:
+    def _next(self) -> Answer | None:
         """The next sound packet, or None if more bytes are needed."""
         while self._find_header():
             length = int.from_bytes(self._buffer[5:PREFIX], "little")
@@ -165,15 +140,30 @@ class StatusReader:
         self.damaged += self._buffer.startswith(HEADER)
         del self._buffer[0]
 
-    def _decode(self, packet: bytes) -> StatusPacket | None:
+    def _decode(self, packet: bytes) -> Answer | None:
         """The content of a whole packet; None if it is damaged or no status."""
         content = packet[:-2]
         if crc16(content) != int.from_bytes(packet[-2:], "little"):
             return None
-        if packet[PREFIX] != Instruction.STATUS:
+        if packet[PREFIX] != STATUS:
             return None
         id = packet[4]
         body = content[PREFIX:]
         if id != BROADCAST:
             body = unstuffed(body)
-        return StatusPacket(id, body[1], body[2:])
+        return Answer(id, body[1], body[2:])
+
+
+class DynamixelPackets(ServoPackets):
+    """Packets of protocol 2.0."""
+
+    word = 2
+    overhead = 11
+
+    def encode(self, id: int, instruction: int, parameters: bytes = b"") -> bytes:
+        """See `ServoPackets`."""
+        return encode(id, instruction, parameters)
+
+    def reader(self, ids: Collection[int], size: int) -> StatusReader:
+        """See `ServoPackets`; it finds the answers of all servos."""
+        return StatusReader()

@@ -9,29 +9,7 @@ import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
-
-@dataclass(frozen=True)
-class Register:
-    """A value in the control table.
-
-    Attributes:
-        address: of its first byte.
-        size: in bytes, little-endian.
-        signed: whether it is a two's complement.
-    """
-
-    address: int
-    size: int
-    signed: bool = False
-
-    def encode(self, value: int) -> bytes:
-        """Return the bytes of a value."""
-        return value.to_bytes(self.size, "little", signed=self.signed)
-
-    def decode(self, data: bytes) -> int:
-        """Return the value of bytes."""
-        return int.from_bytes(data, "little", signed=self.signed)
-
+from s2c2a.lab.hardware.packets import Register
 
 REGISTERS = MappingProxyType(
     {
@@ -58,9 +36,11 @@ REGISTERS = MappingProxyType(
         "voltage": Register(144, 2),
         "temperature": Register(146, 1),
         "indirect_address": Register(168, 2),
+        "measurements": Register(120, 27),
     }
 )
-"""Of the X series; the names are ours."""
+"""Of the X series; the names are ours. No two servos have the same measurements, from the
+time to the temperature, so that the answers of two with one id damage each other."""
 
 BAUD_RATES = (
     9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000

@@ -8,61 +8,51 @@ of the STS3215 for torques and currents. All values of two bytes are little-endi
 
 from dataclasses import dataclass
 from math import pi
+from types import MappingProxyType
 
 from s2c2a.lab.hardware.bus import HardwareError
+from s2c2a.lab.hardware.packets import Register
 
 KG_CM = 0.0980665
 """Torque of a kilogram-force at a centimeter [N m]."""
 
 
-@dataclass(frozen=True)
-class Register:
-    """Address and encoding of a value.
-
-    Attributes:
-        address: of the lowest byte.
-        size: [bytes].
-        sign_bit: bit that makes the value negative (sign and magnitude); None if the
-            value has no sign.
-    """
-
-    address: int
-    size: int = 1
-    sign_bit: int | None = None
-
-
-# EPROM; written only while LOCK is 0
-ID = Register(5)
-BAUD_RATE = Register(6)
-RETURN_DELAY = Register(7)
-STATUS_LEVEL = Register(8)  # 1: the servo answers every instruction
-MIN_ANGLE = Register(9, 2)  # both limits 0: several turns
-MAX_ANGLE = Register(11, 2)
-MAX_TORQUE = Register(16, 2)  # [0.1 % of the stall torque]
-PHASE = Register(18)
-MODE = Register(33)  # 0: position
-# RAM
-TORQUE_ENABLE = Register(40)
-ACCELERATION = Register(41)  # 0: no ramp
-GOAL_POSITION = Register(42, 2, sign_bit=15)
-GOAL_TIME = Register(44, 2)
-GOAL_SPEED = Register(46, 2, sign_bit=15)
-TORQUE_LIMIT = Register(48, 2)  # [0.1 % of the stall torque]
-LOCK = Register(55)
-PRESENT_POSITION = Register(56, 2, sign_bit=15)
-PRESENT_SPEED = Register(58, 2, sign_bit=15)
-PRESENT_LOAD = Register(60, 2, sign_bit=10)  # [0.1 % of the supply], motor voltage
-PRESENT_VOLTAGE = Register(62)  # [0.1 V]
-PRESENT_TEMPERATURE = Register(63)  # [deg C]
-STATUS = Register(65)
-PRESENT_CURRENT = Register(69, 2, sign_bit=15)  # [6.5 mA]
-
-IDENTITY_BLOCK = Register(0, 5)
-"""Firmware (major, minor), byte order, model (two bytes)."""
-SETTINGS_BLOCK = Register(RETURN_DELAY.address, MODE.address - RETURN_DELAY.address + 1)
-"""All settings in EPROM that `prepare` needs."""
-STATE_BLOCK = Register(GOAL_SPEED.address, 25)
-"""Limits, which a restart resets, and everything that a servo measures."""
+REGISTERS = MappingProxyType(
+    {
+        # firmware (major, minor), byte order, model (two bytes)
+        "identity": Register(0, 5),
+        # EPROM; written only while the lock is 0
+        "id": Register(5),
+        "baud_rate": Register(6),
+        # all settings that `prepare` needs
+        "settings": Register(7, 27),
+        "return_delay": Register(7),
+        "status_level": Register(8),  # 1: the servo answers every instruction
+        "min_angle": Register(9, 2),  # both limits 0: several turns
+        "max_angle": Register(11, 2),
+        "max_torque": Register(16, 2),  # [0.1 % of the stall torque]
+        "phase": Register(18),
+        "mode": Register(33),  # 0: position
+        # RAM
+        "torque": Register(40),
+        "acceleration": Register(41),  # 0: no ramp
+        "goal_position": Register(42, 2, sign_bit=15),
+        "goal_time": Register(44, 2),
+        # limits, which a restart resets, and everything that a servo measures
+        "state": Register(46, 25),
+        "goal_speed": Register(46, 2, sign_bit=15),
+        "torque_limit": Register(48, 2),  # [0.1 % of the stall torque]
+        "lock": Register(55),
+        "position": Register(56, 2, sign_bit=15),
+        "speed": Register(58, 2, sign_bit=15),
+        "load": Register(60, 2, sign_bit=10),  # [0.1 % of the supply], motor voltage
+        "voltage": Register(62),  # [0.1 V]
+        "temperature": Register(63),  # [deg C]
+        "status": Register(65),
+        "current": Register(69, 2, sign_bit=15),  # [6.5 mA]
+    }
+)
+"""Of the STS series, with blocks of them; the names are ours."""
 
 PHASE_FINE_SPEED = 1 << 2
 """Speeds in steps/s; in 50 steps/s without this bit."""
@@ -70,7 +60,6 @@ PHASE_FULL_ANGLE = 1 << 4
 """Present position over several turns; within one turn without this bit."""
 
 TICKS_PER_TURN = 4096
-MAX_POSITION = 32_767
 MAX_SPEED = 32_767
 FULL_TORQUE = 1000
 TICK_SPEED = 2 * pi / TICKS_PER_TURN
@@ -81,16 +70,10 @@ CURRENT_UNIT = 0.0065  # [A]
 MAX_ID = 252
 """Largest id that an arm file allows; 254 is the broadcast."""
 
-BAUD_CODES = {
-    1_000_000: 0,
-    500_000: 1,
-    250_000: 2,
-    128_000: 3,
-    115_200: 4,
-    76_800: 5,
-    57_600: 6,
-    38_400: 7,
-}
+BAUD_RATES = (
+    1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400
+)  # fmt: skip
+"""By the number in the register `baud_rate`."""
 ERROR_BITS = {
     1: HardwareError.VOLTAGE,
     2: HardwareError.ENCODER,
@@ -108,17 +91,22 @@ class Model:
     Attributes:
         number: that the servo states.
         stall_torque: at the rated voltage [N m].
-        stall_current: at the rated voltage [A].
+        max_current: stall current at the rated voltage [A].
     """
 
     number: int
     stall_torque: float
-    stall_current: float
+    max_current: float
 
     @property
     def torque_constant(self) -> float:
         """Torque per current [N m/A]."""
-        return self.stall_torque / self.stall_current
+        return self.stall_torque / self.max_current
+
+    @property
+    def current_unit(self) -> float:
+        """Current of a unit of the torque limits [A]."""
+        return self.max_current / FULL_TORQUE
 
 
 MODELS = {
