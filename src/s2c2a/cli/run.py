@@ -295,7 +295,6 @@ def _report(
         evaluation.describe_lasting_error,
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
-        evaluation.describe_overload,
         evaluation.describe_faults,
         evaluation.describe_vibrations,
         evaluation.describe_tracking,

@@ -15,9 +15,10 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
+from s2c2a.evaluation.lasting_error import MIN_LOAD
 from s2c2a.files import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
-from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 
 PLAN_OUTCOMES = {
@@ -31,9 +32,6 @@ PLAN_OUTCOMES = {
 """What the planner did in a step; plans that reach their goal or move are not reported."""
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
-MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
-OVERLOAD = 0.05  # of the arm's length, between a goal and the plan
-OVERLOAD_TIME = 1.0  # s
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
 MAX_FAULTS = 5  # that a report names
 
@@ -103,7 +101,8 @@ def describe_plans(episode: Episode) -> str:
         f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
     # at any pace, a goal out of reach stays so
-    if not counts.get(f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"):
+    out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
+    if not counts.get(out_of_reach):
         limit_text += " (a slower --pace avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
@@ -111,7 +110,19 @@ def describe_plans(episode: Episode) -> str:
         for text, count in counts.items()
         if count
     ]
+    if counts.get(out_of_reach) and (payload := _largest_payload(episode)):
+        sentences.append(f"with up to {1000 * payload:.0f} g (estimated) at its tip")
     return ", ".join(sentences)
+
+
+def _largest_payload(episode: Episode) -> float:
+    """Largest estimated payload where goals are out of reach [kg]; 0 if it is small."""
+    if "payload" not in episode.columns:
+        return 0.0
+    is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
+    payload = float(episode.ran("payload")[is_out_of_reach].max())
+    mass = sum(module.mass for module in episode.arm.modules)
+    return payload if payload > MIN_LOAD * mass else 0.0
 
 
 def describe_vibrations(episode: Episode) -> str:
@@ -123,33 +134,6 @@ def describe_vibrations(episode: Episode) -> str:
     return (
         f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}; "
         f"the feedback was reduced in {reduced} of {len(episode.running)} steps"
-    )
-
-
-def describe_overload(episode: Episode) -> str:
-    """Describe that the arm cannot carry its payload to its goals; empty if it can.
-
-    The estimated payload then bends the predicted tip away from a goal that the arm
-    reaches without it, and the plan is not held back by the step limit.
-    """
-    if not {"payload", *PLAN_COLUMNS} <= episode.columns.keys():
-        return ""
-    payloads = episode.ran("payload")
-    mass = sum(module.mass for module in episode.arm.modules)
-    misses = _planned_misses(episode)
-    overloaded = (payloads > MIN_LOAD * mass) & ~_whole_steps(episode)
-    overloaded &= misses > OVERLOAD * episode.arm.length
-    if overloaded.sum() < OVERLOAD_TIME * episode.arm.control_rate:
-        return ""
-    goals = episode.ran("desired_positions")[overloaded, -1]
-    gaps = reach_gaps(episode.arm, goals[np.isfinite(goals).all(axis=-1)])
-    if gaps.size and np.median(gaps) > SIGNIFICANT * episode.arm.length:
-        return ""
-    largest = 100 * misses[overloaded].max()
-    return (
-        f"the arm cannot carry {1000 * payloads[overloaded].max():.0f} g (estimated) "
-        f"to its goals: in {overloaded.sum()} of {len(payloads)} steps the best plan "
-        f"stays up to {largest:.1f} cm away"
     )
 
 
