@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
-from s2c2a.plugins import is_trusted, resolve, trust_code
+from s2c2a.plugins import installed, is_trusted, resolve, trust_code
 
 MAX_VALUES = 100  # values of one option
 Ranges = Mapping[str, tuple[float, float]]
@@ -150,16 +150,19 @@ class Registry(Generic[Base]):
     def imported(self, name: str) -> type[Base]:
         """Find a class by the name that a weight file holds (`name_of`).
 
-        Nothing is imported unless the user has named this code (`plugins.trust_code`).
+        Nothing is imported unless the user has installed it, as an entry point, or named
+        this code (`plugins.trust_code`).
 
         Raises:
-            UntrustedCodeError: the class is not the package's, not imported already,
-                and not trusted.
+            UntrustedCodeError: the class is not the package's, not imported already, not
+                installed, and not trusted.
         """
+        if name in self.known:
+            return self.known[name]
         for found in _subclasses(self.base):
             if self.name_of(found) == name:
                 return found
-        if is_trusted(name):
+        if is_trusted(name) or name in installed(self.kind):
             return self.find(name)
         raise UntrustedCodeError(
             f"its {self.kind} is '{name}', which is not part of the package, and files "
@@ -173,7 +176,11 @@ class Registry(Generic[Base]):
         for name, known in self.known.items():
             if known is options:
                 return name
-        return f"{options.__module__}:{options.__qualname__}"
+        own = f"{options.__module__}:{options.__qualname__}"
+        for name, point in installed(self.kind).items():
+            if point.value == own:
+                return name
+        return own
 
     def read(self, value: Any) -> Any:
         """Component from a table of a file or from a name; components pass unchanged.

@@ -24,7 +24,7 @@ from s2c2a.components import CustomComponent, Options, Ranges, Registry
 from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
-from s2c2a.data.collecting import MAX_EPISODES
+from s2c2a.data.collecting import MAX_COUNT
 from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
 from s2c2a.estimation import (
     ESTIMATORS,
@@ -113,7 +113,7 @@ class Recipe(Options):
     limits: ClassVar[Ranges] = {
         "history_noise": (0, 1000),
         "speeds": (0, 10),
-        "episodes": (1, MAX_EPISODES),
+        "episodes": (1, MAX_COUNT),
         "integral_gain": (0, 10),
     }
 

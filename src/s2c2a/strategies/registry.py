@@ -3,7 +3,6 @@
 from dataclasses import asdict, replace
 
 from s2c2a.components import Registry
-from s2c2a.strategies.lstm import LSTM
 from s2c2a.strategies.options import StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
 from s2c2a.strategies.s2c2a import S2C2A, S2C2AMotor
@@ -12,9 +11,11 @@ from s2c2a.strategies.trained import TrainedNetworks
 STRATEGIES: Registry[StrategyOptions] = Registry(
     "strategy",
     StrategyOptions,
-    {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, LSTM, S2C2AMotor)},
+    {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, S2C2AMotor)},
 )
-"""The paper's strategy and its comparisons, for `--strategy`."""
+"""The paper's strategy and its comparisons without learning, for `--strategy`.
+
+A clone has `lstm`, too (`experiments/`)."""
 
 
 def labeled(networks: TrainedNetworks, options: StrategyOptions) -> TrainedNetworks:
