@@ -6,6 +6,7 @@ comes with the package, from an entry point of `s2c2a.<kind>s`, or is custom cod
 (`module:Class` or `file.py:Class`).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Generic, TypeVar, cast
@@ -13,7 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
-from s2c2a.plugins import installed, is_trusted, resolve, trust_code
+from s2c2a.plugins import installed, resolve, trust_code, trusted_as
 
 MAX_VALUES = 100  # values of one option
 Ranges = Mapping[str, tuple[float, float]]
@@ -104,6 +105,14 @@ class CustomComponent(Options):
         default_factory=dict, hash=False
     )
 
+    def __post_init__(self):
+        """Check that all numbers are finite."""
+        for name, value in self.parameters.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise S2C2AError(
+                    f"{name} = {value} was given to {self.name}; write a finite number"
+                )
+
 
 Base = TypeVar("Base")
 
@@ -162,13 +171,15 @@ class Registry(Generic[Base]):
         for found in _subclasses(self.base):
             if self.name_of(found) == name:
                 return found
-        if is_trusted(name) or name in installed(self.kind):
+        if trusted := trusted_as(name):
+            return self.find(trusted)
+        if name in installed(self.kind):
             return self.find(name)
         raise UntrustedCodeError(
             f"its {self.kind} is '{name}', which is not part of the package, and files "
             f"cannot run code; if you trust it, add --trust {name} in the folder of its "
-            f"file, or, to `run`, `live` and `view`, --{self.kind} file.py:Name; or "
-            "import it in Python"
+            f"file, or --trust with the path of the file, such as "
+            f"path/{name.replace(':', '.py:')}; or import it in Python"
         )
 
     def name_of(self, options: type) -> str:

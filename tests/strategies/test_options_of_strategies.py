@@ -133,13 +133,3 @@ def test_the_live_page_refuses_a_strategy_that_ignores_the_guard(monkeypatch):
     monkeypatch.setattr(pcc.FittedPCC, "supports", frozenset())
     with pytest.raises(StrategyError, match="'pcc-fitted' does not support --guard"):
         strategies_of(TWIN, ("shipped",), "arm", ("pcc-fitted",))
-
-
-@pytest.mark.parametrize("option", ["model", "controller"])
-def test_the_live_page_refuses_a_class_that_no_weight_file_uses(option):
-    name = {
-        "model": "s2c2a.models:C2SOptions",
-        "controller": "s2c2a.control.options:ControllerOptions",
-    }[option]
-    with pytest.raises(StrategyError, match=f"--{option} .*: it names the class"):
-        strategies_of(TWIN, ("shipped",), "tip", **{option: name})

@@ -179,7 +179,7 @@ def test_a_recipe_based_on_another_holds_what_differs(tmp_path):
                     BEST, solver=CustomComponent("mine:Solver", {"step": math.nan})
                 )
             },
-            r"no finite number at planner\.solver\.parameters\.step",
+            "step = nan was given to mine:Solver",
         ),
     ],
 )

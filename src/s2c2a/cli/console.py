@@ -23,8 +23,6 @@ FidelityName = Literal["fast", "accurate"]
 _RECIPE = tyro.conf.arg(metavar="best|best-long|paper|FILE")
 RecipeName = Annotated[str, _RECIPE]
 OptionalRecipe = Annotated[str | None, _RECIPE]
-ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
-ControllerName = ModelName
 Events = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="EVENT")
 ]

@@ -38,7 +38,7 @@ from s2c2a.runtime import (
 from s2c2a.spaces import AXIS, POSITION, Stage
 
 MAX_COUNT = 100_000  # of episodes, and of samples in one; files hold fewer
-MAX_SEED = 2**63
+MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one

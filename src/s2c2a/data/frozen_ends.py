@@ -16,7 +16,7 @@ from s2c2a.repeats import repeated_rows
 FALSE_RUNS = 0.01
 """Runs of equal poses that a whole log may have by chance."""
 
-_LIKE = 31  # rows with like changes of the drives
+_LIKE = 31  # rows with like changes of the drives; odd, for a median
 MIN_ROWS = 20  # of a comparison among rows
 _CALM_SHARE = 0.05  # of the steps: those in which drives rest most
 _ARITHMETIC = 1e-10  # relative error of numbers that were computed

@@ -35,8 +35,13 @@ class Split:
     validation: Samples
     test: Samples
 
+    @property
+    def parts(self) -> tuple[Samples, Samples, Samples]:
+        """All three."""
+        return self.training, self.validation, self.test
 
-SHORTEST_EPISODE = 50  # samples; shorter stretches may have no complete window
+
+SHORTEST_EPISODE = 50  # samples: 15 % of fewer may hold no complete window
 PIECE = 500  # approximate samples of a piece that is divided among the parts
 # part to which shorter episodes belong as a whole, in turn
 WHOLE = (0, 0, 0, 0, 1, 0, 2)

@@ -31,7 +31,7 @@ from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
 """Random bend of every module before a run, in parts of the full bend."""
-MAX_REPETITIONS = 1000
+MAX_REPETITIONS = 1000  # against typing errors
 
 
 @dataclass(frozen=True)

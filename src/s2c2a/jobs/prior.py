@@ -11,8 +11,8 @@ from s2c2a.progress import Progress
 
 FIRST_SEED = 1000
 """Of the randomized arms; evaluations use smaller ones."""
-MAX_ARMS = 1000
-MAX_STRENGTH = 2.0
+MAX_ARMS = 1000  # 40 times the default
+MAX_STRENGTH = 2.0  # of mismatch; the studies end at one
 
 
 @dataclass(frozen=True)

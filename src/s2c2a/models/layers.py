@@ -128,11 +128,7 @@ class SumAndRange(FromArm):
             targets = self.normalized(jnp.asarray(samples.targets))
             return Samples(inputs, np.asarray(targets))
 
-        return Split(
-            normalize(split.training),
-            normalize(split.validation),
-            normalize(split.test),
-        )
+        return Split(*map(normalize, split.parts))
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:

@@ -365,20 +365,14 @@ def _reach(data: TrainingData) -> float:
 
 def _seen(split: Split) -> Split:
     """The samples with a known target; hidden ones have none."""
-    return Split(*map(_with_targets, (split.training, split.validation, split.test)))
-
-
-def _with_targets(samples: Samples) -> Samples:
-    known = np.isfinite(samples.targets).any(axis=(1, 2))
-    inputs = {name: values[known] for name, values in samples.inputs.items()}
-    return Samples(inputs, samples.targets[known])
+    known = [np.isfinite(part.targets).any(axis=(1, 2)) for part in split.parts]
+    return Split(*map(Samples.rows, split.parts, known))
 
 
 def _all_samples(split: Split) -> Samples:
     """All samples of a split."""
-    parts = split.training, split.validation, split.test
-    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
-    targets = np.concatenate([part.targets for part in parts])
+    inputs = np.concatenate([part.inputs["configurations"] for part in split.parts])
+    targets = np.concatenate([part.targets for part in split.parts])
     return Samples({"configurations": inputs}, targets)
 
 
