@@ -252,7 +252,7 @@ def _leaps(
     sound = -1
     for row in np.flatnonzero(is_leap):
         if row and not is_leap[row - 1]:
-            sound = row - 1
+            sound = int(row) - 1
         if sound < 0:
             continue
         moved = np.linalg.norm(places[row] - places[sound])
