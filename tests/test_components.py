@@ -2,10 +2,12 @@
 
 import sys
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint
 from typing import ClassVar
 
 import pytest
 
+from s2c2a import components
 from s2c2a.components import Component, CustomComponent, Options, Ranges, Registry
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
 from s2c2a.plugins import trust_code, trust_of_one_command
@@ -83,6 +85,14 @@ def test_only_the_name_that_a_user_gives_is_trusted():
         with pytest.raises(S2C2AError, match="cannot be loaded: ModuleNotFoundError"):
             way(name)
     assert "own_spring_that_is_nowhere" not in sys.modules
+
+
+def test_a_class_has_the_name_of_its_entry_point_where_it_is_installed(monkeypatch):
+    point = EntryPoint("mine", f"{__name__}:Sizes", "s2c2a.terms")
+    monkeypatch.setattr(components, "installed", lambda kind: {"mine": point})
+    registry = Registry("term", Options, {})
+    assert registry.name_of(Sizes) == "mine"
+    assert registry.imported("mine") is Sizes
 
 
 def test_a_class_has_its_registered_name_or_that_of_its_module():

@@ -2,7 +2,7 @@
 
     s2c2a train mine.episodes --recipe own_controller.toml --out mine.safetensors
     s2c2a run circle --weights mine.safetensors \\
-        --controller own_controller.py:LinearOptions
+        --trust own_controller.py:LinearOptions
 
 own_controller.toml is based on the recipe `best` and names it in [c2a].
 """

@@ -1,7 +1,7 @@
 """A forward model of your own: constant-curvature arcs and a network for the residual.
 
     s2c2a train mine.episodes --recipe own_model.toml --out mine.safetensors
-    s2c2a run circle --weights mine.safetensors --model own_model.py:ArcsOptions
+    s2c2a run circle --weights mine.safetensors --trust own_model.py:ArcsOptions
 
 own_model.toml is based on the recipe `paper`; its section [c2s] names this model and its
 options.

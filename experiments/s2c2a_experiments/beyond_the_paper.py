@@ -466,7 +466,7 @@ def _summary_rows(rows: list) -> list:
 
 def _save_table(name: str, rows: list, directory: Path) -> str:
     """Save a table and return a message with its path."""
-    from s2c2a.evaluation.report import save_table
+    from s2c2a_experiments.table_files import save_table
 
     path = save_table(name, rows, directory)
     return f"table: {path} (.csv, .tex, .json next to it)"

@@ -46,9 +46,8 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
         beside: Path | None = None,
         work: Work = ALL_CORES,
     ) -> None:
-        from s2c2a.evaluation import report
         from s2c2a.strategies import RECIPES
-        from s2c2a_experiments import tables
+        from s2c2a_experiments import table_files, tables
 
         numbers, chosen = _seeds_and_recipe(seeds, recipe)
         tables.check_strategies(names, strategy)
@@ -69,8 +68,8 @@ def _add_table_command(name: str, summary: str, names: tuple[str, ...]) -> None:
                 rows, figures = tables.make_table(
                     table, directory, numbers, make, chosen, added
                 )
-                compared = report.load_comparison(beside, table)
-                path = report.save_table(table, rows, directory, compared)
+                compared = table_files.load_comparison(beside, table)
+                path = table_files.save_table(table, rows, directory, compared)
                 title = f"{table}, recipe {chosen.name}, {seeds} seeds"
                 print_results(title, rows, figures, directory)
                 print(f"table: {path} (.csv, .tex, .json next to it)")
@@ -119,7 +118,7 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
         arm: a preset or an arm file.
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_across
+    from s2c2a_experiments.table_files import save_across
     from s2c2a_experiments.tables import ablation_rows
 
     numbers, _ = _seeds_and_recipe(seeds)

@@ -19,6 +19,7 @@ from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, recipe_from, recipe_named
 from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
+from s2c2a_experiments.run_rows import prediction_rows
 from s2c2a_experiments.tables import mean_rows
 from s2c2a_experiments.targets import RandomTargets, ReachableTask, TargetSequence
 
@@ -108,7 +109,7 @@ class Trial:
         count = len(self.tasks)
         rows = jobs.score_rows(EXPERIMENT, runs[:count]) if count else []
         rows += mean_rows(rows)
-        rows += jobs.prediction_rows(EXPERIMENT, runs[:count]) if count else []
+        rows += prediction_rows(EXPERIMENT, runs[:count]) if count else []
         for run, targets in zip(runs[count:], self.targets, strict=True):
             rows += target_rows(run, targets)
         return [

@@ -16,10 +16,10 @@ from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.layers import LSTM
 from s2c2a.models.trunk import Trunk
 from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
 from s2c2a.training.trained import as_batch, known_error
+from s2c2a_experiments.tip_lstm import LSTM
 
 PLAY_WIDTHS = (0.02, 0.04, 0.08, 0.16)  # fractions of the largest displacement
 KERNEL_WIDTHS = (0.5, 1.0, 2.0, 4.0)

@@ -37,6 +37,7 @@ from s2c2a_experiments.figures.time import (
     interaction_figure,
     orientation_figure,
 )
+from s2c2a_experiments.run_rows import tick_rows
 
 PAYLOAD = 0.05  # kg
 SIBLINGS = ("twin_capstan", "twin_creep", "twin_both")
@@ -82,7 +83,7 @@ class Block:
         # the paper's arm carries no payload
         if "payload" in dict(self.conditions.robot.options):
             scores = _without_paper(scores)
-        return scores + mean_rows(scores) + jobs.tick_rows(experiment, runs)
+        return scores + mean_rows(scores) + tick_rows(experiment, runs)
 
 
 def _without_paper(rows: Sequence[Row]) -> list[Row]:

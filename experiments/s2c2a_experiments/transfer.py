@@ -18,6 +18,7 @@ from s2c2a.evaluation import Row
 from s2c2a.models.transfer import interpolation_weights
 from s2c2a.strategies import recipe_named
 from s2c2a_experiments.randomized_arms import AGED, over_arms
+from s2c2a_experiments.transferred_networks import TransferredNetworks
 
 EXPERIMENT = "transfer"
 BEST = recipe_named("best")
@@ -245,7 +246,7 @@ def _jobs(study: Transfer, pair: ArmPair, method: Method) -> list[jobs.Job]:
     weights = None
     if method.start != FULL:
         options = study.short(method.samples) if method.samples else None
-        weights = jobs.TransferredNetworks(
+        weights = TransferredNetworks(
             BEST.seen_arm(pair.arm),
             BEST,
             study.seed,

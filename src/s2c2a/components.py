@@ -6,6 +6,7 @@ comes with the package, from an entry point of `s2c2a.<kind>s`, or is custom cod
 (`module:Class` or `file.py:Class`).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Generic, TypeVar, cast
@@ -13,7 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
-from s2c2a.plugins import is_trusted, resolve, trust_code
+from s2c2a.plugins import installed, resolve, trust_code, trusted_as
 
 MAX_VALUES = 100  # values of one option
 Ranges = Mapping[str, tuple[float, float]]
@@ -104,6 +105,14 @@ class CustomComponent(Options):
         default_factory=dict, hash=False
     )
 
+    def __post_init__(self):
+        """Check that all numbers are finite."""
+        for name, value in self.parameters.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise S2C2AError(
+                    f"{name} = {value} was given to {self.name}; write a finite number"
+                )
+
 
 Base = TypeVar("Base")
 
@@ -150,22 +159,27 @@ class Registry(Generic[Base]):
     def imported(self, name: str) -> type[Base]:
         """Find a class by the name that a weight file holds (`name_of`).
 
-        Nothing is imported unless the user has named this code (`plugins.trust_code`).
+        Nothing is imported unless the user has installed it, as an entry point, or named
+        this code (`plugins.trust_code`).
 
         Raises:
-            UntrustedCodeError: the class is not the package's, not imported already,
-                and not trusted.
+            UntrustedCodeError: the class is not the package's, not imported already, not
+                installed, and not trusted.
         """
+        if name in self.known:
+            return self.known[name]
         for found in _subclasses(self.base):
             if self.name_of(found) == name:
                 return found
-        if is_trusted(name):
+        if trusted := trusted_as(name):
+            return self.find(trusted)
+        if name in installed(self.kind):
             return self.find(name)
         raise UntrustedCodeError(
             f"its {self.kind} is '{name}', which is not part of the package, and files "
             f"cannot run code; if you trust it, add --trust {name} in the folder of its "
-            f"file, or, to `run`, `live` and `view`, --{self.kind} file.py:Name; or "
-            "import it in Python"
+            f"file, or --trust with the path of the file, such as "
+            f"path/{name.replace(':', '.py:')}; or import it in Python"
         )
 
     def name_of(self, options: type) -> str:
@@ -173,7 +187,11 @@ class Registry(Generic[Base]):
         for name, known in self.known.items():
             if known is options:
                 return name
-        return f"{options.__module__}:{options.__qualname__}"
+        own = f"{options.__module__}:{options.__qualname__}"
+        for name, point in installed(self.kind).items():
+            if point.value == own:
+                return name
+        return own
 
     def read(self, value: Any) -> Any:
         """Component from a table of a file or from a name; components pass unchanged.

@@ -63,9 +63,20 @@ def trust_code(*names: str, folder: Path | None = None) -> None:
             _trusted[each] = folder or _trusted.get(each)
 
 
-def is_trusted(name: str) -> bool:
-    """Whether the user has named just this code, without options."""
-    return name in _trusted
+def trusted_as(name: str) -> str | None:
+    """The name by which the user has trusted the code that a file names; None if not.
+
+    Args:
+        name: `module:Name`, which a trusted `path/module.py:Name` is, too.
+    """
+    if name in _trusted:
+        return name
+    module, _, attribute = name.rpartition(":")
+    for each in _trusted:
+        file, _, other = each.rpartition(":")
+        if Path(file).name == f"{module}.py" and other == attribute:
+            return each
+    return None
 
 
 def trust_code_in(table: Any, folder: Path | None = None) -> None:
@@ -171,7 +182,7 @@ def installed(kind: str) -> dict[str, EntryPoint]:
 
 
 def _check_trusted(kind: str, name: str) -> None:
-    if is_trusted(name):
+    if name in _trusted:
         return
     raise UntrustedCodeError(
         f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "

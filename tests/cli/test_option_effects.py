@@ -126,27 +126,6 @@ def test_an_option_has_its_effect_beside_what_it_needs():
     assert done == [(0, None), (3, "arm.toml")]
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "run circle --model s2c2a.models:LocalOptions",
-        "run circle --controller s2c2a.control.options:C2AOptions",
-        "view twin_arm --model s2c2a.models:LocalOptions",
-        "view twin_arm --controller s2c2a.control.options:C2AOptions",
-    ],
-)
-def test_a_class_that_no_weight_file_uses_is_refused(line, capsys):
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert "would have no effect" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_commands_accept_classes_of_models_and_of_controllers_alike(name):
-    parameters = inspect.signature(COMMANDS[name]).parameters
-    assert ("model" in parameters) == ("controller" in parameters)
-
-
 @pytest.mark.parametrize("command", ["collect --out x.episodes", "run circle"])
 @pytest.mark.parametrize("parallel", ["--cluster local", "PARALLEL 2"])
 def test_a_real_arm_is_not_driven_in_parallel(command, parallel, capsys):

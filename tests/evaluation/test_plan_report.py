@@ -9,11 +9,11 @@ from s2c2a.evaluation import (
     describe_faults,
     describe_jumps_of_frame,
     describe_lost_states,
-    describe_overload,
     describe_plans,
     describe_tracking,
     describe_vibrations,
 )
+from s2c2a.planning import Outcome
 
 TWIN = load_arm("twin_arm")
 
@@ -61,42 +61,16 @@ def test_plans_that_the_step_limit_holds_back_are_counted():
     )
 
 
-def loaded(payload, miss, desired=(0.2, 0.0, 0.5)):
-    """Twenty steps with a payload [kg] whose plan stays a distance [m] below its goal."""
-    planned = np.tile([0.0, 0.0, 1.0], (20, 3, 1))
-    goals = np.full((20, 3, 3), np.nan)
-    goals[:, -1] = desired
-    predicted = np.zeros((20, 3, 6))
-    predicted[:, -1, :3] = np.subtract(desired, [0.0, 0.0, miss])
-    steps = {"time": 0.1 * np.arange(20), "actions": np.zeros((20, 3, 3))}
-    columns = {
-        "payload": np.full(20, payload),
-        "planned": planned,
-        "predicted": predicted,
-        "desired_positions": goals,
-    }
-    return Episode(TWIN, steps | columns)
-
-
-def test_a_payload_that_the_arm_cannot_carry_is_described():
-    assert describe_overload(loaded(0.15, 0.08)) == (
-        "the arm cannot carry 150 g (estimated) to its goals: in 20 of 20 steps the "
-        "best plan stays up to 8.0 cm away"
-    )
-
-
 @pytest.mark.parametrize(
-    "episode",
-    [
-        loaded(0.15, 0.01),
-        loaded(0.0, 0.08),
-        loaded(0.15, 0.08, desired=(0.9, 0.0, 0.45)),
-        make_episode(),
-    ],
-    ids=["near its goal", "no payload", "a goal out of reach", "no plan"],
+    ("payload", "text"),
+    [(0.15, ", with up to 150 g (estimated) at its tip"), (0.01, "")],
 )
-def test_other_runs_are_not_described_as_overloaded(episode):
-    assert describe_overload(episode) == ""
+def test_a_payload_is_named_where_goals_are_out_of_reach(payload, text):
+    outcome = np.array([0, Outcome.OUT_OF_REACH, Outcome.OUT_OF_REACH, 0])
+    payloads = np.array([0.3, payload, payload, 0.3])
+    assert describe_plans(make_episode(outcome=outcome, payload=payloads)) == (
+        f"the planner found its goal out of reach in 2 of 4 steps{text}"
+    )
 
 
 def test_vibrations_are_described_with_the_steps_of_reduced_feedback():

@@ -70,7 +70,7 @@ def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_pa
     recipe.write_text(tomli_w.dumps(table))
     weights = tmp_path / "mine.safetensors"
     main(["train", str(recording), "--recipe", str(recipe), "--out", str(weights)])
-    options = ("--weights", str(weights), "--controller", own)
+    options = ("--weights", str(weights), "--trust", own)
     assert run(waypoints, tmp_path / "run", *options)["s2c2a"] < 10.0
 
 

@@ -70,7 +70,7 @@ def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
             str(waypoints(tmp_path)),
             "--weights",
             str(strategy),
-            "--model",
+            "--trust",
             MODEL,
             "--out",
             str(out),
@@ -108,7 +108,7 @@ def test_a_strategy_file_alone_does_not_run_its_code(
     assert stopped.value.code == 2
     error = capsys.readouterr().err
     assert "'never_imported:ArcsOptions'" in error
-    assert "--model" in error
+    assert "--trust" in error
     assert "never_imported" not in sys.modules
 
 

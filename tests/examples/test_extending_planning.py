@@ -137,7 +137,7 @@ RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'
         (
             "own_term.py:ElbowHigh",
             "parameters = { height = nan }",
-            "no finite number at planner.terms.8.parameters",
+            "height = nan was given to ",
         ),
         (
             "own_term.py:ElbowHigh",

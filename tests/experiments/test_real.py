@@ -10,7 +10,6 @@ import pytest
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
-from s2c2a.models.layers import LSTM
 from s2c2a.progress import quiet
 from s2c2a.strategies import recipe_named, training_data
 from s2c2a_experiments.real import (
@@ -22,6 +21,7 @@ from s2c2a_experiments.real import (
     split_rows,
 )
 from s2c2a_experiments.real_models import KernelRegression, Recurrent
+from s2c2a_experiments.tip_lstm import LSTM
 
 
 @pytest.fixture(scope="module")

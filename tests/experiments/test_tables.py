@@ -13,19 +13,20 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.evaluation.report import (
-    Row,
+from s2c2a.evaluation.report import Row
+from s2c2a.jobs import Run, jobs_for
+from s2c2a.jobs.rows import score_rows
+from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.strategies import STRATEGIES, recipe_named
+from s2c2a.tasks import TASKS
+from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
+from s2c2a_experiments.run_rows import tick_rows
+from s2c2a_experiments.table_files import (
     load_comparison,
     load_rows,
     save_table,
     table_lines,
 )
-from s2c2a.jobs import Run, jobs_for
-from s2c2a.jobs.rows import score_rows, tick_rows
-from s2c2a.kinematics import PCC, states_from_bends
-from s2c2a.strategies import STRATEGIES, recipe_named
-from s2c2a.tasks import TASKS
-from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
 from s2c2a_experiments.tables import (
     TABLES,
     actuation_coupled,

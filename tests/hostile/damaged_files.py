@@ -283,7 +283,8 @@ def _results() -> list[bytes]:
 
 
 def _read_results(path: Path) -> list[str]:
-    from s2c2a.evaluation.report import load_rows, over_seeds
+    from s2c2a.evaluation.report import over_seeds
+    from s2c2a_experiments.table_files import load_rows
 
     rows = load_rows(path)
     with np.errstate(all="ignore"):

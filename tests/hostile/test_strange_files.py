@@ -24,7 +24,6 @@ from s2c2a.errors import (
     StrategyError,
     TargetError,
 )
-from s2c2a.evaluation.report import load_rows
 from s2c2a.files import holds, write_atomically
 from s2c2a.lab.hardware.calibration import load_calibration
 from s2c2a.lab.tracking.calibration import load_or_empty, load_tracking_calibration
@@ -38,6 +37,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_networks, load_recipe
 from s2c2a.strategies.files import arm_of_strategy
 from s2c2a.tasks import load_task, load_waypoints, waypoints_task
+from s2c2a_experiments.table_files import load_rows
 
 TWIN = load_arm("twin_arm")
 READERS = {

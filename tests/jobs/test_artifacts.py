@@ -114,7 +114,7 @@ def test_the_path_of_a_run_depends_on_all_its_inputs(waypoints, cache):
     others = [
         pcc_job(waypoints),
         replace(job, seed=1),
-        replace(job, strategy="lstm"),
+        replace(job, strategy="pcc-fitted"),
         replace(job, recipe=replace(PAPER, integral_gain=0.3)),
         replace(job, conditions=Conditions(RobotFactory.simulation(payload=0.05))),
         replace(job, conditions=Conditions(run=RunOptions("arm"))),

@@ -17,13 +17,13 @@ from s2c2a.jobs import (
     NetworksArtifact,
     PriorNetworks,
     RecordingArtifact,
-    TransferredNetworks,
     jobs_for,
 )
 from s2c2a.models.registry import MODELS
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.user_code import code_digest
+from s2c2a_experiments.transferred_networks import TransferredNetworks
 
 BEST = recipe_named("best")
 GROUP = re.compile(r'(?:resolve\(|Registry\()\s*"(\w+)"', re.MULTILINE)

@@ -16,7 +16,7 @@ TRIALS = [sweep.Trial(0, {"planner.solver.iterations": 5}, 1.0)]
 
 
 # the others use no key of a recipe, so nothing can vary
-PLANNING = [name for name in STRATEGIES.known if name != "lstm"]
+PLANNING = list(STRATEGIES.known)
 
 
 @pytest.mark.parametrize("strategy", PLANNING)

@@ -1,6 +1,5 @@
 """Options that a strategy accepts change what it builds; others are refused."""
 
-from collections import ChainMap
 from dataclasses import fields, replace
 
 import jax
@@ -17,7 +16,6 @@ from s2c2a.strategies import (
     Recipe,
     RunOptions,
     StrategyOptions,
-    lstm,
     pcc,
     recipe_named,
     s2c2a,
@@ -62,11 +60,8 @@ IN_THE_TASK = {"name", "axis_weights"}
 def networks():
     """All networks of all strategies; what is not trained is not run either."""
     shipped = shipped_networks(TWIN)
-    untrained = [
-        STRATEGIES.named(name)().untrained(TWIN, BEST, jax.random.key(0))
-        for name in ("pcc-fitted", "lstm")
-    ]
-    return replace(shipped, networks=dict(ChainMap(dict(shipped.networks), *untrained)))
+    gains = pcc.FittedPCC().untrained(TWIN, BEST, jax.random.key(0))
+    return replace(shipped, networks={**shipped.networks, **gains})
 
 
 @pytest.fixture
@@ -76,7 +71,6 @@ def effect(monkeypatch, networks):
         monkeypatch.setattr(module, "Planner", lambda arm, model, options: options)
         monkeypatch.setattr(module, "Strategy", lambda *parts: parts[2:])
     monkeypatch.setattr(pcc, "EncoderEstimator", lambda configuration_map: "encoders")
-    monkeypatch.setattr(lstm, "LSTMStrategy", lambda arm, network: network)
     for estimator in (KalmanFilter, EncoderOnly):
         monkeypatch.setattr(estimator, "build", lambda self, *given: (self, given[-1]))
 
@@ -135,16 +129,7 @@ def test_a_sweep_varies_what_its_strategy_uses(name, place):
         sweeps.Sweep(TWIN, (job.task,), BEST, varied, strategy=name)
 
 
-def test_the_live_page_refuses_a_strategy_that_ignores_the_guard():
-    with pytest.raises(StrategyError, match="'lstm' does not support --guard arm"):
-        strategies_of(TWIN, ("shipped",), "arm", ("lstm",))
-
-
-@pytest.mark.parametrize("option", ["model", "controller"])
-def test_the_live_page_refuses_a_class_that_no_weight_file_uses(option):
-    name = {
-        "model": "s2c2a.models:C2SOptions",
-        "controller": "s2c2a.control.options:ControllerOptions",
-    }[option]
-    with pytest.raises(StrategyError, match=f"--{option} .*: it names the class"):
-        strategies_of(TWIN, ("shipped",), "tip", **{option: name})
+def test_the_live_page_refuses_a_strategy_that_ignores_the_guard(monkeypatch):
+    monkeypatch.setattr(pcc.FittedPCC, "supports", frozenset())
+    with pytest.raises(StrategyError, match="'pcc-fitted' does not support --guard"):
+        strategies_of(TWIN, ("shipped",), "arm", ("pcc-fitted",))

@@ -5,10 +5,10 @@ from dataclasses import asdict, replace
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.errors import UntrustedCodeError
 from s2c2a.models.registry import MODELS
 from s2c2a.plugins import trust_code, trust_of_one_command
 from s2c2a.strategies import (
-    check_own_classes_used,
     load_networks,
     load_recipe,
     planning_as,
@@ -56,15 +56,13 @@ def test_a_recipe_file_plans_with_weights_of_its_own_class(own):
     check_same_training(networks, recipe)
 
 
-def test_a_class_that_a_weight_file_uses_is_accepted(own):
-    recipe, weights = own
-    used = load_networks(weights).recipe
-    check_own_classes_used([used], recipe.c2s.model, None)
-
-
-def test_a_trusted_class_of_a_weight_file_is_imported(tmp_path, monkeypatch):
-    (tmp_path / "trusted_model.py").write_text(TEXT)
+@pytest.mark.parametrize("by", ["module", "file"])
+def test_a_trusted_class_of_a_weight_file_is_imported(by, tmp_path, monkeypatch):
+    name = f"trusted_by_{by}"
+    (tmp_path / f"{name}.py").write_text(TEXT)
     monkeypatch.syspath_prepend(str(tmp_path))
     with trust_of_one_command():
-        trust_code("trusted_model:Mine")
-        assert MODELS.imported("trusted_model:Mine").__name__ == "Mine"
+        with pytest.raises(UntrustedCodeError, match=f"--trust {name}:Mine in"):
+            MODELS.imported(f"{name}:Mine")
+        trust_code(f"{name}:Mine" if by == "module" else f"{tmp_path / name}.py:Mine")
+        assert MODELS.imported(f"{name}:Mine").__name__ == "Mine"

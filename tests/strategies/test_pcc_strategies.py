@@ -16,7 +16,8 @@ from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies import fitted_gains, pcc_fitted_strategy, pcc_strategy
+from s2c2a.strategies import RunOptions, fitted_gains, pcc_strategy, recipe_named
+from s2c2a.strategies.pcc import FittedPCC
 from s2c2a.tasks import load_task
 
 PATH = 0.5 + 0.5 * np.sin(np.linspace(0, 20, 60)[:, None] + np.arange(6))
@@ -162,7 +163,9 @@ def test_gains_are_found_again_on_a_recording_that_has_them(twin, gains):
 def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     """With gains of 0.8 its actions are those of the plain one divided by 0.8."""
     plain = pcc_strategy(twin, PAPER)
-    fitted = pcc_fitted_strategy(synthetic(twin, [0.8] * 3), PAPER)
+    recipe = recipe_named("paper")
+    gains = FittedPCC().train(synthetic(twin, [0.8] * 3), recipe, seed=0)
+    fitted = FittedPCC().build(twin, recipe, gains, RunOptions())
     assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
     goal, rest = (
         Goal.of(3).with_position([0.2, 0.05, 0.5]),

@@ -16,15 +16,13 @@ if TYPE_CHECKING:
     from s2c2a.strategies import TrainedNetworks
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
-_STRATEGY = "s2c2a|pcc|pcc-fitted|lstm|s2c2a-motor|FILE.py:Class"
+_STRATEGY = "s2c2a|pcc|pcc-fitted|s2c2a-motor|FILE.py:Class"
 StrategyName = Annotated[str, tyro.conf.arg(metavar=_STRATEGY)]
 StrategyNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_STRATEGY} ...")]
 FidelityName = Literal["fast", "accurate"]
 _RECIPE = tyro.conf.arg(metavar="best|best-long|paper|FILE")
 RecipeName = Annotated[str, _RECIPE]
 OptionalRecipe = Annotated[str | None, _RECIPE]
-ModelName = Annotated[str | None, tyro.conf.arg(metavar="module:Name|FILE.py:Name")]
-ControllerName = ModelName
 Events = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="EVENT")
 ]

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 
 from s2c2a.cli.console import (
     Arm,
-    ControllerName,
     Events,
     FidelityName,
     File,
     GuardName,
-    ModelName,
     OptionalRecipe,
     StrategyNames,
     print_results,
@@ -48,8 +46,6 @@ def run(
     strategy: StrategyNames = ("s2c2a",),
     recipe: OptionalRecipe = None,
     weights: Path | None = None,
-    model: ModelName = None,
-    controller: ControllerName = None,
     pace: float = 1.0,
     seed: int = 0,
     seeds: int = 1,
@@ -83,9 +79,6 @@ def run(
         weights: a file of `s2c2a train`, or "shipped" for the networks of the package
             (presets, and copies with the same mechanics); without it, networks are
             trained or taken from the cache (S2C2A_CACHE sets its directory).
-        model: class of your own forward model that the weight file uses; files alone run
-            no code.
-        controller: the same of your own learned controller.
         pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
         seed: of data, training and start; the first of several.
         seeds: number of seeds; several run in parallel.
@@ -121,11 +114,8 @@ def run(
     )
     conditions = jobs.Conditions(factory, strategies.RunOptions(guard, settings))
     check_parallel(factory, work.jobs, work.cluster)
-    strategies.import_own_classes(model, controller)
     chosen = strategies.recipe_from(recipe) if recipe else None
     given = _given_networks(weights, spec, chosen) if weights else None
-    used_by_files = [given.recipe] if given else []
-    strategies.check_own_classes_used(used_by_files, model, controller)
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _paced_task(task, spec, pace)
     job_list = jobs.jobs_for(
@@ -295,7 +285,6 @@ def _report(
         evaluation.describe_lasting_error,
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
-        evaluation.describe_overload,
         evaluation.describe_faults,
         evaluation.describe_vibrations,
         evaluation.describe_tracking,

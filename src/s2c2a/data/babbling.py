@@ -14,6 +14,7 @@ from s2c2a.paper import SPEEDS, disc_points, mixed_bends, staged_shares
 
 Shares = Float[np.ndarray, "modules paths"]
 Bends = Float[np.ndarray, "samples modules 2"]
+# shares and times of the recordings of `best`; others are other recordings
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
 FULL_SHARE = 0.5  # of the independent bends that are full
 SLOW_SHARE = 0.04  # of the stretches of coverage that are slow or held

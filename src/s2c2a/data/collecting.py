@@ -37,14 +37,11 @@ from s2c2a.runtime import (
 )
 from s2c2a.spaces import AXIS, POSITION, Stage
 
-MAX_EPISODES = 100_000
-MAX_SAMPLES = 100_000
-MAX_SEED = 2**63
+MAX_COUNT = 100_000  # of episodes, and of samples in one; files hold fewer
+MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
 MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
-MAX_DIFFERENCES = 8  # shown in a message
-MIN_ACTIVE = 2  # episodes
 PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
 MakeRobot = Callable[[int], Robot]
 Targets: TypeAlias = Float[np.ndarray, "targets modules 2"]
@@ -80,12 +77,10 @@ class CollectOptions:
                 f"{did_you_mean(self.babbling, BABBLING)}; "
                 f"choose one of {', '.join(BABBLING)}"
             )
-        if not (
-            1 <= self.episodes <= MAX_EPISODES and 1 <= self.samples <= MAX_SAMPLES
-        ):
+        if not (1 <= self.episodes <= MAX_COUNT and 1 <= self.samples <= MAX_COUNT):
             raise RecordingError(
                 f"{self.episodes} episodes of {self.samples} samples are out of range; "
-                f"choose 1 to {MAX_EPISODES} and 1 to {MAX_SAMPLES}"
+                f"choose 1 to {MAX_COUNT} of each"
             )
         counts = (self.episodes, self.samples, self.seed)
         if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
@@ -98,10 +93,10 @@ class CollectOptions:
                 f"speeds {self.speeds} are out of range; "
                 "they must rise from above 0 to at most 1 bend a step"
             )
-        if self.active and self.episodes < MIN_ACTIVE:
+        if not self.random_episodes:
             raise RecordingError(
                 f"an active collection of {self.episodes} episodes is too short; record "
-                f"at least {MIN_ACTIVE}: the first half is random"
+                "at least 2: the first half is random"
             )
 
     @property
@@ -252,7 +247,7 @@ def _open_writer(
     ]
     if differences:
         writer.close()
-        shown = "; ".join(differences[:MAX_DIFFERENCES])
+        shown = "; ".join(differences)
         raise RecordingError(
             f"{path} was started with another arm or other options "
             f"({shown}); resume it with the same ones, or replace it (--overwrite)"

@@ -16,8 +16,8 @@ from s2c2a.repeats import repeated_rows
 FALSE_RUNS = 0.01
 """Runs of equal poses that a whole log may have by chance."""
 
-_LIKE = 31  # rows with like changes of the drives
-_MIN_ROWS = 20
+_LIKE = 31  # rows with like changes of the drives; odd, for a median
+MIN_ROWS = 20  # of a comparison among rows
 _CALM_SHARE = 0.05  # of the steps: those in which drives rest most
 _ARITHMETIC = 1e-10  # relative error of numbers that were computed
 _LONGEST = 64  # rows over which motion is compared; a longer run shows no more
@@ -38,7 +38,7 @@ def find_frozen(
     """
     known = np.isfinite(poses[:, :3]).all(axis=1) & np.isfinite(drives).all(axis=1)
     is_frozen = np.zeros(len(poses), bool)
-    if known.sum() < _MIN_ROWS:
+    if known.sum() < MIN_ROWS:
         return is_frozen
     is_repeated = repeated_rows(poses[known])
     is_repeated[1:] &= np.diff(stretches[known]) == 0

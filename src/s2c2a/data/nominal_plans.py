@@ -20,8 +20,9 @@ from s2c2a.kinematics.bends import squared_norm
 from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION
 
+# all of these shape the recordings of `best`; others are other recordings
 ITERATIONS = 25
-DAMPING = 1e-3
+DAMPING = 1e-3  # of the normal matrix, in squared units
 LARGEST_STEP = 0.5  # shares of the full bend
 EVENNESS = 0.03  # weight of bend differences [1/rad]
 LIMIT_WEIGHT = 3.0  # of bends beyond the full bend

@@ -1,53 +1,37 @@
 """Outliers of measured module ends: frozen, jumped or swapped bodies, wrong lengths.
 
-A pose, which is one end in one row, is compared with a robust regression on the drives,
-with rows of similar drives, and with its neighbors in time. Poses that are only repeated
-are found before (`data.frozen_ends`), so that they calibrate nothing.
+A pose, which is one end in one row, is compared with a robust regression on the drives
+and with its neighbors in time: a true error grows and decays in several rows. Poses that
+are only repeated are found before (`data.frozen_ends`), so that they calibrate nothing.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import median_filter
-from scipy.spatial import KDTree
 
 from s2c2a.arm.tracking import MOUNTING, STRETCH
-from s2c2a.data.frozen_ends import find_frozen
+from s2c2a.data.frozen_ends import MIN_ROWS, find_frozen
 
 MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""
 ERROR_RATIO = 8.0
-"""Error of an outlier, over the usual error in rows with similar drives."""
-DENSE_RATIO = 5.0
-"""The same where rows are dense in time, so that their order is evidence, too."""
-DENSE_STEP = 0.6
-"""Median step of the error, over the median error, below which rows are dense."""
-STEP_RATIO = 4.0
-"""Step of the error into and out of an outlier, over the usual step."""
-BREAK_RATIO = 0.5
-"""The same, over the error itself: a true error grows in several steps."""
+"""Error of an outlier, over the median error; Tukey's biweight is zero there. At 6, one of
+1500 sound poses of the twin in staged babbling would be an outlier."""
 SPREAD_RATIO = 0.4
-"""Error of an outlier, over the median distance of the outermost end from its center."""
-MIN_CANDIDATES = 0.7
-"""Share of the rows between two breaks that have such an error."""
+"""The same, over the median distance of the outermost end from its center; below it, an
+error may be a motion that the regression lacks, such as hysteresis."""
+LEAP = 0.5
+"""Step into and out of an outlier, over its error: a true error grows in several rows."""
 SWAP_RATIO = 0.3
-"""Error of two swapped ends after they are exchanged, over their error before."""
-LENGTH_RATIO = 1.4
-"""Impossible distance of two ends of modules of unknown length, over its upper
-quartile."""
+"""Error of two swapped ends after they are exchanged, over their error before: ends that
+are swapped fit each other's place as others fit theirs."""
 
-_ITERATIONS = 20
-_TUKEY = 6.0  # median errors from which a row has no weight
-_ROWS_PER_FEATURE = 5
-_MIN_ROWS = 20
-_REFERENCES = 2000  # rows among which similar ones are sought
-_SIMILAR = 16
-_WINDOW = 25  # rows on either side that show the usual step, and are not similar rows
-_LEAST = 1e-9  # m
+_ITERATIONS = 20  # of the regression, which converges in about ten
+_ROWS_PER_FEATURE = 5  # usual least number of a regression
 
 
 class MeasuredEnds(NamedTuple):
@@ -154,17 +138,16 @@ def find_outliers(
     ends = ends.without(frozen)
     positions = ends.positions
     least = SPREAD_RATIO * _spread(positions[:, -1])
-    predicted = np.stack([_predict(ends, end) for end in _channels(positions)], axis=1)
+    predicted = _predict(ends, positions)
     swaps = _find_swaps(positions, predicted, least)
     # a swapped body is no jump, and its neighbors in time have true steps around it
     rest = np.where(swaps[..., None], np.nan, positions)
-    jumps = [_find_jumps(ends, end, least) for end in _channels(rest)]
+    is_jump = _find_jumps(rest, _predict(ends, rest), least)
     # axes are unit vectors, so the ratio itself is their least error
-    turned = [_find_jumps(ends, axis, SPREAD_RATIO) for axis in _channels(ends.axes)]
-    is_jump = np.stack(jumps, axis=1) | (np.stack(turned, axis=1) & measured & ~swaps)
-    is_jump &= ~frozen
+    is_turned = _find_jumps(ends.axes, _predict(ends, ends.axes), SPREAD_RATIO)
+    is_jump |= is_turned & measured & ~swaps & ~frozen
     rest = np.where(is_jump[..., None], np.nan, rest)
-    lengths = _find_lengths(rest, predicted, reaches or [None] * len(jumps))
+    lengths = _find_lengths(rest, predicted, reaches or [None] * rest.shape[1])
     return Outliers(frozen, is_jump, swaps, lengths, measured)
 
 
@@ -190,40 +173,29 @@ def _spread(values: Float[np.ndarray, "rows 3"]) -> float:
     return float(np.median(np.linalg.norm(known - center, axis=1)))
 
 
-def _known(ends: MeasuredEnds, values: np.ndarray) -> Bool[np.ndarray, " rows"]:
-    """Rows in which drives and values are known; none if there are too few."""
-    known = np.isfinite(values).all(axis=1) & np.isfinite(ends.drives).all(axis=1)
-    return known if known.sum() >= _MIN_ROWS else np.zeros(len(values), bool)
-
-
 def _predict(
-    ends: MeasuredEnds, values: Float[np.ndarray, "rows 3"]
-) -> Float[np.ndarray, "rows 3"]:
-    """Robust regression on the drives; NaN where it is not possible."""
-    known = _known(ends, values)
+    ends: MeasuredEnds, values: Float[np.ndarray, "rows ends 3"]
+) -> Float[np.ndarray, "rows ends 3"]:
+    """Robust regression on the drives; NaN where too few rows are known."""
     predicted = np.full(values.shape, np.nan)
-    if known.any():
-        has_drives = np.isfinite(ends.drives).all(axis=1)
-        features = _features(_normalize(ends.drives[has_drives]), int(known.sum()))
-        weights = _robust_weights(features[known[has_drives]], values[known])
-        predicted[has_drives] = features @ weights
+    has_drives = np.isfinite(ends.drives).all(axis=1)
+    for end, channel in enumerate(_channels(values)):
+        known = np.isfinite(channel).all(axis=1) & has_drives
+        if known.sum() >= MIN_ROWS:
+            features = _features(ends.drives[has_drives], int(known.sum()))
+            weights = _robust_weights(features[known[has_drives]], channel[known])
+            predicted[has_drives, end] = features @ weights
     return predicted
 
 
-def _normalize(drives: np.ndarray) -> np.ndarray:
-    return (drives - np.median(drives, axis=0)) / (drives.std(axis=0) + 1e-12)
-
-
 def _features(drives: Float[np.ndarray, "rows drives"], rows: int) -> np.ndarray:
-    """Quadratic features; linear ones, or a constant, for a fit to few rows."""
-    count = drives.shape[1]
-    linear = np.concatenate([np.ones((len(drives), 1)), drives], axis=1)
-    first, second = np.triu_indices(count)
-    quadratic = np.concatenate([linear, drives[:, first] * drives[:, second]], axis=1)
-    for features in (quadratic, linear):
-        if rows >= _ROWS_PER_FEATURE * features.shape[1]:
-            return features
-    return linear[:, :1]
+    """Quadratic features; linear ones for a fit to few rows."""
+    spread = np.maximum(drives.std(axis=0), np.finfo(float).eps)
+    scaled = (drives - np.median(drives, axis=0)) / spread
+    linear = np.concatenate([np.ones((len(drives), 1)), scaled], axis=1)
+    first, second = np.triu_indices(drives.shape[1])
+    quadratic = np.concatenate([linear, scaled[:, first] * scaled[:, second]], axis=1)
+    return quadratic if rows >= _ROWS_PER_FEATURE * quadratic.shape[1] else linear
 
 
 def _robust_weights(features: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -234,136 +206,59 @@ def _robust_weights(features: np.ndarray, values: np.ndarray) -> np.ndarray:
         moments = weighted.T @ features
         weights = np.linalg.lstsq(moments, weighted.T @ values, rcond=1e-9)[0]
         errors = np.linalg.norm(values - features @ weights, axis=1)
-        relative = errors / (np.median(errors) + _LEAST)
+        relative = errors / max(float(np.median(errors)), np.finfo(float).eps)
         if iteration < _ITERATIONS // 2:
             rows = 1 / np.maximum(1, relative)
         else:
-            rows = np.clip(1 - (relative / _TUKEY) ** 2, 0, 1) ** 2
+            rows = np.clip(1 - (relative / ERROR_RATIO) ** 2, 0, 1) ** 2
     return weights
 
 
 def _find_jumps(
-    ends: MeasuredEnds, values: Float[np.ndarray, "rows 3"], least: float
-) -> Bool[np.ndarray, " rows"]:
-    """Rows that neither the drives nor the neighbors in time explain.
+    values: Float[np.ndarray, "rows ends 3"],
+    predicted: Float[np.ndarray, "rows ends 3"],
+    least: float,
+) -> Bool[np.ndarray, "rows ends"]:
+    """Poses that neither the drives nor the neighbors in time explain.
 
     Args:
-        ends: the drives.
-        values: positions or axes of one end.
+        values: positions or axes.
+        predicted: from the drives.
         least: smallest error of an outlier.
     """
-    known = _known(ends, values)
-    is_jump = np.zeros(len(values), bool)
-    if not known.any():
-        return is_jump
-    residuals = (values - _predict(ends, values))[known]
-    errors, scales = _unexplained(_normalize(ends.drives[known]), residuals)
-    steps = np.linalg.norm(np.diff(residuals, axis=0), axis=1)
-    is_dense = np.median(steps) < DENSE_STEP * np.median(errors)
-    ratio = DENSE_RATIO if is_dense else ERROR_RATIO
-    is_candidate = errors > np.maximum(ratio * scales, least)
-    is_border = np.diff(ends.stretches[known]) != 0
-    places = values[known]
-    pieces = _Pieces.of(is_border | _breaks(places, residuals, errors))
-
-    def is_near(row: int, other: int) -> bool:
-        distance = np.linalg.norm(residuals[row] - residuals[other])
-        moved = np.linalg.norm(places[row] - places[other])
-        return bool(min(distance, moved) < BREAK_RATIO * errors[row])
-
-    is_jump[known] = _select_pieces(is_candidate, pieces, is_near)
+    is_jump = np.zeros(values.shape[:2], bool)
+    for end, channel in enumerate(_channels(values)):
+        residuals = channel - predicted[:, end]
+        known = np.isfinite(residuals).all(axis=1)
+        places = channel[known]
+        residuals = residuals[known]
+        # a row that leaps neither in time nor back in time continues a true motion
+        is_jump[known, end] = (
+            _leaps(places, residuals, least)
+            & _leaps(places[::-1], residuals[::-1], least)[::-1]
+        )
     return is_jump
 
 
-def _unexplained(
-    drives: np.ndarray, residuals: Float[np.ndarray, "rows 3"]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors that rows with similar drives do not share, and their usual size there."""
-    similar = _similar_rows(drives)
-    others = residuals[similar]
-    centers = np.median(others, axis=1)
-    scatter = np.median(np.linalg.norm(others - centers[:, None], axis=-1), axis=1)
-    errors = np.linalg.norm(residuals, axis=1)
-    errors = np.minimum(errors, np.linalg.norm(residuals - centers, axis=1))
-    return errors, np.maximum(scatter, np.median(errors))
-
-
-def _similar_rows(drives: np.ndarray) -> Int[np.ndarray, "rows similar"]:
-    """Rows with the most similar drives that are not neighbors in time."""
-    rows = len(drives)
-    references = np.linspace(0, rows - 1, min(rows, _REFERENCES)).astype(int)
-    count = min(2 * _WINDOW + 1 + _SIMILAR, len(references))
-    nearest = KDTree(drives[references]).query(drives, k=count)[1]
-    similar = references[nearest]
-    is_neighbor = np.abs(similar - np.arange(rows)[:, None]) <= _WINDOW
-    order = np.argsort(is_neighbor, axis=1, kind="stable")[:, :_SIMILAR]
-    return np.take_along_axis(similar, order, axis=1)
-
-
-def _breaks(
-    values: np.ndarray, residuals: np.ndarray, errors: np.ndarray
-) -> Bool[np.ndarray, " steps"]:
-    """Steps that are too large, also in view of the steps of the drives."""
-    steps = np.linalg.norm(np.diff(residuals, axis=0), axis=1)
-    usual = median_filter(steps, 2 * _WINDOW + 1, mode="mirror")
-    moved = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    larger = np.maximum(errors[1:], errors[:-1])
-    least = np.maximum(STEP_RATIO * usual, BREAK_RATIO * larger)
-    return np.minimum(steps, moved) > least
-
-
-class _Pieces(NamedTuple):
-    """Rows between two breaks, or the ends of a log.
-
-    Attributes:
-        begins: first row of each piece, shape (pieces,).
-        ends: row after its last one.
-    """
-
-    begins: Int[np.ndarray, " pieces"]
-    ends: Int[np.ndarray, " pieces"]
-
-    @classmethod
-    def of(cls, is_break: Bool[np.ndarray, " steps"]) -> "_Pieces":
-        """Split rows at breaks."""
-        edges = np.flatnonzero(np.concatenate([[True], is_break, [True]]))
-        return cls(edges[:-1], edges[1:])
-
-    def shares(self, is_candidate: np.ndarray) -> Float[np.ndarray, " pieces"]:
-        """Share of candidates in each piece."""
-        counts = np.add.reduceat(is_candidate.astype(float), self.begins)
-        return counts / (self.ends - self.begins)
-
-
-def _select_pieces(
-    is_candidate: Bool[np.ndarray, " rows"],
-    pieces: _Pieces,
-    is_near: Callable[[int, int], bool],
+def _leaps(
+    places: Float[np.ndarray, "rows 3"],
+    residuals: Float[np.ndarray, "rows 3"],
+    least: float,
 ) -> Bool[np.ndarray, " rows"]:
-    """Rows of pieces that are mostly candidates, and not continued by other pieces.
-
-    Args:
-        is_candidate: rows with a large error.
-        pieces: of the rows.
-        is_near: whether a row, the first argument, continues another one.
-    """
-    wrong = pieces.shares(is_candidate) > MIN_CANDIDATES
-    restored = True
-    while restored:
-        restored = False
-        for piece in np.flatnonzero(wrong):
-            first = pieces.begins[piece]
-            last = pieces.ends[piece] - 1
-            right = np.flatnonzero(~wrong)
-            place = int(np.searchsorted(right, piece))
-            before = pieces.ends[right[max(place - 1, 0) : place]] - 1
-            after = pieces.begins[right[place : place + 1]]
-            if any(is_near(first, row) for row in before) or any(
-                is_near(last, row) for row in after
-            ):
-                wrong[piece] = False
-                restored = True
-    return np.repeat(wrong, pieces.ends - pieces.begins)
+    """Rows with a large error that arises at once after the last sound row."""
+    errors = np.linalg.norm(residuals, axis=1)
+    usual = float(np.median(errors)) if len(errors) else 0.0
+    is_leap = errors > max(ERROR_RATIO * usual, least)
+    sound = -1
+    for row in np.flatnonzero(is_leap):
+        if row and not is_leap[row - 1]:
+            sound = int(row) - 1
+        if sound < 0:
+            continue
+        moved = np.linalg.norm(places[row] - places[sound])
+        grown = np.linalg.norm(residuals[row] - residuals[sound])
+        is_leap[row] = min(moved, grown) > LEAP * errors[row]
+    return is_leap
 
 
 def _find_swaps(
@@ -395,20 +290,13 @@ def _find_lengths(
     errors = np.where(np.isfinite(errors), errors, np.arange(len(reaches)))
     impossible = np.zeros(positions.shape[:2], bool)
     for outer in range(1, len(reaches)):
+        reach = reaches[outer]
+        if reach is None:
+            continue
         chords = positions[:, outer] - positions[:, outer - 1]
         distances = np.linalg.norm(chords, axis=-1)
-        is_far = distances > _longest(distances, reaches[outer])
+        is_far = distances > (1 + STRETCH) * reach + MOUNTING
         is_inner = errors[:, outer - 1] > errors[:, outer]
         impossible[:, outer] |= is_far & ~is_inner
         impossible[:, outer - 1] |= is_far & is_inner
     return impossible
-
-
-def _longest(distances: np.ndarray, reach: float | None) -> float:
-    """Largest possible distance of two ends [m]."""
-    if reach is not None:
-        return (1 + STRETCH) * reach + MOUNTING
-    known = distances[np.isfinite(distances)]
-    if not len(known):
-        return np.inf
-    return LENGTH_RATIO * float(np.quantile(known, 0.75)) + MOUNTING

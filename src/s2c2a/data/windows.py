@@ -35,8 +35,13 @@ class Split:
     validation: Samples
     test: Samples
 
+    @property
+    def parts(self) -> tuple[Samples, Samples, Samples]:
+        """All three."""
+        return self.training, self.validation, self.test
 
-SHORTEST_EPISODE = 50  # samples; shorter stretches may have no complete window
+
+SHORTEST_EPISODE = 50  # samples: 15 % of fewer may hold no complete window
 PIECE = 500  # approximate samples of a piece that is divided among the parts
 # part to which shorter episodes belong as a whole, in turn
 WHOLE = (0, 0, 0, 0, 1, 0, 2)
@@ -146,81 +151,77 @@ def controller_samples(
     stretch. The arm rests before an episode: the history consists of its first
     configuration and the neutral action, as when a controller starts.
     """
-    ages = (range(CONFIGURATION_HISTORY), range(1, ACTION_HISTORY + 1))
-    counts = _lengths_of(actions, lengths)
-    parts = _prepend_rest(configurations, actions, neutral, counts)
-    return Split(*(_windows("configurations", part, *ages, axis=-2) for part in parts))
+    sensed_ages = range(CONFIGURATION_HISTORY)
+    action_ages = range(1, ACTION_HISTORY + 1)
+    histories = Histories("configurations", sensed_ages, action_ages, axis=-2)
+    return histories.samples(configurations, actions, neutral, lengths)
 
 
-def lstm_samples(
-    positions: Float[np.ndarray, "episodes samples 3"],
-    actions: Float[np.ndarray, "episodes samples modules cables"],
-    neutral: Float[np.ndarray, "modules cables"],
-) -> Split:
-    """Samples for the LSTM: p_{t+1}, p_{t-4} to p_t, A_{t-5} to A_{t-1} in, A_t out.
+@dataclass(frozen=True)
+class Histories:
+    """Windows of sensed values and actions, with the next sensed value as desired one.
 
-    Source: Chen et al. 2025, sec. IV-A2. The oldest step of a history is first. Borders
-    and starts are as in `controller_samples`.
-
-    Args:
-        positions: positions of the tip [m], base frame.
-        actions: actions that were sent [m or N].
-        neutral: action at rest [m or N].
+    Attributes:
+        name: of the sensed values among the inputs.
+        sensed_ages: of the sensed values of a window, in control steps.
+        action_ages: of its actions.
+        axis: of ages.
     """
-    ages = (range(ACTION_HISTORY - 1, -1, -1), range(ACTION_HISTORY, 0, -1))
-    parts = _prepend_rest(positions, actions, neutral, _lengths_of(actions, None))
-    return Split(*(_windows("positions", part, *ages, axis=1) for part in parts))
+
+    name: str
+    sensed_ages: range
+    action_ages: range
+    axis: int
+
+    def samples(
+        self,
+        sensed: Float[np.ndarray, "episodes samples *sensed"],
+        actions: Float[np.ndarray, "episodes samples modules cables"],
+        neutral: Float[np.ndarray, "modules cables"],
+        lengths: Lengths = None,
+    ) -> Split:
+        """All windows with a complete history and a next sample.
+
+        Args:
+            sensed: such as configurations.
+            actions: that were sent [m or N].
+            neutral: action at rest [m or N].
+            lengths: number of samples of each episode, if they differ.
+        """
+        rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
+
+        def windows(episode: int, stretch: slice) -> Samples:
+            values = sensed[episode, stretch]
+            sent = actions[episode, stretch]
+            if not stretch.start:
+                first = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
+                values = np.concatenate([first, values])
+                sent = np.concatenate([rest, sent])
+            return self._windows(values, sent)
+
+        parts = stretches(_lengths_of(actions, lengths))
+        return Split(*(_joined([windows(*each) for each in part]) for part in parts))
+
+    def _windows(self, sensed: np.ndarray, actions: np.ndarray) -> Samples:
+        """Windows of one stretch."""
+        steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
+
+        def history(values: np.ndarray, ages: range) -> np.ndarray:
+            return np.stack([values[steps - age] for age in ages], self.axis)
+
+        inputs = {
+            "desired": sensed[steps + 1],
+            self.name: history(sensed, self.sensed_ages),
+            "actions": history(actions, self.action_ages),
+        }
+        return Samples(inputs, actions[steps])
 
 
-def _prepend_rest(
-    sensed: np.ndarray, actions: np.ndarray, neutral: np.ndarray, lengths: Sequence[int]
-) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-    """Sensed values and actions of all stretches; those at a start begin with rest."""
-    rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
-
-    def select(episode: int, stretch: slice) -> tuple[np.ndarray, np.ndarray]:
-        values = sensed[episode, stretch]
-        sent = actions[episode, stretch]
-        if stretch.start:
-            return values, sent
-        first = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
-        return np.concatenate([first, values]), np.concatenate([rest, sent])
-
-    return [[select(*stretch) for stretch in part] for part in stretches(lengths)]
-
-
-def _windows(
-    name: str,
-    parts: list[tuple[np.ndarray, np.ndarray]],
-    sensed_ages: range,
-    action_ages: range,
-    axis: int,
-) -> Samples:
-    """All windows with a complete history and a next sample; `axis` is that of ages."""
-    windows = [
-        _stretch_windows(name, *part, sensed_ages, action_ages, axis) for part in parts
-    ]
+def _joined(parts: list[Samples]) -> Samples:
+    """Samples of several stretches, in single precision."""
     inputs = {
-        key: np.concatenate([part.inputs[key] for part in windows]).astype(np.float32)
-        for key in windows[0].inputs
+        key: np.concatenate([part.inputs[key] for part in parts]).astype(np.float32)
+        for key in parts[0].inputs
     }
-    targets = np.concatenate([part.targets for part in windows])
+    targets = np.concatenate([part.targets for part in parts])
     return Samples(inputs, targets.astype(np.float32))
-
-
-def _stretch_windows(
-    name: str,
-    sensed: np.ndarray,
-    actions: np.ndarray,
-    sensed_ages,
-    action_ages,
-    axis: int,
-) -> Samples:
-    """Windows of one stretch."""
-    steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
-    inputs = {
-        "desired": sensed[steps + 1],
-        name: np.stack([sensed[steps - age] for age in sensed_ages], axis),
-        "actions": np.stack([actions[steps - age] for age in action_ages], axis),
-    }
-    return Samples(inputs, actions[steps])

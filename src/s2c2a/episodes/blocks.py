@@ -26,6 +26,7 @@ LENGTH = 8
 CHECK = 8
 DIGEST = 16
 START = len(WORD) + LENGTH + CHECK
+# a file may be a stranger's: more than an hour of any arm, less than the memory
 MAX_BYTES = 500_000_000
 MAX_BLOCK = 150_000_000
 MAX_HEAD = 1_000_000

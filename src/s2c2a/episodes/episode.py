@@ -12,7 +12,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.spaces import Stage
 
 SENSOR = "sensor."
-MAX_COLUMNS = 256
+MAX_COLUMNS = 256  # ten times those of a run; a file may be a stranger's
 
 
 @dataclass(frozen=True, eq=False)  # arrays have no single truth value for ==

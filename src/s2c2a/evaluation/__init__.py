@@ -17,7 +17,6 @@ from s2c2a.evaluation.report import (
     describe_faults,
     describe_jumps_of_frame,
     describe_lost_states,
-    describe_overload,
     describe_plans,
     describe_tracking,
     describe_vibrations,

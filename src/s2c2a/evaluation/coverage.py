@@ -19,11 +19,12 @@ from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION, Reading
 
+# a figure and its numbers show these; nothing else depends on them
 HOLD = 0.01  # of the step limit; slower motion counts as a hold
 NEAR_BEND = 0.25  # of each module's limit: distance at which a bend is reached
 NEAR_TIP = 0.05  # of the arm's length: distance at which a position is reached
 MIN_BEND = 0.1  # of the limit; smaller bends are neither opposed nor equal
-RANDOM_SHAPES = 1000
+RANDOM_SHAPES = 1000  # a share of them is known to 3 %
 MAX_SAMPLES = 20_000  # of a recording, compared with random shapes
 
 Bends = Float[np.ndarray, "samples modules 2"]

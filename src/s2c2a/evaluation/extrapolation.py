@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from s2c2a.episodes import Episode
 from s2c2a.spaces import POSITION
 
-TOLERATED = 0.1  # of the steps; a larger share outside the data is reported
+TOLERATED = 0.1  # of the steps; a model is outside at the border of its data, too
 
 
 def is_outside_data(

@@ -1,27 +1,26 @@
-"""Reports: result rows, tables as JSON, CSV, Markdown, and LaTeX, and text on plans."""
+"""Reports: result rows as JSON, and text on plans."""
 
 import csv
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
-from s2c2a.errors import S2C2AError
-from s2c2a.files import atomic_write, read_text, write_atomically
+from s2c2a.evaluation.lasting_error import MIN_LOAD
+from s2c2a.files import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
-from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 
-MAX_BYTES = 20_000_000
 PLAN_OUTCOMES = {
     Outcome.KEPT: "kept the last plan",
     Outcome.RESTARTED: "restarted from another shape",
@@ -33,15 +32,8 @@ PLAN_OUTCOMES = {
 """What the planner did in a step; plans that reach their goal or move are not reported."""
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
-MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
-OVERLOAD = 0.05  # of the arm's length, between a goal and the plan
-OVERLOAD_TIME = 1.0  # s
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
 MAX_FAULTS = 5  # that a report names
-_LATEX_ESCAPES = str.maketrans(
-    {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
-)
-HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper")
 
 
 @dataclass(frozen=True)
@@ -109,7 +101,8 @@ def describe_plans(episode: Episode) -> str:
         f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
     # at any pace, a goal out of reach stays so
-    if not counts.get(f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"):
+    out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
+    if not counts.get(out_of_reach):
         limit_text += " (a slower --pace avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
@@ -117,7 +110,19 @@ def describe_plans(episode: Episode) -> str:
         for text, count in counts.items()
         if count
     ]
+    if counts.get(out_of_reach) and (payload := _largest_payload(episode)):
+        sentences.append(f"with up to {1000 * payload:.0f} g (estimated) at its tip")
     return ", ".join(sentences)
+
+
+def _largest_payload(episode: Episode) -> float:
+    """Largest estimated payload where goals are out of reach [kg]; 0 if it is small."""
+    if "payload" not in episode.columns:
+        return 0.0
+    is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
+    payload = float(episode.ran("payload")[is_out_of_reach].max())
+    mass = sum(module.mass for module in episode.arm.modules)
+    return payload if payload > MIN_LOAD * mass else 0.0
 
 
 def describe_vibrations(episode: Episode) -> str:
@@ -129,33 +134,6 @@ def describe_vibrations(episode: Episode) -> str:
     return (
         f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}; "
         f"the feedback was reduced in {reduced} of {len(episode.running)} steps"
-    )
-
-
-def describe_overload(episode: Episode) -> str:
-    """Describe that the arm cannot carry its payload to its goals; empty if it can.
-
-    The estimated payload then bends the predicted tip away from a goal that the arm
-    reaches without it, and the plan is not held back by the step limit.
-    """
-    if not {"payload", *PLAN_COLUMNS} <= episode.columns.keys():
-        return ""
-    payloads = episode.ran("payload")
-    mass = sum(module.mass for module in episode.arm.modules)
-    misses = _planned_misses(episode)
-    overloaded = (payloads > MIN_LOAD * mass) & ~_whole_steps(episode)
-    overloaded &= misses > OVERLOAD * episode.arm.length
-    if overloaded.sum() < OVERLOAD_TIME * episode.arm.control_rate:
-        return ""
-    goals = episode.ran("desired_positions")[overloaded, -1]
-    gaps = reach_gaps(episode.arm, goals[np.isfinite(goals).all(axis=-1)])
-    if gaps.size and np.median(gaps) > SIGNIFICANT * episode.arm.length:
-        return ""
-    largest = 100 * misses[overloaded].max()
-    return (
-        f"the arm cannot carry {1000 * payloads[overloaded].max():.0f} g (estimated) "
-        f"to its goals: in {overloaded.sum()} of {len(payloads)} steps the best plan "
-        f"stays up to {largest:.1f} cm away"
     )
 
 
@@ -249,20 +227,6 @@ def save_rows(rows: Iterable[Row], path: str | Path) -> None:
     write_atomically(json.dumps(written, indent=1, allow_nan=False) + "\n", path)
 
 
-def load_rows(path: str | Path) -> list[Row]:
-    """Read result rows that `save_rows` wrote.
-
-    Raises:
-        S2C2AError: the file does not hold a list of rows.
-    """
-    try:
-        return TypeAdapter(list[Row]).validate_json(read_text(path, most=MAX_BYTES))
-    except (S2C2AError, ValidationError) as error:
-        raise S2C2AError(
-            f"{path} does not hold result rows: {error}; make the table again"
-        ) from error
-
-
 def _json_value(value: Any) -> Any:
     return str(value) if isinstance(value, float) and not np.isfinite(value) else value
 
@@ -274,115 +238,3 @@ def save_csv(header: Sequence[str], rows: Iterable[Sequence], path: str | Path) 
         open(part, "w", newline="", encoding="utf-8") as file,
     ):
         csv.writer(file).writerows([header, *rows])
-
-
-def save_table(
-    name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Row] = ()
-) -> Path:
-    """Write a table as JSON, CSV, LaTeX, and Markdown; return the Markdown file.
-
-    Args:
-        name: of the table and its files.
-        rows: of the table.
-        folder: directory of the files.
-        beside: rows of another recipe, for comparison.
-    """
-    save_rows(rows, folder / f"{name}.json")
-    header = [field.name for field in fields(Row)]
-    save_csv(header, map(astuple, rows), folder / f"{name}.csv")
-    lines = table_lines(rows, beside)
-    write_atomically(_latex(lines), folder / f"{name}.tex")
-    return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
-
-
-def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
-    """Write a table with a line a strategy and a column a task and metric.
-
-    Cells hold means and standard deviations between seeds.
-
-    Returns:
-        The Markdown file.
-    """
-    save_rows(rows, folder / f"{name}.json")
-    columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
-    cells = {
-        (row.strategy, row.task, row.metric): pair(row.mean, row.std_seeds)
-        for row in rows
-    }
-    header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
-    lines = []
-    for strategy in dict.fromkeys(row.strategy for row in rows):
-        values = [cells[strategy, task, metric] for task, metric, _ in columns]
-        lines.append([strategy, *values])
-    return write_atomically(_markdown_table(header, lines), folder / f"{name}.md")
-
-
-def load_comparison(folder: Path | None, name: str) -> list[Row]:
-    """Read the rows of a table in another directory; empty if there is none."""
-    if folder is None:
-        return []
-    path = folder / f"{name}.json"
-    return load_rows(path) if path.is_file() else []
-
-
-def table_lines(
-    rows: Sequence[Row], beside: Sequence[Row] = ()
-) -> list[tuple[str, ...]]:
-    """Return the cells of every row, in the order of `HEADER`."""
-    others = {_key(row): row for row in beside}
-    lines: list[tuple[str, ...]] = []
-    for row in rows:
-        _, _, detail = row.experiment.partition(", ")
-        task = f"{row.arm}: {row.task}" + (f" ({detail})" if detail else "")
-        metric = f"{row.metric} [{row.unit}]"
-        seeds = "" if row.std_seeds is None else f"{row.std_seeds:.2f}"
-        other = others.get(_key(row))
-        compared = "" if other is None else pair(other.mean, other.std_steps)
-        paper = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
-        result = pair(row.mean, row.std_steps)
-        lines.append((task, metric, row.strategy, result, seeds, compared, paper))
-    return lines
-
-
-def _key(row: Row) -> tuple[str, ...]:
-    return row.experiment, row.arm, row.task, row.strategy, row.metric
-
-
-def _markdown(
-    name: str,
-    rows: Sequence[Row],
-    lines: Sequence[tuple[str, ...]],
-    beside: Sequence[Row],
-) -> str:
-    seeds = ", ".join(map(str, sorted({seed for row in rows for seed in row.seeds})))
-    recipe = rows[0].recipe if rows else ""
-    header = list(HEADER)
-    header[3] = f"`{recipe}`"
-    header[5] = f"`{beside[0].recipe}`" if beside else ""
-    table = _markdown_table(header, lines)
-    footer = ""
-    modes = {row.arm: row for row in rows if row.first_mode_hz is not None}
-    for arm, row in modes.items():
-        footer += (
-            f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, "
-            f"damping ratio {row.damping_ratio:.2f}.\n"
-        )
-    return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{table}\n{footer}"
-
-
-def _markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    separator = ["---"] * len(header)
-    return "".join(
-        f"| {' | '.join(cells)} |\n" for cells in (header, separator, *lines)
-    )
-
-
-def _latex(lines: Sequence[tuple[str, ...]]) -> str:
-    rows = []
-    for cells in (HEADER, *lines):
-        escaped = [cell.translate(_LATEX_ESCAPES) for cell in cells]
-        rows.append(" & ".join(escaped) + r" \\")
-    rows[0] += r" \hline"
-    columns = "lll" + "r" * (len(HEADER) - 3)
-    begin = rf"\begin{{tabular}}{{{columns}}}"
-    return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"

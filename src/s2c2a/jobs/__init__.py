@@ -19,6 +19,7 @@ from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
     GivenNetworks,
+    Networks,
     NetworksArtifact,
     RecordingArtifact,
 )
@@ -43,9 +44,6 @@ from s2c2a.jobs.prior import PriorNetworks
 from s2c2a.jobs.rows import (
     Heading,
     describe_repetitions,
-    prediction_rows,
     score_rows,
-    tick_rows,
     training_rows,
 )
-from s2c2a.jobs.transfer import TransferredNetworks

@@ -21,7 +21,14 @@ from s2c2a.errors import DamagedRecordingError, S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import S2C2A, Recipe, StrategyOptions, TrainedNetworks
+from s2c2a.strategies import (
+    S2C2A,
+    STRATEGIES,
+    NetworkProgress,
+    Recipe,
+    StrategyOptions,
+    TrainedNetworks,
+)
 from s2c2a.user_code import code_digest
 
 REVISION = 8
@@ -163,7 +170,37 @@ class RecordingArtifact(Artifact[Recording]):
 
 
 @dataclass(frozen=True)
-class NetworksArtifact(Artifact[TrainedNetworks]):
+class Networks(Artifact[TrainedNetworks]):
+    """Networks in a weight file.
+
+    Attributes:
+        arm: whose networks they are.
+        recipe: how they are trained, and how to plan with them.
+    """
+
+    kind = "networks"
+    arm: ArmSpec
+    recipe: Recipe
+
+    def are_of(self, strategy: str) -> bool:
+        """Whether a strategy uses them: the paper's unless a subclass overrides it."""
+        return strategy == S2C2A.name
+
+    def training_progress(self, progress: Progress) -> NetworkProgress:
+        """The progress of their training, which names network and artifact."""
+
+        def report(network: str, epoch: int, epochs: int, _loss: float) -> None:
+            progress(f"training {network} of {self}", epoch, epochs)
+
+        return report
+
+    def load(self, cache: Cache) -> TrainedNetworks:
+        networks = strategies.load_networks(self.path(cache), self.arm)
+        return replace(networks, recipe=self.recipe)
+
+
+@dataclass(frozen=True)
+class NetworksArtifact(Networks):
     """Trained networks of a strategy.
 
     They are found by everything that training depends on, so that another planner trains
@@ -176,9 +213,6 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
         strategy: whose networks they are.
     """
 
-    kind = "networks"
-    arm: ArmSpec
-    recipe: Recipe
     seed: int
     strategy: StrategyOptions = S2C2A()  # noqa: RUF009  # frozen
 
@@ -186,6 +220,9 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
     def of_recipe(cls, arm: ArmSpec, recipe: Recipe, seed: int) -> "NetworksArtifact":
         """Networks of the paper's strategy, those that runs on this arm use."""
         return cls(recipe.seen_arm(arm), recipe, seed)
+
+    def are_of(self, strategy: str) -> bool:
+        return strategy == STRATEGIES.name_of(type(self.strategy))
 
     @property
     def needs(self) -> tuple[RecordingArtifact, ...]:
@@ -208,21 +245,12 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
         return f"{'-'.join(parts)}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        def training_progress(
-            network: str, epoch: int, epochs: int, loss: float
-        ) -> None:
-            progress(f"training {network} of {self}", epoch, epochs)
-
         recording = self.needs[0].load(cache)
         networks = self.strategy.train(
-            recording, self.recipe, self.seed, training_progress
+            recording, self.recipe, self.seed, self.training_progress(progress)
         )
         labeled = strategies.labeled(networks, self.strategy)
         strategies.save_networks(labeled, self.path(cache))
-
-    def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_networks(self.path(cache), self.arm)
-        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
         name = f"{self.strategy.name} networks of {self.arm.name}"
@@ -230,7 +258,7 @@ class NetworksArtifact(Artifact[TrainedNetworks]):
 
 
 @dataclass(frozen=True)
-class GivenNetworks(Artifact[TrainedNetworks]):
+class GivenNetworks(Networks):
     """Networks of a user's file, kept with the runs that use them; made by `read`.
 
     Attributes:
@@ -240,10 +268,7 @@ class GivenNetworks(Artifact[TrainedNetworks]):
         content: of the file.
     """
 
-    kind = "networks"
     beside_runs = True
-    arm: ArmSpec
-    recipe: Recipe
     strategy: str
     content: bytes = field(repr=False)
 
@@ -267,6 +292,9 @@ class GivenNetworks(Artifact[TrainedNetworks]):
             networks = strategies.planning_as(networks, recipe)
         return cls(arm, networks.recipe, networks.strategy, path.read_bytes())
 
+    def are_of(self, strategy: str) -> bool:
+        return strategy == self.strategy
+
     @property
     def file(self) -> str:
         digest = hashlib.sha256(self.content).hexdigest()[:16]
@@ -274,10 +302,6 @@ class GivenNetworks(Artifact[TrainedNetworks]):
 
     def make(self, cache: Cache, progress: Progress) -> None:
         write_atomically(self.content, self.path(cache))
-
-    def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_networks(self.path(cache), self.arm)
-        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
         return f"given networks of {self.arm.name}"

@@ -18,11 +18,10 @@ from s2c2a.evaluation.rollout import OnStep, ignore_step
 from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,
-    GivenNetworks,
+    Networks,
     NetworksArtifact,
     digest_of,
 )
-from s2c2a.jobs.transfer import TransferredNetworks
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver
@@ -32,7 +31,7 @@ from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
 """Random bend of every module before a run, in parts of the full bend."""
-MAX_REPETITIONS = 1000
+MAX_REPETITIONS = 1000  # against typing errors
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ class Job(Artifact[Run]):
     recipe: Recipe
     seed: int = 0
     conditions: Conditions = SIMULATED_FAST
-    weights: GivenNetworks | TransferredNetworks | None = None
+    weights: Networks | None = None
     repetitions: int = 1
 
     def __post_init__(self):
@@ -138,7 +137,7 @@ class Job(Artifact[Run]):
     def needs(self) -> tuple[Artifact, ...]:
         """See `Artifact`: networks, if the strategy is trained."""
         name = STRATEGIES.name_of(type(self.options))
-        if self.weights is not None and self.weights.strategy == name:
+        if self.weights is not None and self.weights.are_of(name):
             return (self.weights,)
         recipe = self.options.recipe(self.recipe)
         if self.options.collect_options(recipe, self.seed) is None:
@@ -304,7 +303,7 @@ def jobs_for(
     seeds: Sequence[int],
     recipe: Recipe,
     conditions: Conditions = SIMULATED_FAST,
-    weights: GivenNetworks | TransferredNetworks | None = None,
+    weights: Networks | None = None,
     repetitions: int = 1,
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.

@@ -1,23 +1,22 @@
 """Networks to start from: a prior over randomized arms."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from s2c2a import strategies
-from s2c2a.arm import ArmSpec, randomized_arm
+from s2c2a.arm import randomized_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs.artifacts import Artifact, Cache, RecordingArtifact, digest_of
+from s2c2a.jobs.artifacts import Cache, Networks, RecordingArtifact, digest_of
 from s2c2a.progress import Progress
-from s2c2a.strategies import Recipe, TrainedNetworks
 
 FIRST_SEED = 1000
 """Of the randomized arms; evaluations use smaller ones."""
-MAX_ARMS = 1000
-MAX_STRENGTH = 2.0
+MAX_ARMS = 1000  # 40 times the default
+MAX_STRENGTH = 2.0  # of mismatch; the studies end at one
 
 
 @dataclass(frozen=True)
-class PriorNetworks(Artifact[TrainedNetworks]):
+class PriorNetworks(Networks):
     """Prior over randomized variants of an arm (`strategies.pretrain_s2c2a`).
 
     Attributes:
@@ -30,9 +29,6 @@ class PriorNetworks(Artifact[TrainedNetworks]):
         samples: of each episode.
     """
 
-    kind = "networks"
-    arm: ArmSpec
-    recipe: Recipe
     seed: int = 0
     arms: int = 24
     strength: float = 0.5
@@ -76,20 +72,15 @@ class PriorNetworks(Artifact[TrainedNetworks]):
         return f"{name}-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
-        def training_progress(
-            network: str, epoch: int, epochs: int, loss: float
-        ) -> None:
-            progress(f"training {network} of {self}", epoch, epochs)
-
         recordings = [need.load(cache) for need in self.needs]
         networks = strategies.pretrain_s2c2a(
-            recordings, self.arm, self.recipe, self.seed, training_progress
+            recordings,
+            self.arm,
+            self.recipe,
+            self.seed,
+            self.training_progress(progress),
         )
         strategies.save_networks(networks, self.path(cache))
-
-    def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_networks(self.path(cache), self.arm)
-        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
         return f"{self.recipe.name} prior over {self.arms} variants of {self.arm.name}"

@@ -13,7 +13,6 @@ from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
 from s2c2a.robots.simulation.modes import first_mode
-from s2c2a.spaces import POSITION
 from s2c2a.strategies import TrainedNetworks
 
 Floats = Sequence[float]
@@ -74,12 +73,6 @@ for _task, _columns in TABLE_III.items():
 
 DISTURBING = {"twin", "payload", "events", "aged"}
 """Options of the simulated robot for conditions that the paper does not have."""
-PREDICTION = (
-    ("model error", "cm"),
-    ("predictive std", "cm"),
-    ("errors within twice the std", "of steps"),
-)
-"""Metrics of `prediction_rows` and their units."""
 
 
 @dataclass(frozen=True)
@@ -200,38 +193,6 @@ def _spread(values: Float[np.ndarray, " steps"]) -> float:
     return float(counted.std()) if len(counted) else float("nan")
 
 
-def prediction_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
-    """Make rows of the error of the forward model, and of its standard deviation.
-
-    Args:
-        experiment: its name.
-        runs: under one set of conditions, with all seeds; those without predictions
-            have no rows. A model without uncertainty has a standard deviation of zero.
-    """
-    heading = Heading.of(experiment, runs)
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for run in runs:
-        if np.any(run.episode.columns.get("predictive_std", 0.0)):
-            groups.setdefault((run.task, run.strategy), []).append(run)
-    rows = []
-    for (task, strategy), group in groups.items():
-        columns = zip(*(_prediction(run) for run in group), strict=True)
-        for (metric, unit), values in zip(PREDICTION, columns, strict=True):
-            rows.append(heading.row(task, strategy, metric, unit, values))
-    return rows
-
-
-def _prediction(run: Run) -> tuple[float, float, float]:
-    """Mean model error [cm], mean standard deviation [cm], share within twice that."""
-    episode = run.episode
-    states = episode.after("states")[:, -1, POSITION]
-    predicted = episode.ran("predicted")[:, -1, POSITION]
-    errors = 100.0 * np.linalg.norm(states - predicted, axis=-1)
-    std = 100.0 * episode.ran("predictive_std")[:, -1]
-    within = float(np.mean(errors <= 2.0 * std))
-    return float(errors.mean()), float(std.mean()), within
-
-
 def describe_repetitions(run: Run) -> str:
     """Describe the scores of every repetition of a run, the first one first."""
     scores = [run.job.score(episode) for episode in run.earlier]
@@ -242,28 +203,6 @@ def describe_repetitions(run: Run) -> str:
         first = results[0]
         texts.append(f"{first.score.metric} by repetition {values} {first.unit}")
     return "; ".join(texts)
-
-
-def tick_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
-    """Make rows of the time of control steps [ms] for each strategy, over all its runs.
-
-    Args:
-        experiment: its name.
-        runs: of one arm.
-    """
-    heading = Heading.of(experiment, runs)
-    ticks: dict[str, list[np.ndarray]] = {}
-    for run in runs:
-        ticks.setdefault(run.strategy, []).append(1e3 * run.episode.ran("tick_time"))
-    rows = []
-    for strategy, arrays in ticks.items():
-        median, high = np.percentile(np.concatenate(arrays), (50, 99))
-        for metric, value in (
-            ("tick, median", median),
-            ("tick, 99th percentile", high),
-        ):
-            rows.append(heading.row("all", strategy, metric, "ms", [float(value)]))
-    return rows
 
 
 def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[Row]:

@@ -38,8 +38,6 @@ from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import (
     STRATEGIES,
     RunOptions,
-    check_own_classes_used,
-    import_own_classes,
     networks_from,
     recipe_named,
     shipped_networks,
@@ -294,9 +292,7 @@ def arm_control(
     guard: Guard = "tip",
     seed: int = 0,
     release_after: float = 10.0,
-    model: str | None = None,
     strategies: tuple[str, ...] = (),
-    controller: str | None = None,
 ) -> ArmControl:
     """Control of an arm that is not started yet; see `s2c2a live` for the options.
 
@@ -305,7 +301,7 @@ def arm_control(
     """
     return ArmControl(
         robot.make(arm, seed=seed),
-        strategies_of(arm, weights, guard, strategies, model, controller),
+        strategies_of(arm, weights, guard, strategies),
         tasks_of(arm),
         release_after,
     )
@@ -328,8 +324,6 @@ def strategies_of(
     files: tuple[str, ...],
     guard: Guard,
     names: tuple[str, ...] = (),
-    model: str | None = None,
-    controller: str | None = None,
 ) -> Strategies:
     """Strategies that can drive an arm, by name, built when first used.
 
@@ -341,17 +335,12 @@ def strategies_of(
         files: of weights; "shipped" stands for those of the package.
         guard: which points are kept out of obstacles.
         names: of strategies without training (`STRATEGIES`, or file.py:Class).
-        model: class of the user's own forward model that a file uses.
-        controller: the same of a learned controller.
 
     Raises:
-        StrategyError: a file cannot be read, a strategy needs training, or an option
-            would have no effect.
+        StrategyError: a file cannot be read, or a strategy needs training or does not
+            support the guard.
     """
-    import_own_classes(model, controller)
     networks = [networks_from(file, arm) for file in files]
-    recipes = [trained.recipe for trained in networks]
-    check_own_classes_used(recipes, model, controller)
     labels = [Path(file).stem for file in files]
     if not networks:
         with suppress(StrategyError):

@@ -1,4 +1,4 @@
-from .actions import C2A, History, LSTMOptions
+from .actions import C2A, History
 from .c2s import C2S, C2SOptions, ForwardOptions
 from .chain_training import ChainOptions
 from .local_training import LocalOptions
@@ -10,6 +10,5 @@ __all__ = [
     "ChainOptions",
     "ForwardOptions",
     "History",
-    "LSTMOptions",
     "LocalOptions",
 ]

@@ -23,11 +23,11 @@ from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
+LENGTH_UNIT = 0.4  # of the arm's length: scale of position errors
 BEND_UNIT = 0.5  # rad; scales the inputs of the network to about one
-MOMENT_UNIT = 1.0  # rad; scale of the network's moments
 BEND_CORRECTION_UNIT = 0.2  # rad; scale of the network's bends
 END_CORRECTION_UNIT = 0.1  # of a module's length; scale of the network's end points
-OUTPUTS = 7  # of the network, per module: moment 2, bend 2, end point 3
+OUTPUTS = 7  # of the network, per module: moment [rad] 2, bend 2, end point 3
 PAYLOAD_ITERATIONS = 3  # between payload moments and shape, in each control step
 
 
@@ -198,8 +198,7 @@ class ChainC2S(ForwardModel):
         unloaded = solve(relaxation, before=None)
         features = jnp.concatenate([unloaded.bends, transmitted], axis=-1)
         corrections = self._network(features)
-        network_moments = MOMENT_UNIT * corrections[..., :2]
-        rest = solve(relaxation + network_moments + moments, before=unloaded)
+        rest = solve(relaxation + corrections[..., :2] + moments, before=unloaded)
         lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
 

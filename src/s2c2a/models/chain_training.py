@@ -18,7 +18,7 @@ from s2c2a.errors import TrainingError
 from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
-from s2c2a.models.chain import OUTPUTS, ChainC2S
+from s2c2a.models.chain import LENGTH_UNIT, OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.prior import mean_and_spread, pooled
 from s2c2a.models.statics import Equilibrium
@@ -42,7 +42,6 @@ from s2c2a.training.trained import (
 )
 
 NO_WEIGHT = -7.0  # before a softplus
-LENGTH_UNIT = 0.4  # of the arm's length: a position error of one
 AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
 DELAY = 0.1  # s; time constant of the delay filter
 TRANSFER_PENALTY = 3e-3

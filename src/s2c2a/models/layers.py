@@ -1,20 +1,19 @@
-"""Layers of the networks: scaling, LSTMs, and the output layer for cable actions."""
+"""Layers of the networks: scaling, and the output layer for cable actions."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
-from s2c2a.paper import HEADROOM, Direction, random_weights, sum_and_range
+from s2c2a.paper import HEADROOM, sum_and_range
 from s2c2a.training.fit import Fixed, FromArm
 
 
@@ -40,51 +39,6 @@ class Size(Options):
     hidden: int
 
     limits: ClassVar[Ranges] = {"layers": (1, 32), "hidden": (1, 4096)}
-
-
-class LSTM(eqx.Module):
-    """LSTM over time, oldest step first, with a linear head after the latest step.
-
-    Example:
-        >>> key = jax.random.key(0)
-        >>> network = LSTM(features=9, outputs=6, layers=2, hidden=64, key=key)
-        >>> network(jnp.zeros((5, 9))).shape
-        (6,)
-    """
-
-    layers: list[Direction]
-    weight_head: Float[Array, "hidden outputs"]
-    bias_head: Float[Array, " outputs"]
-
-    def __init__(
-        self, features: int, outputs: int, layers: int, hidden: int, key: PRNGKeyArray
-    ):
-        """Random weights, uniform within 1 / sqrt(hidden).
-
-        Args:
-            features: inputs of each time step.
-            outputs: outputs after the latest time step.
-            layers: number of layers.
-            hidden: hidden states of each layer.
-            key: for the weights.
-        """
-        head_key, *keys = jax.random.split(key, layers + 1)
-        widths = [features] + [hidden] * (layers - 1)
-        self.layers = [
-            Direction(width, hidden, key)
-            for width, key in zip(widths, keys, strict=True)
-        ]
-        self.weight_head = random_weights(head_key, hidden, hidden, outputs)
-        self.bias_head = jnp.zeros(outputs)
-
-    def __call__(
-        self, inputs: Float[Array, "*batch time features"]
-    ) -> Float[Array, "*batch outputs"]:
-        """Outputs from the whole sequence."""
-        values = inputs
-        for layer in self.layers:
-            values = layer(values, reverse=False)
-        return values[..., -1, :] @ self.weight_head + self.bias_head
 
 
 class SumAndRange(FromArm):
@@ -174,11 +128,7 @@ class SumAndRange(FromArm):
             targets = self.normalized(jnp.asarray(samples.targets))
             return Samples(inputs, np.asarray(targets))
 
-        return Split(
-            normalize(split.training),
-            normalize(split.validation),
-            normalize(split.test),
-        )
+        return Split(*map(normalize, split.parts))
 
 
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:

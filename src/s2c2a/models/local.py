@@ -24,8 +24,6 @@ from s2c2a.models.kernels import Kernels
 from s2c2a.models.uncertainty import Uncertainty
 from s2c2a.spaces import AXIS, POSITION
 
-POSITION_UNIT = 0.4  # of the arm's length: scale of position outputs
-AXIS_UNIT = 1.0  # scale of axis outputs
 NEARBY = 0.2  # rad; radius within which the tangent holds
 EVERY_OTHER = slice(1, None, 2)  # play operators whose outputs are features
 
@@ -57,7 +55,7 @@ class LocalC2S(ForwardModel):
         share: weight of the chain in every output of the local model, from 0 to 1,
             shape (modules, 6).
         uncertainty: distribution of the data, and errors there.
-        unit: of positions [m].
+        unit: of position outputs [m]; that of axes is one.
         tangent: replaces the kernels near a configuration, if given.
     """
 
@@ -256,7 +254,7 @@ class LocalC2S(ForwardModel):
     ) -> Float[Array, "*batch modules 6"]:
         """States between those of the chain and of the local model, by its support."""
         residual = outputs.reshape(*outputs.shape[:-1], -1, 6)
-        units = jnp.repeat(jnp.array([self.unit, AXIS_UNIT]), 3)
+        units = jnp.repeat(jnp.array([self.unit, 1.0]), 3)  # [m, 1]
         change = (self.share - 1.0) * states + units * residual
         blended = states + support[..., None, None] * change
         axes = blended[..., AXIS]

@@ -20,7 +20,7 @@ from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, validation_samples
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models import calibration
-from s2c2a.models.chain import ChainC2S
+from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
     hysteresis_inputs,
@@ -30,7 +30,7 @@ from s2c2a.models.chain_training import (
     shortened,
 )
 from s2c2a.models.kernels import Kernels, fit_kernels
-from s2c2a.models.local import AXIS_UNIT, EVERY_OTHER, POSITION_UNIT, LocalC2S
+from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
@@ -105,7 +105,7 @@ class LocalOptions(ChainOptions):
             kernels,
             share=jnp.ones((modules, 6)),
             uncertainty=Uncertainty.none(3 * modules, self.few, modules),
-            unit=POSITION_UNIT * arm.length,
+            unit=LENGTH_UNIT * arm.length,
         )
 
     def train(  # type: ignore[override]
@@ -347,7 +347,7 @@ def _residual(
     inputs = jnp.asarray(samples.inputs["configurations"])
     predicted = np.asarray(eqx.filter_jit(model.chain.states)(inputs))
     residual = samples.targets - share * predicted
-    scales = np.array([model.unit] * 3 + [AXIS_UNIT] * 3, residual.dtype)
+    scales = np.array([model.unit] * 3 + [1.0] * 3, residual.dtype)
     return (residual / scales).reshape(len(residual), -1)
 
 
@@ -365,20 +365,14 @@ def _reach(data: TrainingData) -> float:
 
 def _seen(split: Split) -> Split:
     """The samples with a known target; hidden ones have none."""
-    return Split(*map(_with_targets, (split.training, split.validation, split.test)))
-
-
-def _with_targets(samples: Samples) -> Samples:
-    known = np.isfinite(samples.targets).any(axis=(1, 2))
-    inputs = {name: values[known] for name, values in samples.inputs.items()}
-    return Samples(inputs, samples.targets[known])
+    known = [np.isfinite(part.targets).any(axis=(1, 2)) for part in split.parts]
+    return Split(*map(Samples.rows, split.parts, known))
 
 
 def _all_samples(split: Split) -> Samples:
     """All samples of a split."""
-    parts = split.training, split.validation, split.test
-    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
-    targets = np.concatenate([part.targets for part in parts])
+    inputs = np.concatenate([part.inputs["configurations"] for part in split.parts])
+    targets = np.concatenate([part.targets for part in split.parts])
     return Samples({"configurations": inputs}, targets)
 
 

@@ -7,8 +7,7 @@ from s2c2a.strategies.files import (
     save_networks,
 )
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
-from s2c2a.strategies.own_classes import check_own_classes_used, import_own_classes
-from s2c2a.strategies.pcc import fitted_gains, pcc_fitted_strategy, pcc_strategy
+from s2c2a.strategies.pcc import fitted_gains, pcc_strategy
 from s2c2a.strategies.prior import pretrain_s2c2a
 from s2c2a.strategies.recipe import (
     RECIPES,

@@ -39,6 +39,7 @@ SCHEMA = 4
 METADATA = "s2c2a"
 DIGEST = "digest"
 NO_DIGEST = "0" * 64
+# a file may be a stranger's: a hundred times those of the package
 MAX_BYTES = 200_000_000
 MAX_HEADER = 2_000_000
 MAX_ARRAYS = 10_000

@@ -112,16 +112,6 @@ def pcc_strategy(arm: ArmSpec, options: PlannerOptions = PAPER) -> Strategy:
     return _pcc("pcc", arm, options, np.ones(arm.module_count))
 
 
-def pcc_fitted_strategy(recording: Recording, options: PlannerOptions) -> Strategy:
-    """PCC with one gain per module, fitted to a recording.
-
-    Raises:
-        RecordingError: see `fitted_gains`.
-    """
-    gains = 1.0 / fitted_gains(recording)
-    return _pcc("pcc-fitted", recording.arm, options, gains)
-
-
 def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     """True bend over the bend by the encoders, per module, by least squares.
 

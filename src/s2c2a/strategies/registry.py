@@ -5,7 +5,6 @@ from dataclasses import asdict, replace
 from s2c2a.components import Registry
 from s2c2a.data import Recording
 from s2c2a.runtime import Driver
-from s2c2a.strategies.lstm import LSTM
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
 from s2c2a.strategies.recipe import Recipe
@@ -15,9 +14,11 @@ from s2c2a.strategies.trained import TrainedNetworks
 STRATEGIES: Registry[StrategyOptions] = Registry(
     "strategy",
     StrategyOptions,
-    {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, LSTM, S2C2AMotor)},
+    {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, S2C2AMotor)},
 )
-"""The paper's strategy and its comparisons, for `--strategy`."""
+"""The paper's strategy and its comparisons without learning, for `--strategy`.
+
+A clone has `lstm`, too (`experiments/`)."""
 
 
 def labeled(networks: TrainedNetworks, options: StrategyOptions) -> TrainedNetworks:

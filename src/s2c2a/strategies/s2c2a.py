@@ -37,8 +37,6 @@ from s2c2a.training import Trained, TrainingData
 WEIGHTS = resources.files("s2c2a.strategies").joinpath("weights")
 COMMON_MOTION = 0.05
 """Share of the cables' motion that they make together; a smaller one is noise."""
-TARGET_DISTANCE = 1.0
-"""Typical distance between targets of an active collection, in full bends."""
 SENSOR_KEY = 2
 """Derives the random key of sensor training from the seed."""
 
@@ -204,7 +202,8 @@ def _choose_targets(
     episodes = options.episodes - options.random_episodes
     slowest, fastest = options.speeds_on(recording.arm)
     speed = np.sqrt(slowest * fastest)
-    per_episode = 1 + int(options.samples * speed / TARGET_DISTANCE)
+    # targets are about a full bend apart
+    per_episode = 1 + int(options.samples * speed)
     targets = choose_targets(data, episodes * per_episode, options.seed)
     order = np.random.default_rng(options.seed).permutation(len(targets))
     return np.split(targets[order], episodes)

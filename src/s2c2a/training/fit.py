@@ -20,7 +20,7 @@ from s2c2a.compilation import compiled
 from s2c2a.components import Options, Ranges
 from s2c2a.errors import TrainingError
 
-MAX_COUNT = 1_000_000  # epochs, and samples in a batch
+MAX_COUNT = 1_000_000  # epochs, and samples in a batch: beyond any recording
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
 Model = TypeVar("Model", bound=eqx.Module, covariant=True)

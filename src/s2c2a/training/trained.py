@@ -122,8 +122,7 @@ def evaluated(
     predicted = np.asarray(
         eqx.filter_jit(predict)(result.network, as_batch(split.test))
     )
-    targets = [part.targets for part in (split.training, split.validation, split.test)]
-    ranges = full_ranges(np.concatenate(targets))
+    ranges = full_ranges(np.concatenate([part.targets for part in split.parts]))
     percent = percent_error(predicted, split.test.targets, ranges)
     return Trained(result.network, result.curve, percent)
 

@@ -13,10 +13,8 @@ import tyro
 
 from s2c2a.cli.console import (
     Arm,
-    ControllerName,
     FidelityName,
     GuardName,
-    ModelName,
     StrategyNames,
 )
 from s2c2a.cli.dependent_options import effective
@@ -61,8 +59,6 @@ def live(
     host: Host = THIS_MACHINE,
     out: Path = Path("runs"),
     release_after: float = 10.0,
-    model: ModelName = None,
-    controller: ControllerName = None,
 ) -> None:
     """Control an arm in the browser: drag its target, move an obstacle.
 
@@ -89,8 +85,6 @@ def live(
         out: folder of the run directories of recordings.
         release_after: time without a connected page until the arm returns to rest [s];
             until then it holds its position.
-        model: class of a custom forward model that a weight file uses.
-        controller: the same of a custom learned controller.
     """
     require("live", "viser", "websockets", "msgspec")
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
@@ -102,8 +96,6 @@ def live(
         "guard": guard,
         "seed": seed,
         "release_after": release_after,
-        "model": model,
-        "controller": controller,
         "host": host,
     }
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):

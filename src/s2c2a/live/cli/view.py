@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import ControllerName, ModelName
 from s2c2a.cli.execution import require
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
@@ -23,8 +22,6 @@ WEIGHTS = ".safetensors"
 def view(
     what: tyro.conf.Positional[tuple[str, ...]],
     port: Port = 8080,
-    model: ModelName = None,
-    controller: ControllerName = None,
 ) -> None:
     """Show runs, a recording, a training or an arm, in the scene of `s2c2a live`.
 
@@ -33,40 +30,25 @@ def view(
             (both end in .episodes); or a strategy (.safetensors); or a preset or an arm
             file, to bend it.
         port: port of the page; the next free one if it is taken.
-        model: class of a custom forward model that a weight file uses.
-        controller: the same of a custom learned controller.
     """
     require("live", "viser", "websockets", "msgspec")
-    with closing(open_window(what, port, model, controller)) as window:
+    with closing(open_window(what, port)) as window:
         print(f"{', '.join(what)}: {window.gate.address}")
         print("Ctrl-C stops it.", flush=True)
         wait_for_interrupt()
 
 
-def open_window(
-    what: tuple[str, ...],
-    port: int,
-    model: str | None = None,
-    controller: str | None = None,
-) -> "Window":
+def open_window(what: tuple[str, ...], port: int) -> "Window":
     """Window that shows runs, a recording, a training or an arm.
 
     Raises:
         S2C2AError: nothing is named, or several things that cannot be shown together.
     """
     from s2c2a.live import viewing
-    from s2c2a.strategies import (
-        check_own_classes_used,
-        import_own_classes,
-        load_networks,
-    )
+    from s2c2a.strategies import load_networks
 
-    import_own_classes(model, controller)
     if len(what) == 1 and what[0].endswith(WEIGHTS):
-        networks = load_networks(what[0])
-        check_own_classes_used([networks.recipe], model, controller)
-        return viewing.view_training(networks, port)
-    check_own_classes_used([], model, controller)
+        return viewing.view_training(load_networks(what[0]), port)
     if not what:
         raise S2C2AError(
             "say what to look at: run directories, files of runs "

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.data.windows import lstm_samples
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation import position_errors, rollout
-from s2c2a.models.actions import LSTMOptions, TipHistory
 from s2c2a.models.layers import SumAndRange
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import TrainedNetworks, recipe_named
-from s2c2a.strategies.lstm import LSTM, LSTMStrategy
 from s2c2a.tasks import Task
 from s2c2a.training import FitOptions
+from s2c2a_experiments.lstm import LSTM, LSTMStrategy
+from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, lstm_samples
 
 TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
 FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)

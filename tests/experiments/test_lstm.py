@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.models import LSTMOptions
-from s2c2a.models.actions import TipHistory
-from s2c2a.models.layers import LSTM, Scaling
+from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import held
+from s2c2a_experiments.tip_lstm import LSTM, LSTMOptions, TipHistory
 
 TWIN = load_arm("twin_arm")
 SIMULATED = load_arm("simulated_arm")

@@ -23,13 +23,13 @@ from s2c2a.kinematics import (
     configurations_from_states,
     limit_lengths,
 )
-from s2c2a.models.actions import LSTMOptions, TipHistory, TipLSTM
-from s2c2a.models.layers import HEADROOM
+from s2c2a.paper import HEADROOM
 from s2c2a.planning import Goal
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Reading
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, TipLSTM
 
 NETWORK = "LSTM"
 

@@ -1,24 +1,17 @@
 """Networks transferred from another arm, on a short recording or on none."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from s2c2a import strategies
-from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions
-from s2c2a.jobs.artifacts import (
-    Artifact,
-    Cache,
-    NetworksArtifact,
-    RecordingArtifact,
-    digest_of,
-)
-from s2c2a.jobs.prior import PriorNetworks
+from s2c2a.jobs import NetworksArtifact, PriorNetworks, RecordingArtifact
+from s2c2a.jobs.artifacts import Artifact, Cache, Networks, digest_of
 from s2c2a.progress import Progress
-from s2c2a.strategies import Recipe, TrainedNetworks
+from s2c2a.strategies import TrainedNetworks
 
 
 @dataclass(frozen=True)
-class TransferredNetworks(Artifact[TrainedNetworks]):
+class TransferredNetworks(Networks):
     """Networks of an arm that start from those of another one.
 
     Attributes:
@@ -29,10 +22,6 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         options: of the recording to train on; None for none.
     """
 
-    kind = "networks"
-    strategy = "s2c2a"
-    arm: ArmSpec
-    recipe: Recipe
     seed: int
     start: NetworksArtifact | PriorNetworks | None
     options: CollectOptions | None
@@ -59,22 +48,13 @@ class TransferredNetworks(Artifact[TrainedNetworks]):
         strategies.save_networks(self._networks(cache, progress), self.path(cache))
 
     def _networks(self, cache: Cache, progress: Progress) -> TrainedNetworks:
-        def training_progress(
-            network: str, epoch: int, epochs: int, loss: float
-        ) -> None:
-            progress(f"training {network} of {self}", epoch, epochs)
-
         start = None if self.start is None else self.start.load(cache)
         if self.options is None and start is not None:
             return strategies.transferred(start, self.arm, self.seed)
         recording = self.needs[-1].load(cache)
         return strategies.train_s2c2a(
-            recording, self.recipe, self.seed, training_progress, start
+            recording, self.recipe, self.seed, self.training_progress(progress), start
         )
-
-    def load(self, cache: Cache) -> TrainedNetworks:
-        networks = strategies.load_networks(self.path(cache), self.arm)
-        return replace(networks, recipe=self.recipe)
 
     def __str__(self) -> str:
         start = "from nothing" if self.start is None else f"from {self.start.arm.name}"

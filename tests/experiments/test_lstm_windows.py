@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from s2c2a.data.windows import controller_samples, lstm_samples
+from s2c2a.data.windows import controller_samples
+from s2c2a_experiments.tip_lstm import lstm_samples
 
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0], [-5.0, -6.0, -7.0, -8.0]])
 MOMENTS = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import StrategyError
-from s2c2a.models.actions import LSTMOptions, TipHistory
 from s2c2a.strategies import (
     TrainedNetworks,
     labeled,
@@ -13,8 +12,9 @@ from s2c2a.strategies import (
     recipe_named,
     save_networks,
 )
-from s2c2a.strategies.lstm import LSTM
 from s2c2a.training import FitOptions
+from s2c2a_experiments.lstm import LSTM
+from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory
 
 
 @pytest.fixture(scope="module")

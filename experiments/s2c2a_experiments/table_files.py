@@ -1,0 +1,143 @@
+"""Tables of result rows as files: JSON, CSV, Markdown and LaTeX."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.report import Row, pair, save_csv, save_rows
+from s2c2a.files import read_text, write_atomically
+
+MAX_BYTES = 20_000_000  # of a table; the largest of the project has a thousandth
+_LATEX_ESCAPES = str.maketrans(
+    {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
+)
+HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper")
+
+
+def save_table(
+    name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Row] = ()
+) -> Path:
+    """Write a table as JSON, CSV, LaTeX, and Markdown; return the Markdown file.
+
+    Args:
+        name: of the table and its files.
+        rows: of the table.
+        folder: directory of the files.
+        beside: rows of another recipe, for comparison.
+    """
+    save_rows(rows, folder / f"{name}.json")
+    header = [field.name for field in fields(Row)]
+    save_csv(header, map(astuple, rows), folder / f"{name}.csv")
+    lines = table_lines(rows, beside)
+    write_atomically(_latex(lines), folder / f"{name}.tex")
+    return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
+
+
+def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
+    """Write a table with a line a strategy and a column a task and metric.
+
+    Cells hold means and standard deviations between seeds.
+
+    Returns:
+        The Markdown file.
+    """
+    save_rows(rows, folder / f"{name}.json")
+    columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
+    cells = {
+        (row.strategy, row.task, row.metric): pair(row.mean, row.std_seeds)
+        for row in rows
+    }
+    header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
+    lines = []
+    for strategy in dict.fromkeys(row.strategy for row in rows):
+        values = [cells[strategy, task, metric] for task, metric, _ in columns]
+        lines.append([strategy, *values])
+    return write_atomically(_markdown_table(header, lines), folder / f"{name}.md")
+
+
+def load_rows(path: str | Path) -> list[Row]:
+    """Read result rows that `save_rows` wrote.
+
+    Raises:
+        S2C2AError: the file does not hold a list of rows.
+    """
+    try:
+        return TypeAdapter(list[Row]).validate_json(read_text(path, most=MAX_BYTES))
+    except (S2C2AError, ValidationError) as error:
+        raise S2C2AError(
+            f"{path} does not hold result rows: {error}; make the table again"
+        ) from error
+
+
+def load_comparison(folder: Path | None, name: str) -> list[Row]:
+    """Read the rows of a table in another directory; empty if there is none."""
+    if folder is None:
+        return []
+    path = folder / f"{name}.json"
+    return load_rows(path) if path.is_file() else []
+
+
+def table_lines(
+    rows: Sequence[Row], beside: Sequence[Row] = ()
+) -> list[tuple[str, ...]]:
+    """Return the cells of every row, in the order of `HEADER`."""
+    others = {_key(row): row for row in beside}
+    lines: list[tuple[str, ...]] = []
+    for row in rows:
+        _, _, detail = row.experiment.partition(", ")
+        task = f"{row.arm}: {row.task}" + (f" ({detail})" if detail else "")
+        metric = f"{row.metric} [{row.unit}]"
+        seeds = "" if row.std_seeds is None else f"{row.std_seeds:.2f}"
+        other = others.get(_key(row))
+        compared = "" if other is None else pair(other.mean, other.std_steps)
+        paper = "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std)
+        result = pair(row.mean, row.std_steps)
+        lines.append((task, metric, row.strategy, result, seeds, compared, paper))
+    return lines
+
+
+def _key(row: Row) -> tuple[str, ...]:
+    return row.experiment, row.arm, row.task, row.strategy, row.metric
+
+
+def _markdown(
+    name: str,
+    rows: Sequence[Row],
+    lines: Sequence[tuple[str, ...]],
+    beside: Sequence[Row],
+) -> str:
+    seeds = ", ".join(map(str, sorted({seed for row in rows for seed in row.seeds})))
+    recipe = rows[0].recipe if rows else ""
+    header = list(HEADER)
+    header[3] = f"`{recipe}`"
+    header[5] = f"`{beside[0].recipe}`" if beside else ""
+    table = _markdown_table(header, lines)
+    footer = ""
+    modes = {row.arm: row for row in rows if row.first_mode_hz is not None}
+    for arm, row in modes.items():
+        footer += (
+            f"{arm}: first bending mode {row.first_mode_hz:.2f} Hz, "
+            f"damping ratio {row.damping_ratio:.2f}.\n"
+        )
+    return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{table}\n{footer}"
+
+
+def _markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    separator = ["---"] * len(header)
+    return "".join(
+        f"| {' | '.join(cells)} |\n" for cells in (header, separator, *lines)
+    )
+
+
+def _latex(lines: Sequence[tuple[str, ...]]) -> str:
+    rows = []
+    for cells in (HEADER, *lines):
+        escaped = [cell.translate(_LATEX_ESCAPES) for cell in cells]
+        rows.append(" & ".join(escaped) + r" \\")
+    rows[0] += r" \hline"
+    columns = "lll" + "r" * (len(HEADER) - 3)
+    begin = rf"\begin{{tabular}}{{{columns}}}"
+    return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"
