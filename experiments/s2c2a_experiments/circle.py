@@ -16,11 +16,12 @@ from s2c2a.compilation import compiled
 from s2c2a.control import NetworkController
 from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg
+from s2c2a.paper import APPROACH_TIME
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Recipe, TrainedNetworks, pcc_strategy
-from s2c2a.tasks.circle import APPROACH_TIME, circle_path
+from s2c2a.tasks.circle import circle_path
 
 SPEEDS = (0.2, 1.0, 2.0)
 """Speeds of the reference, as multiples of the circle task's speed."""

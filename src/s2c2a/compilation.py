@@ -20,7 +20,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
 
-MAX_PROGRAMS = 128
 _COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
 _compilation_count = [0]
 
@@ -59,7 +58,7 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, jax.Array | np.ndarray)
 
 
-@lru_cache(MAX_PROGRAMS)
+@lru_cache  # as many as by default: 128
 def _program(
     function: Callable[..., Any], structure: Any, constants: tuple, kinds: tuple
 ) -> Callable[..., Any]:

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation.arrays import numbers_of_shape
 from s2c2a.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
@@ -58,8 +57,8 @@ class Inclinometer:
             result if the samples are those of the last reading.
         """
         shape = (None, self._arm.module_count, 3)
-        accelerations = numbers_of_shape(reading.get("accelerations"), shape)
-        velocities = numbers_of_shape(reading.get("angular_velocities"), shape)
+        accelerations = reading.numbers("accelerations", shape)
+        velocities = reading.numbers("angular_velocities", shape)
         if accelerations is None or velocities is None:
             return None
         if not _usable(accelerations, velocities):
@@ -93,7 +92,7 @@ class Inclinometer:
 
 
 def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
-    if accelerations.shape != velocities.shape:
+    if not len(accelerations) or accelerations.shape != velocities.shape:
         return False
     in_range = np.abs(accelerations) < MAX_ACCELERATION
     return bool(in_range.all() and (np.abs(velocities) < MAX_ANGULAR_VELOCITY).all())
