@@ -23,7 +23,6 @@ COMMANDS = [
     "train",
     "run",
     "sweep",
-    "bench",
     "doctor",
     "arm",
     "reproduce",

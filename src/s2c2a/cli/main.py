@@ -13,7 +13,7 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import arm, bench, collect, demo, doctor, pretrain, run, sweep, train
+from s2c2a.cli import arm, collect, demo, doctor, pretrain, run, sweep, train
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
@@ -63,7 +63,6 @@ VERBS: dict[str, Callable[..., None]] = {
     "train": train.train,
     "run": run.run,
     "sweep": sweep.sweep,
-    "bench": bench.bench,
     "doctor": doctor.doctor,
     "completion": completion,
 }
