@@ -20,7 +20,6 @@ class CheckedRobot:
 
     Attributes:
         robot: the robot.
-        blocked_calls: number of calls in which it took too long to answer.
     """
 
     def __init__(
@@ -42,7 +41,6 @@ class CheckedRobot:
 
     def reset(self) -> None:
         """Forget calls that blocked."""
-        self.blocked_calls = 0
         self._fault = ""
 
     def take_fault(self) -> str:
@@ -139,7 +137,6 @@ class CheckedRobot:
             yield
         elapsed = self._clock.now() - began
         if elapsed > self._longest:
-            self.blocked_calls += 1
             name = type(self.robot).__name__
             self._fault = f"{name}.{method} blocked for {elapsed:.1f} s"
 

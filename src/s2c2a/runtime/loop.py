@@ -150,11 +150,6 @@ class Loop:
         """Name of the controller in records; that of its class if it has none."""
         return self._checked_driver.name
 
-    @property
-    def blocked_steps(self) -> int:
-        """Number of calls in which the robot took too long to answer."""
-        return self._robot.blocked_calls
-
     def required_sensors(self, driver: Driver) -> list[str]:
         """Return the names of the robot's sensors that a controller requires.
 
