@@ -15,7 +15,7 @@ from pydantic import ConfigDict, TypeAdapter
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
 from s2c2a.plugins import is_trusted, resolve, trust_code
 
-MAX_VALUES = 100  # values of one option
+MAX_VALUES = 100  # of one option; chosen: a file may be a stranger's
 Ranges = Mapping[str, tuple[float, float]]
 """Smallest and largest value of options, by name."""
 COMPONENT_LIMITS: Ranges = {

@@ -16,9 +16,9 @@ Pydantic adds them to the location of an error; they are no keys of the file."""
 TYPE_TAG = re.compile(r"(constrained-)?(str|int|float)|(tuple|list|literal)\[.*")
 """Tags that pydantic chooses for alternatives without a tag of ours."""
 # limits of the message, since every line of a file may be wrong
-MAX_ERRORS = 20
-MAX_KEY_LENGTH = 64
-MAX_VALUE_LENGTH = 400
+MAX_ERRORS = 20  # lines, as a terminal shows at once
+MAX_KEY_LENGTH = 64  # letters, as of names
+MAX_VALUE_LENGTH = 400  # letters, some lines
 UNKNOWN_KEY = "extra_forbidden", "unexpected_keyword_argument"
 MESSAGES = {
     "missing": "this key is missing",

@@ -62,29 +62,18 @@ def effective(
     condition = Condition(options, where, holds)
 
     def decorate(command: Command) -> Command:
+        parameters = inspect.signature(command).parameters
+        defaults = {name: parameters[name].default for name in parameters}
+
         @functools.wraps(command)
-        def checked(*values: Any, **named: Any) -> None:
-            check_conditions(checked, *values, **named)
-            inspect.unwrap(command)(*values, **named)
+        def checked(**given: Any) -> None:
+            condition.check(defaults | given, defaults)
+            command(**given)
 
         setattr(checked, CONDITIONS, (*conditions_of(command), condition))
         return checked
 
     return decorate
-
-
-def check_conditions(command: Command, *values: Any, **named: Any) -> None:
-    """Check the values of a command's parameters by all of its conditions.
-
-    Raises:
-        S2C2AError: an option would have no effect.
-    """
-    bound = inspect.signature(command).bind(*values, **named)
-    bound.apply_defaults()
-    parameters = inspect.signature(command).parameters
-    defaults = {name: parameters[name].default for name in parameters}
-    for condition in conditions_of(command):
-        condition.check(bound.arguments, defaults)
 
 
 def beside(option: str, *options: str) -> Callable[[Command], Command]:

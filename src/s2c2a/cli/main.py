@@ -19,7 +19,7 @@ from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
 from s2c2a.plugins import installed, trust_code, trust_of_one_command
 
-FAULT = 2  # exit code
+FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",

@@ -10,12 +10,10 @@ from s2c2a.errors import S2C2AError
 from s2c2a.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
-MAX_ACCELERATION = 500.0  # m/s2; larger values are invalid
-MAX_ANGULAR_VELOCITY = 100.0  # rad/s; larger values are invalid
+MAX_ACCELERATION = 500.0  # m/s2; common sensors measure up to 160
+MAX_ANGULAR_VELOCITY = 100.0  # rad/s; common sensors measure up to 35
 ACCELERATION_TIME = 1.0  # s; time constant of the accelerometer correction (VQF tauAcc)
-SETTLING_TIME = (
-    4.0  # s; duration of repeated first samples in which the filter converges
-)
+SETTLING_TIME = 4.0  # s of repeated first samples; four times `ACCELERATION_TIME`
 
 
 class Inclinometer:

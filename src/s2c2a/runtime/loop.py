@@ -43,7 +43,7 @@ from s2c2a.runtime.stages import (
 )
 from s2c2a.spaces import Actions, Reading, Stage
 
-LATE = 0.1  # of a control period; a step with a longer delay counts as late
+LATE = 0.1  # of a control period; chosen, for a count of late steps alone
 
 
 class Loop:

@@ -27,9 +27,9 @@ REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
-MAX_STEPS = 1_000_000
-MAX_LINES = 1_000_000
-MAX_BYTES = 150_000_000
+MAX_STEPS = 1_000_000  # a day at 10 Hz
+MAX_LINES = 1_000_000  # one a step
+MAX_BYTES = 150_000_000  # 150 a line
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from s2c2a.robots.simulation.transmission import (
 from s2c2a.robots.simulation.twin import load_twin
 from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
 
-SETTLING_TIME = 1.0  # s; at rest before the clock starts
+SETTLING_TIME = 1.0  # s at rest before the clock starts; chosen
 GROUND_TRUTH = {"states", "center_line"}
 
 
