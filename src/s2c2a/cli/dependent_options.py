@@ -62,18 +62,27 @@ def effective(
     condition = Condition(options, where, holds)
 
     def decorate(command: Command) -> Command:
-        parameters = inspect.signature(command).parameters
-        defaults = {name: parameters[name].default for name in parameters}
-
         @functools.wraps(command)
         def checked(**given: Any) -> None:
-            condition.check(defaults | given, defaults)
-            command(**given)
+            check_conditions(checked, **given)
+            inspect.unwrap(command)(**given)
 
         setattr(checked, CONDITIONS, (*conditions_of(command), condition))
         return checked
 
     return decorate
+
+
+def check_conditions(command: Command, **given: Any) -> None:
+    """Check the values of a command's parameters by all of its conditions.
+
+    Raises:
+        S2C2AError: an option would have no effect.
+    """
+    parameters = inspect.signature(command).parameters
+    defaults = {name: parameters[name].default for name in parameters}
+    for condition in conditions_of(command):
+        condition.check(defaults | given, defaults)
 
 
 def beside(option: str, *options: str) -> Callable[[Command], Command]:
