@@ -19,7 +19,7 @@ GROUPS = {
     "Control": ("demo", "run", "live", "view"),
     "Arms": ("arm", "robot"),
     "Real arms": ("motors", "tracking", "emulate"),
-    "Results and installation": ("reproduce", "bench", "doctor", "completion"),
+    "Results and installation": ("reproduce", "doctor", "completion"),
 }
 """Order of the commands."""
 OPENING = """# Commands
