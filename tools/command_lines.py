@@ -189,7 +189,7 @@ def _without_body(function: Callable) -> Callable:
     """A function of the same arguments that checks their conditions and does nothing."""
 
     @functools.wraps(function)
-    def nothing(*values: object, **named: object) -> None:
-        check_conditions(function, *values, **named)
+    def nothing(**given: object) -> None:
+        check_conditions(function, **given)
 
     return nothing

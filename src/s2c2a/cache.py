@@ -7,7 +7,7 @@ from pathlib import Path
 
 import platformdirs
 
-MAX_PROGRAM_BYTES = 500_000_000
+MAX_PROGRAM_BYTES = 500_000_000  # chosen; JAX evicts older programs
 
 
 def cache_folder() -> Path:

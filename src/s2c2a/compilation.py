@@ -21,7 +21,6 @@ import numpy as np
 from jax import monitoring
 from jaxtyping import Array, Float
 
-MAX_PROGRAMS = 128
 MAX_UNROLLED = 8  # steps of `scan`; longer sequences compile faster as loops
 _COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
 _compilation_count = [0]
@@ -61,7 +60,7 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, jax.Array | np.ndarray)
 
 
-@lru_cache(MAX_PROGRAMS)
+@lru_cache  # as many as by default: 128
 def _program(
     function: Callable[..., Any], structure: Any, constants: tuple, kinds: tuple
 ) -> Callable[..., Any]:

@@ -28,7 +28,8 @@ DEFAULT_WORKERS = 32
 """Assumed number of workers of an executor without an attribute `workers`."""
 MAPS = Path("/proc/self/maps")  # Linux only
 MAX_MAPS = 20_000
-"""Memory maps of a process from which it forgets its compiled programs."""
+"""Memory maps of a process from which it forgets its compiled programs: a third of the
+65,530 that Linux allows."""
 MEMORY_PER_PROCESS = 1.5e9
 """Memory of a process that trains networks or runs a strategy [bytes], with a margin
 (docs/guides/cluster.md)."""

@@ -12,7 +12,7 @@ from typing import Any
 from s2c2a.errors import S2C2AError
 
 MAX_TEXT = 1_000_000
-"""Default maximum size of a text file [bytes]."""
+"""Default maximum size of a text file [bytes]; chosen: a thousand times an arm file."""
 MAX_DOTS = (
     1000  # per line of TOML: parsing time grows with the square of the key's parts
 )

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from s2c2a.errors import TargetError
 from s2c2a.immutable import immutable
 
-MAX_OBSTACLES = 64
+MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 LARGEST = 1e6
 """Largest position [m], weight or threshold. Larger values are mistakes, and their
 squares would not be finite in single precision."""

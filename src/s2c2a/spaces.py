@@ -201,9 +201,10 @@ class Reading:
             shape: that is expected; None where any length is.
         """
         values = self.sensors.get(name)
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
+        if not isinstance(values, np.ndarray | np.generic | float | int):
             return None
-        if len(values.shape) != len(shape):
+        values = np.asarray(values)
+        if values.dtype.kind not in "fiub" or values.ndim != len(shape):
             return None
         sizes = zip(values.shape, shape, strict=True)
         if any(expected not in (None, size) for size, expected in sizes):

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from s2c2a.errors import nearest_name
+from s2c2a.errors import MAX_NAME_LENGTH, nearest_name
 
 ONE = "one"
 EACH = "each"
@@ -16,9 +16,8 @@ Pydantic adds them to the location of an error; they are no keys of the file."""
 TYPE_TAG = re.compile(r"(constrained-)?(str|int|float)|(tuple|list|literal)\[.*")
 """Tags that pydantic chooses for alternatives without a tag of ours."""
 # limits of the message, since every line of a file may be wrong
-MAX_ERRORS = 20
-MAX_KEY_LENGTH = 64
-MAX_VALUE_LENGTH = 400
+MAX_ERRORS = 20  # lines, as a terminal shows at once
+MAX_VALUE_LENGTH = 400  # letters, some lines
 UNKNOWN_KEY = "extra_forbidden", "unexpected_keyword_argument"
 MESSAGES = {
     "missing": "this key is missing",
@@ -120,7 +119,7 @@ def _key(fault: Any) -> str:
     # a misspelled key may look like a tag
     if fault["type"] in UNKNOWN_KEY or not _is_type_tag(last):
         parts.append(last)
-    return ".".join(str(part)[:MAX_KEY_LENGTH] for part in parts) or "file"
+    return ".".join(str(part)[:MAX_NAME_LENGTH] for part in parts) or "file"
 
 
 def _is_type_tag(part: Any) -> bool:

@@ -1,6 +1,4 @@
-"""Batches give the plans of the planner; the best of many starts beats a single one."""
-
-from dataclasses import replace
+"""Batches give the plans of the planner, in any chunks and on any threads."""
 
 import numpy as np
 import pytest
@@ -10,8 +8,7 @@ from s2c2a.errors import TargetError
 from s2c2a.estimation import Estimate
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, NO_FALLBACK, PAPER, BatchPlanner, Goal, Planner
-from s2c2a.planning.terms import Axes
+from s2c2a.planning import BEST, PAPER, BatchPlanner, Goal, Planner
 
 TWIN = load_arm("twin_arm")
 PARTS = TWIN, PCCForwardModel.of(TWIN)
@@ -78,43 +75,6 @@ def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
     np.testing.assert_allclose(many.configurations, each, atol=2e-4)
 
 
-@BOTH
-def test_a_path_has_the_plans_of_single_steps(batch_of, options):
-    batch = batch_of(options)
-    planner = Planner(*PARTS, options)
-    start = somewhere(1)[0]
-    desired = [Goal.of(3).with_position([0.02 * step, 0.01, 0.59]) for step in range(6)]
-    path = batch.path(start, Goal.stacked(desired))
-    plan = planner.start(Estimate(start))
-    each = []
-    for goal in desired:
-        plan = planner.plan(plan, Estimate(plan.configurations), goal)
-        each.append(plan.configurations)
-    np.testing.assert_allclose(path.configurations, each, atol=1e-3)
-    np.testing.assert_allclose(
-        path.states[:, -1, :3], tips(path.configurations), atol=1e-6
-    )
-
-
-def test_the_best_of_many_starts_ends_at_least_as_well_as_each(batch_of):
-    batch = batch_of(BEST)
-    starts = somewhere(6)
-    best = batch.best(starts, Goal.of(3).with_position([0.15, 0.1, 0.52]), steps=25)
-    assert best.values.shape == (6,)
-    assert best.value == best.values.min() == best.values[best.start]
-    assert np.linalg.norm(tips(best.configurations) - [0.15, 0.1, 0.52]) < 0.002
-
-
-def test_many_starts_leave_a_local_minimum(batch_of):
-    """The target is on the axis: a straight arm has no preferred side."""
-    goal = Goal.of(3).with_position([0.0, 0.0, 0.5]).with_axis([0.0, 0.0, 1.0])
-    # weights as in the objective that ranks the starts
-    even = tuple(Axes() if isinstance(term, Axes) else term for term in BEST.terms)
-    batch = batch_of(replace(BEST, fallback=NO_FALLBACK, terms=even))
-    best = batch.best(np.concatenate([STRAIGHT, somewhere(7)]), goal, steps=40)
-    assert best.value < 0.9 * best.values[0]
-
-
 def test_results_do_not_depend_on_threads():
     desired = Goal.stacked(goals())
     sensed = somewhere(5)
@@ -131,11 +91,9 @@ def test_invalid_counts_are_rejected(batch_of):
     with pytest.raises(TargetError, match="3 plans, 3 sensed arms and 5 goals"):
         batch.plan(batch.start(sensed), sensed, Goal.stacked(goals()))
     with pytest.raises(TargetError, match="at least one, all finite"):
-        batch.best(sensed[:0], Goal.of(3))
+        batch.start(sensed[:0])
     with pytest.raises(TargetError, match="all finite"):
         batch.start(np.full((2, 3, 3), np.nan))
-    with pytest.raises(TargetError, match="0 steps"):
-        batch.best(sensed, Goal.of(3), steps=0)
     with pytest.raises(TargetError, match="at least 1"):
         BatchPlanner(*PARTS, PAPER, chunk=0)
     with pytest.raises(TargetError, match="at least one"):

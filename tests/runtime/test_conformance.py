@@ -189,7 +189,7 @@ FAULTS = {
     _OmitsStates: r"readings lack \['states'\]",
     _ReadsUndeclaredSensor: r"hold \['flex'\], unlike its `sensors`",
     _DeclaresNothing: "declares no sensors by name",
-    _ReadsBeyondItsOwnRange: "'states' is outside its declared low and high",
+    _ReadsBeyondItsOwnRange: "'states' is out of its range",
     _SendReturnsAnotherAction: "returned another",
     _SendReturnsNothing: "send",
     _ClockStops: "its clock advanced by 0.000 s",

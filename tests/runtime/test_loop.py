@@ -491,7 +491,6 @@ def test_a_robot_that_blocks_is_reported_and_held(
     setattr(puppet, f"before_{method}", block)
     with Loop(puppet, actor, clock) as loop:
         steps = [loop.tick(StepRequest()) for _ in range(9)]
-        assert loop.blocked_steps == 1
     faults = [step.fault for step in steps if step.fault]
     assert faults[0] == f"Puppet.{method} blocked for {seconds:.1f} s"
     held = [step.stage for step in steps if step.fault.startswith("Puppet")]

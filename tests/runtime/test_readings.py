@@ -47,7 +47,7 @@ def test_sound_readings_pass(fault):
 
 FAULTS = {
     "missing": (None, "'bends' is missing"),
-    "too few": (np.zeros(1), r"'bends' has shape \(1,\), expected \(2,\)"),
+    "too few": (np.zeros(1), r"'bends' has shape \(1,\), declared as \(2,\)"),
     "deep": (np.zeros((1, 2)), r"has shape \(1, 2\)"),
     "NaN": (np.array([0.0, np.nan]), "'bends' is not finite"),
     "infinite": (np.array([0.0, -np.inf]), "'bends' is not finite"),

@@ -4,21 +4,7 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.spec import ArmSpec
-
-_INNER = {f"modules.{name}": f"[modules.{name}]" for name in ("cable", "mismatch")}
-_SENSORS = {f"sensors.{name}": f"[sensors.{name}]" for name in Sensors.model_fields}
-_ROWS = {"modules": "[[modules]]", "sensors.raw": "[[sensors.raw]]"}
-_SERVOS = {"servos": "[servos]", "servos.limits": "[servos.limits]"}
-_TABLES = (
-    {"": "", "motor": "[motor]", "sensors": "[sensors]"}
-    | _SENSORS
-    | _SERVOS
-    | {"tracking": "[tracking]"}
-    | _ROWS
-    | _INNER
-)
 
 
 class Key(NamedTuple):
@@ -42,10 +28,7 @@ class Key(NamedTuple):
 def file_keys() -> list[Key]:
     """Return all keys, table by table."""
     schema = ArmSpec.model_json_schema()
-    return [
-        key._replace(table=_TABLES[key.table])
-        for key in _keys_of(schema, schema["$defs"], "")
-    ]
+    return list(_keys_of(schema, schema["$defs"], "", ""))
 
 
 def keys_as_markdown() -> str:
@@ -68,7 +51,9 @@ def _as_markdown(table: str, rows: Iterable[Key]) -> str:
     return "\n".join([*header, *lines, ""])
 
 
-def _keys_of(schema: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
+def _keys_of(
+    schema: dict, kinds: dict[str, dict], path: str, table: str
+) -> Iterator[Key]:
     inner = []
     for name, value in schema["properties"].items():
         form = value
@@ -81,23 +66,18 @@ def _keys_of(schema: dict, kinds: dict[str, dict], table: str) -> Iterator[Key]:
                 allowed = f"{form['minItems']} to {form['maxItems']} tables"
                 default = "required" if name in schema["required"] else "none"
                 yield Key(table, name, allowed, default, value["description"])
-            inner.append((f"{table}.{name}".strip("."), kinds[kind.rsplit("/", 1)[-1]]))
+            inner.append((name, "items" in form, kinds[kind.rsplit("/", 1)[-1]]))
             continue
-        otherwise = (
-            "required"
-            if name in schema["required"]
-            else _format_value(value["default"])
-        )
+        otherwise = "required"
+        if name not in schema["required"]:
+            otherwise = _format_value(value["default"])
         allowed = value.get("allowed") or _allowed(form)
-        yield Key(
-            table,
-            name,
-            allowed,
-            otherwise,
-            value.get("description") or form.get("description", ""),
-        )
-    for path, kind in inner:
-        yield from _keys_of({"required": ()} | kind, kinds, path)
+        meaning = value.get("description") or form.get("description", "")
+        yield Key(table, name, allowed, otherwise, meaning)
+    for name, is_row, kind in inner:
+        inner_path = f"{path}.{name}".strip(".")
+        title = f"[[{inner_path}]]" if is_row else f"[{inner_path}]"
+        yield from _keys_of({"required": ()} | kind, kinds, inner_path, title)
 
 
 def _allowed(form: dict) -> str:

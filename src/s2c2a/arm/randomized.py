@@ -10,32 +10,15 @@ from s2c2a.errors import ArmError
 
 Random = np.random.Generator
 
-# Mismatch at strength 1. Single values of errors are bounds of both signs.
-ANGLE_DEG = 5.0
-RADIUS = 0.06
-MASS = 0.1
-STIFFNESS = 0.1
-COUPLING = 0.25
-RATIO = 0.15
-HARDENING = 0.2
-RELAXING = (1 / 10, 1 / 7)  # share of the stiffness, for either time constant
-SHORTENING = (0.02, 0.04)  # share of the length, at full bend
-REST_DEG = (2.0, 4.0)
-HOMING = 0.3e-3  # m
-BACKLASH = (0.2e-3, 1.0e-3)  # m
-FRICTION = 0.1
-VISCOUS = 50.0  # N s/m
-DRIFT = 0.05
-DIGITS = 4  # significant digits in arm files
-MAX_STRENGTH = 2.0
+MAX_STRENGTH = 2.0  # times the mismatch of a carefully built arm
 
 
 def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
     """Sample an arm with independent model mismatch in every module.
 
-    The constants above apply at strength 1; other strengths are in proportion. The
-    base's own backlash and friction fade in the same proportion, so strength 0 is the
-    base.
+    The numbers below are those of strength 1, a carefully built arm; other strengths are
+    in proportion. The base's own backlash and friction fade in the same proportion, so
+    strength 0 is the base.
 
     Args:
         base: modules, cables and all nominal values.
@@ -63,7 +46,7 @@ def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
         table["mismatch"] = _mismatch(module, random, strength, tension)
         table["cable"] |= _losses(module, random, strength, base.actuation)
     if base.actuation == "displacement":
-        described["motor"]["homing_error"] = _round(strength * HOMING)
+        described["motor"]["homing_error"] = _round(strength * 0.3e-3)  # m
     summary = (
         f"{base.name} with sampled model mismatch, seed {seed}, strength {strength:g}."
     )
@@ -92,19 +75,19 @@ def _mismatch(
         return strength * random.uniform(low, high)
 
     table = {
-        "angle_errors_deg": either(ANGLE_DEG, cables),
-        "radius_errors": either(RADIUS, cables),
-        "coupling": strength * COUPLING,
-        "mass_error": either(MASS),
-        "stiffness_error": either(STIFFNESS),
-        "stiffness_ratio": 1.0 + strength * RATIO,
+        "angle_errors_deg": either(5.0, cables),
+        "radius_errors": either(0.06, cables),
+        "coupling": strength * 0.25,
+        "mass_error": either(0.1),
+        "stiffness_error": either(0.1),
+        "stiffness_ratio": 1.0 + strength * 0.15,
         "stiff_direction_deg": random.uniform(0.0, 180.0),
-        "hardening": strength * HARDENING,
-        "relaxing": [within(*RELAXING), within(*RELAXING)],
-        "axial_stiffness": tension / within(*SHORTENING),
-        "rest_bend_deg": within(*REST_DEG),
+        "hardening": strength * 0.2,
+        "relaxing": [within(1 / 10, 1 / 7), within(1 / 10, 1 / 7)],
+        "axial_stiffness": tension / within(0.02, 0.04),  # of the length, at full bend
+        "rest_bend_deg": within(2.0, 4.0),
         "rest_azimuth_deg": random.uniform(0.0, 360.0),
-        "drift": strength * DRIFT * random.choice((-1.0, 1.0)),
+        "drift": strength * 0.05 * random.choice((-1.0, 1.0)),
     }
     return {key: _round(value) for key, value in table.items()}
 
@@ -116,10 +99,10 @@ def _losses(
     base_share = max(0.0, 1.0 - strength)
     cable = module.cable
     count = len(module.cable_angles_deg)
-    backlash = random.uniform(*BACKLASH, count)
+    backlash = random.uniform(0.2e-3, 1.0e-3, count)  # m
     losses: dict[str, Any] = {
-        "friction": base_share * cable.friction + strength * FRICTION,
-        "viscous_friction": base_share * cable.viscous_friction + strength * VISCOUS,
+        "friction": base_share * cable.friction + strength * 0.1,
+        "viscous_friction": base_share * cable.viscous_friction + strength * 50.0,
     }
     if actuation == "displacement":
         losses["backlash"] = (
@@ -145,5 +128,5 @@ def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
 
 
 def _round(value: Any) -> Any:
-    """Round a number, or an array to a list, to the digits of an arm file."""
-    return np.vectorize(lambda number: float(f"{number:.{DIGITS}g}"))(value).tolist()
+    """Round a number, or an array to a list, to four digits, as arm files have them."""
+    return np.vectorize(lambda number: float(f"{number:.4g}"))(value).tolist()

@@ -9,7 +9,7 @@ from s2c2a.arm.fields import Frozen, Number, between
 if TYPE_CHECKING:
     from s2c2a.arm.spec import ArmSpec
 
-MAX_SERVO_ID = 252
+MAX_SERVO_ID = 252  # of Dynamixel's protocol 2.0; the higher numbers address no servo
 MODEL_NUMBERS = {
     "dynamixel": {"xl330-m288": 1200, "xl330-m077": 1190, "xm430-w350": 1020},
     "feetech": {"sts3215": 777, "sts3215-12v": 777},

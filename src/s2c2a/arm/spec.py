@@ -12,7 +12,8 @@ from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.servos import Servos
 from s2c2a.arm.tracking import Tracking
 
-MAX_MODULES = 20
+MAX_MODULES = 20  # as many as the benchmarks cover
+MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
 GRAVITY = 9.81  # m/s2
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = (

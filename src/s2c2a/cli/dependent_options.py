@@ -63,9 +63,9 @@ def effective(
 
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
-        def checked(*values: Any, **named: Any) -> None:
-            check_conditions(checked, *values, **named)
-            inspect.unwrap(command)(*values, **named)
+        def checked(**given: Any) -> None:
+            check_conditions(checked, **given)
+            inspect.unwrap(command)(**given)
 
         setattr(checked, CONDITIONS, (*conditions_of(command), condition))
         return checked
@@ -73,18 +73,16 @@ def effective(
     return decorate
 
 
-def check_conditions(command: Command, *values: Any, **named: Any) -> None:
+def check_conditions(command: Command, **given: Any) -> None:
     """Check the values of a command's parameters by all of its conditions.
 
     Raises:
         S2C2AError: an option would have no effect.
     """
-    bound = inspect.signature(command).bind(*values, **named)
-    bound.apply_defaults()
     parameters = inspect.signature(command).parameters
     defaults = {name: parameters[name].default for name in parameters}
     for condition in conditions_of(command):
-        condition.check(bound.arguments, defaults)
+        condition.check(defaults | given, defaults)
 
 
 def beside(option: str, *options: str) -> Callable[[Command], Command]:

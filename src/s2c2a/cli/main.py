@@ -12,25 +12,15 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import (
-    arm,
-    bench,
-    collect,
-    demo,
-    doctor,
-    export,
-    pretrain,
-    run,
-    sweep,
-    train,
-)
+from s2c2a.cli import arm, collect, demo, doctor, export, pretrain, run, sweep, train
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
 from s2c2a.plugins import installed, trust_code, trust_of_one_command
 
-FAULT = 2  # exit code
+FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
+IN_A_CLONE = "bench", "reproduce"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
@@ -74,7 +64,6 @@ VERBS: dict[str, Callable[..., None]] = {
     "train": train.train,
     "run": run.run,
     "sweep": sweep.sweep,
-    "bench": bench.bench,
     "doctor": doctor.doctor,
     "completion": completion,
 }
@@ -197,10 +186,10 @@ def _check_command(given: Sequence[str]) -> None:
     """
     if not given or given[0].startswith("-") or given[0] in COMMANDS:
         return
-    if given[0] == "reproduce":
+    if given[0] in IN_A_CLONE:
         raise S2C2AError(
-            "the studies behind the tables stand in experiments/ of the repository, not "
-            "in the wheel; clone it, and install the clone with pip install -e ."
+            f"`{given[0]}` stands in experiments/ of the repository, not in the wheel; "
+            "clone it, and install the clone with pip install -e ."
         )
     nearest = nearest_name(given[0], COMMANDS)
     advice = f"did you mean {nearest}?" if nearest else "see s2c2a --help"

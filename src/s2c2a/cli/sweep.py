@@ -33,7 +33,7 @@ from s2c2a.executors import Serial
 if TYPE_CHECKING:
     from s2c2a.jobs.sweep import Sweep, Trial
 
-MAX_ROWS = 10
+MAX_ROWS = 10  # of the printed table; the file has all
 
 Tasks = tyro.conf.Positional[
     Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]

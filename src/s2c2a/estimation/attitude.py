@@ -7,16 +7,13 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation.arrays import numbers_of_shape
 from s2c2a.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
-MAX_ACCELERATION = 500.0  # m/s2; larger values are invalid
-MAX_ANGULAR_VELOCITY = 100.0  # rad/s; larger values are invalid
+MAX_ACCELERATION = 500.0  # m/s2; common sensors measure up to 160
+MAX_ANGULAR_VELOCITY = 100.0  # rad/s; common sensors measure up to 35
 ACCELERATION_TIME = 1.0  # s; time constant of the accelerometer correction (VQF tauAcc)
-SETTLING_TIME = (
-    4.0  # s; duration of repeated first samples in which the filter converges
-)
+SETTLING_TIME = 4.0  # s of repeated first samples; four times `ACCELERATION_TIME`
 
 
 class Inclinometer:
@@ -58,8 +55,8 @@ class Inclinometer:
             result if the samples are those of the last reading.
         """
         shape = (None, self._arm.module_count, 3)
-        accelerations = numbers_of_shape(reading.get("accelerations"), shape)
-        velocities = numbers_of_shape(reading.get("angular_velocities"), shape)
+        accelerations = reading.numbers("accelerations", shape)
+        velocities = reading.numbers("angular_velocities", shape)
         if accelerations is None or velocities is None:
             return None
         if not _usable(accelerations, velocities):
@@ -93,7 +90,7 @@ class Inclinometer:
 
 
 def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
-    if accelerations.shape != velocities.shape:
+    if not len(accelerations) or accelerations.shape != velocities.shape:
         return False
     in_range = np.abs(accelerations) < MAX_ACCELERATION
     return bool(in_range.all() and (np.abs(velocities) < MAX_ANGULAR_VELOCITY).all())

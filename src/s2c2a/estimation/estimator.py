@@ -2,13 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.compilation import compiled
 from s2c2a.components import Component
 from s2c2a.data import Recording
@@ -23,7 +24,6 @@ from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.spaces import Actions, Reading
 from s2c2a.training import Trained, TrainingData
 
-MAX_PAYLOAD = 50.0  # kg
 SensorProgress = Callable[[str, int, int, float], None]
 
 
@@ -66,17 +66,12 @@ class EstimationSettings:
         Raises:
             StrategyError: a setting without support differs from its default.
         """
-        default = EstimationSettings()
-        for setting in (
-            "known_payload",
-            "disturbance_estimation",
-            "max_compensated_force",
-        ):
-            given = getattr(self, setting)
-            if given != getattr(default, setting) and setting not in supported:
+        for setting in fields(self):
+            given = getattr(self, setting.name)
+            if given != setting.default and setting.name not in supported:
                 raise StrategyError(
-                    f"{name} does not support {OPTIONS[setting]} ({given}); leave it "
-                    "out, or choose a strategy and a recipe that support it"
+                    f"{name} does not support {OPTIONS[setting.name]} ({given}); leave "
+                    "it out, or choose a strategy and a recipe that support it"
                 )
 
 

@@ -3,12 +3,9 @@
 Missing, invalid and repeated values become NaN.
 """
 
-from typing import Any
-
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.estimation.arrays import numbers_of_shape
 from s2c2a.estimation.attitude import Inclinometer
 from s2c2a.estimation.sensor_models import SensorModel
 from s2c2a.kinematics import configurations_from_states
@@ -44,7 +41,7 @@ class MeasurementReader:
     def _measurement(
         self, name: str, missing: np.ndarray, reading: Reading
     ) -> np.ndarray:
-        values = numbers_of_shape(self._values(name, reading), missing.shape)
+        values = self._values(name, missing.shape, reading)
         if values is None:
             return missing
         with np.errstate(over="ignore"):  # a value too large for it becomes infinite
@@ -54,12 +51,12 @@ class MeasurementReader:
             return missing
         return values
 
-    def _values(self, name: str, reading: Reading) -> Any:
+    def _values(
+        self, name: str, shape: tuple[int, ...], reading: Reading
+    ) -> np.ndarray | None:
         if name == "inclinations" and self._inclinometer is not None:
             return self._inclinometer.inclinations(reading)
-        values = reading.get(name)
-        if name == "configurations" and values is None:
-            modules = len(self._missing[name])
-            states = numbers_of_shape(reading.get("states"), (modules, 6))
+        if name == "configurations" and reading.get(name) is None:
+            states = reading.numbers("states", (shape[0], 6))
             return None if states is None else configurations_from_states(states)
-        return values
+        return reading.numbers(name, shape)

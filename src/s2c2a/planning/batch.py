@@ -1,4 +1,4 @@
-"""Offline planning in batches: many goals, many starts, whole paths.
+"""Offline planning in batches: many goals at once.
 
 The work is split into padded chunks of one size, on several threads. Another batch size
 therefore compiles nothing anew, and results do not depend on the number of threads.
@@ -6,9 +6,8 @@ therefore compiles nothing anew, and results do not depend on the number of thre
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -21,37 +20,9 @@ from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning.planner import PAPER, Plan, PlannerOptions, Step
+from s2c2a.planning.planner import Plan, PlannerOptions, Step
 
-CHUNK = 64
-
-
-class PlannedPath(NamedTuple):
-    """A planned path.
-
-    Attributes:
-        configurations: of every step, shape (steps, modules, 3), module frames.
-        states: predicted [m, 1], shape (steps, modules, 6), base frame.
-    """
-
-    configurations: Float[Numbers, "steps modules 3"]
-    states: Float[Numbers, "steps modules 6"]
-
-
-class Best(NamedTuple):
-    """Best result of several starts.
-
-    Attributes:
-        configurations: final configurations, shape (modules, 3), module frames.
-        value: objective there (Chen et al. 2025, eq. (7)).
-        start: number of the start that leads there.
-        values: objective at the end of every start, shape (starts,).
-    """
-
-    configurations: Float[np.ndarray, "modules 3"]
-    value: float
-    start: int
-    values: Float[np.ndarray, " starts"]
+CHUNK = 64  # plans in one call, of which `benchmarks/bench_batch.py` takes the time
 
 
 class BatchPlanner:
@@ -89,12 +60,9 @@ class BatchPlanner:
         self._chunk = chunk
         self._threads = threads or all_cores()
         step = Step.of(arm, model, options)
-        paper = Step.of(arm, model, replace(PAPER, guard=options.guard))
         self._start = compiled(_vectorize, Step.started, step)
         self._next = compiled(_vectorize, Step.next_plan, step)
         self._next_single = compiled(_next_of_one, step)
-        self._along = compiled(_plan_along, step)
-        self._values = compiled(_vectorize, _objective, paper)
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
         """Plans of arms at rest, with the batch axis first in every array.
@@ -138,51 +106,6 @@ class BatchPlanner:
         )
         return self._in_chunks(self._next, self._chunk, plans, sensed, unobstructed)
 
-    def best(
-        self, starts: Float[Numbers, "starts modules 3"], goal: Goal, steps: int = 50
-    ) -> Best:
-        """Plan from many starts towards one goal; the best of all final plans.
-
-        Args:
-            starts: initial configurations, shape (starts, modules, 3).
-            goal: of every start.
-            steps: control steps from each start.
-
-        Raises:
-            TargetError: there is no start, one is not finite, or there is no step.
-        """
-        if steps < 1:
-            raise TargetError(f"{steps} steps were requested; give at least 1")
-        plans = self.start(starts)
-        goals = Goal.stacked([goal] * len(starts))
-        for _ in range(steps):
-            plans = self.plan(plans, plans.configurations, goals)
-        values = self._in_chunks(self._values, self._chunk, plans, goals)
-        best = int(np.argmin(values))
-        configurations = np.asarray(plans.configurations[best])
-        return Best(configurations, float(values[best]), best, values)
-
-    def path(self, start: Float[Numbers, "modules 3"], goals: Goal) -> PlannedPath:
-        """A whole path from an arm at rest.
-
-        Args:
-            start: initial configurations, shape (modules, 3).
-            goals: one per step (`Goal.stacked`).
-
-        Raises:
-            TargetError: there is no goal, or the start is not finite.
-        """
-        count = len(goals.positions)
-        if not count:
-            raise TargetError("a path of 0 steps was requested; give at least 1 goal")
-        plans = self.start(np.asarray(start)[None])
-        plan = jax.tree.map(lambda array: array[0], plans)
-        pieces = []
-        for begin in range(0, count, self._chunk):
-            plan, piece = self._along(plan, _slice(goals, begin, self._chunk))
-            pieces.append(piece)
-        return _concatenate(pieces, count)
-
     def _in_chunks(self, program: Callable[..., Any], size: int, *inputs: Any) -> Any:
         """Run a program over all chunks on threads; concatenate the results."""
         inputs = jax.tree.map(np.asarray, inputs)
@@ -215,16 +138,3 @@ def _next_of_one(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
     """The next plan of a batch of one; computes detours only where they are needed."""
     single = jax.tree.map(lambda values: values[0], (plans, sensed, goals))
     return jax.tree.map(lambda values: values[None], step.next_plan(*single))
-
-
-def _plan_along(step: Step, plan: Plan, goals: Goal) -> tuple[Plan, PlannedPath]:
-    def advance(last: Plan, goal: Goal) -> tuple[Plan, PlannedPath]:
-        plan = step.next_plan(last, last.configurations, goal)
-        return plan, PlannedPath(plan.configurations, step.expectation(plan).states)
-
-    return jax.lax.scan(advance, plan, goals)
-
-
-def _objective(step: Step, plan: Plan, goal: Goal):
-    problem = step.problem(plan, goal)
-    return problem.sum_of_norms(plan.configurations)

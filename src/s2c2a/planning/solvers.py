@@ -40,13 +40,13 @@ from s2c2a.spaces import POSITION
 Residuals = Callable[[Float[Array, "*variables"]], Float[Array, " residuals"]]
 Projection = Callable[[Float[Array, "*variables"]], Float[Array, "*variables"]]
 
-INITIAL_DAMPING = 1e-2
+INITIAL_DAMPING = 1e-2  # of squared slopes near one: residuals are scaled (`unit`)
 DAMPING_AFTER_ACCEPTED = 0.2  # factor
 DAMPING_AFTER_REJECTED = 10.0  # factor
 DAMPING_RANGE = (1e-6, 1e4)
-MAX_IDLE_ITERATIONS = 2
+MAX_IDLE_ITERATIONS = 2  # one may be a rejected step, after which the damping grows
 NEGLIGIBLE = 5e-4  # sum of squares; 5 mm at the tip. The stopping rule adds it
-REACH_ITERATIONS = 30
+REACH_ITERATIONS = 30  # chosen: more than a plan has, from a start that is far away
 ON_AXIS = 1e-3  # of the arm's length: a nearer point is on no side of the axis
 REST_WEIGHT = 1e-3  # of bends beside positions; keeps solutions from drifting
 

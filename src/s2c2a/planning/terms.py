@@ -35,8 +35,8 @@ Guard = Literal["tip", "arm"]
 
 The arm is five center-line points of every module.
 """
-OBSTACLES_AT_HAND = 4  # considered for every guarded point
-FAR = 1e6  # m
+OBSTACLES_AT_HAND = 4  # of a guarded point; chosen: more rarely touch it in one step
+FAR = 1e6  # m; as far as goals may be (`goals.LARGEST`)
 
 
 class Candidate(NamedTuple):

@@ -5,7 +5,8 @@ from jaxtyping import Float
 
 from s2c2a.spaces import AXIS, States
 
-MAX_GAP = 0.2  # s between two measurements; the motion between them is not guessed
+# s between two measurements; chosen: two steps of 10 Hz, beyond which motion is a guess
+MAX_GAP = 0.2
 
 
 def align_states(

@@ -8,12 +8,12 @@ feed a vibration.
 
 from dataclasses import dataclass, replace
 
+# Chosen: some periods of a first mode near 1 Hz; `s2c2a reproduce stability` tests them.
 FADE_TIME = 1.6  # s from all to none
 HALF_TIME = 2.0  # s of vibration with half of the feedback; then it falls to none
-HALF = 0.5
+HALF = 0.5  # of the share, and of the largest one with each vibration after the first
 CALM_TIME = 3.0  # s without vibration before the feedback returns
 RETURN_TIME = 6.0  # s from none to all
-REDUCTION = 0.5  # of the largest share, with each vibration after the first
 MIN_CEILING = 0.1  # below, feedback stays off
 HOLD_AFTER = 3.0  # s of vibration without feedback; then the command is held
 HOLD_TIME = 2.0  # s
@@ -86,5 +86,5 @@ class Feedback:
     def _reduced_ceiling(self) -> float:
         if self.count == 0:
             return self.ceiling
-        ceiling = REDUCTION * self.ceiling
+        ceiling = HALF * self.ceiling
         return ceiling if ceiling >= MIN_CEILING else 0.0

@@ -13,7 +13,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.immutable import immutable
 from s2c2a.spaces import Actions
 
-ROUNDING = 1e-9
+ROUNDING = 1e-9  # of the action range; avoids divisions by zero
 EQUAL = 1e-6  # of the full bend; commands that differ by less are the same
 PerModule = Float[np.ndarray, "modules 1"]
 

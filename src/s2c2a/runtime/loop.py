@@ -43,7 +43,7 @@ from s2c2a.runtime.stages import (
 )
 from s2c2a.spaces import Actions, Reading, Stage
 
-LATE = 0.1  # of a control period; a step with a longer delay counts as late
+LATE = 0.1  # of a control period; chosen, for a count of late steps alone
 
 
 class Loop:
@@ -149,11 +149,6 @@ class Loop:
     def driver_name(self) -> str:
         """Name of the controller in records; that of its class if it has none."""
         return self._checked_driver.name
-
-    @property
-    def blocked_steps(self) -> int:
-        """Number of calls in which the robot took too long to answer."""
-        return self._robot.blocked_calls
 
     def required_sensors(self, driver: Driver) -> list[str]:
         """Return the names of the robot's sensors that a controller requires.

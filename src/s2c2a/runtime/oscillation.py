@@ -17,6 +17,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.spaces import Actions, Reading
 
+# Chosen: first modes of soft arms are near 1 Hz, and what a user does not see is no
+# vibration; `s2c2a reproduce stability` tests them.
 MIN_FREQUENCY = 0.3  # Hz; slower motion is no vibration
 TREND_TIME = 0.6  # s; time constant of the trend that is subtracted
 MIN_AMPLITUDE = np.deg2rad(0.3)  # rad of bend, of a significant half-wave

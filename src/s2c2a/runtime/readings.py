@@ -1,6 +1,7 @@
 """Plausibility check of readings: present, recent, in range, steady, following commands."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -8,9 +9,9 @@ from s2c2a.repeats import RepeatDetector
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.spaces import Reading, Sensor
 
-MAX_AGE = 3.0  # control periods
-FROZEN_STEPS = 3  # steps with the same bits
-FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps
+MAX_AGE = 3.0  # control periods; chosen: two readings in a row may be lost
+FROZEN_STEPS = 3  # with the same bits; chosen: a slow sensor may repeat one or two
+FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps; chosen
 # the same for sensors of the modules, which rest while cables move within their backlash
 FROZEN_CHANGE_OF_MODULES = 0.3
 CABLES = "cables"  # the sensor that commands are compared with
@@ -92,14 +93,8 @@ class ReadingCheck:
         previous = self._last.pop(name, None)
         if values is None or sensor is None:
             return f"'{name}' is missing"
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
-            return f"'{name}' is not an array of numbers"
-        if values.shape != sensor.shape:
-            return f"'{name}' has shape {values.shape}, expected {sensor.shape}"
-        if not np.isfinite(values).all():
-            return f"'{name}' is not finite"
-        if not ((values >= sensor.low) & (values <= sensor.high)).all():
-            return f"'{name}' is out of its range"
+        if fault := describe_values(name, values, sensor):
+            return fault
         self._last[name] = (reading.time, values)
         if self._has_jumped(name, reading, previous):
             return f"'{name}' has jumped"
@@ -157,6 +152,28 @@ class ReadingCheck:
             if counts[name] >= FROZEN_STEPS and changes[name] > _frozen_change(name):
                 frozen.append(name)
         return f"'{frozen[0]}' is frozen" if frozen else ""
+
+
+def describe_values(
+    name: str, values: Any, sensor: Sensor, may_miss: bool = False
+) -> str:
+    """Describe what is wrong with the values of a sensor; empty if they are sound.
+
+    Args:
+        name: of the sensor.
+        values: of a reading; anything, since a robot may be anybody's.
+        sensor: declaration of the sensor.
+        may_miss: whether values may be NaN where nothing was measured.
+    """
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiub":
+        return f"'{name}' is not an array of numbers"
+    if values.shape != sensor.shape:
+        return f"'{name}' has shape {values.shape}, declared as {sensor.shape}"
+    is_finite = np.isfinite(values)
+    if not may_miss and not is_finite.all():
+        return f"'{name}' is not finite"
+    in_range = (values >= sensor.low) & (values <= sensor.high)
+    return "" if (in_range | ~is_finite).all() else f"'{name}' is out of its range"
 
 
 def _frozen_change(name: str) -> float:

@@ -24,7 +24,6 @@ from s2c2a.versions import versions
 
 PIECE = 1.0  # s; what a power failure loses at most
 MAX_PIECES = 600  # a file, which may then become one episode: it is read as a whole
-BYTES = 8  # of a number
 PIECES = "pieces"
 """Option of a file whose episodes are pieces of one."""
 
@@ -177,7 +176,7 @@ def _joined_column(pieces: Sequence[Episode], name: str) -> np.ndarray:
     usual = [shape for shape in shapes if len(shape) == axes]
     shape = tuple(int(size) for size in np.max(usual, axis=0))
     values_in_all = math.prod((sum(map(len, pieces)), *shape))
-    if values_in_all * BYTES > MAX_BYTES:
+    if 8 * values_in_all > MAX_BYTES:
         raise RecordingError(
             f"the pieces of '{name}' make more than {MAX_BYTES} bytes when they are "
             "joined; the file is damaged, or its pieces do not belong together"

@@ -24,7 +24,7 @@ from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
 from s2c2a.data.collecting import MAX_COUNT
-from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
+from s2c2a.errors import MAX_NAME_LENGTH, S2C2AError, StrategyError, did_you_mean
 from s2c2a.estimation import (
     ESTIMATORS,
     ConfigurationMap,
@@ -43,7 +43,7 @@ from s2c2a.planning.solvers import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.plugins import trust_code_in
 from s2c2a.training.fit import FitOptions
-from s2c2a.validation import MAX_KEY_LENGTH, explained, unknown_key
+from s2c2a.validation import explained, unknown_key
 
 ENDING = ".toml"
 HEADING = "{count} fault(s) in the recipe"
@@ -363,7 +363,7 @@ def recipe_in(
     c2s = table.get("c2s")
     if not isinstance(c2s, dict) or not isinstance(c2s.get("model"), str):
         known = {key.name for key in fields(Recipe)} | {"based_on"}
-        unknown = [str(key)[:MAX_KEY_LENGTH] for key in table if key not in known][:1]
+        unknown = [str(key)[:MAX_NAME_LENGTH] for key in table if key not in known][:1]
         misspelled = "".join(f"{key}: {unknown_key(key, _keys())}; " for key in unknown)
         raise StrategyError(
             f"{misspelled}[c2s] names no forward model; write based_on = 'best' and "

@@ -14,12 +14,6 @@ from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
 APPROACH_TIME = 4.0  # s
 ROUND_TIME = 16.0  # s
-RADIUS = 0.22 / PAPER_LENGTH
-HEIGHT = 0.54 / PAPER_LENGTH
-HOLD_BASE_RADIUS = 0.15 / PAPER_LENGTH
-HOLD_BASE_HEIGHT = 0.56 / PAPER_LENGTH
-# with 1 even a perfect model leaves 1.9 cm (docs/results/protocol.md)
-BASE_WEIGHT = 4.0
 HELD = {"hold-middle": (0.396 / 0.4, 20.0, 3), "hold-end": (0.565 / 0.6, 40.0, 2)}
 """Height of the held end over its height at rest, tilt of its axis [deg], and minimum
 number of modules."""
@@ -30,11 +24,15 @@ Steps = Float[np.ndarray, " steps"]
 def circle_path(length: float, control_rate: float) -> Path:
     """Tip positions [m], base frame: an approach, then one counterclockwise circle.
 
+    On an arm of 0.6 m, the circle has a radius of 0.22 m and a height of 0.54 m.
+
     Args:
         length: of the arm [m].
         control_rate: steps per second [Hz].
     """
-    return length * _approach_and_circle(RADIUS, HEIGHT, control_rate)
+    radius = 0.22 / PAPER_LENGTH
+    height = 0.54 / PAPER_LENGTH
+    return length * _approach_and_circle(radius, height, control_rate)
 
 
 def circle(arm: ArmSpec) -> Task:
@@ -69,7 +67,9 @@ def tilt(arm: ArmSpec, name: str, angle_deg: float, turned_deg: float = 0.0) -> 
 def hold_base(arm: ArmSpec) -> Task:
     """Hold the end of the base module while the tip follows a circle.
 
-    Weights: mu_p = 1 at the tip, mu_p = 4 at the base module, mu_d = 0.5.
+    On an arm of 0.6 m, the circle has a radius of 0.15 m and a height of 0.56 m.
+    Weights: mu_p = 1 at the tip, mu_p = 4 at the base module, mu_d = 0.5. With mu_p = 1
+    at the base, even a perfect model leaves 1.9 cm (docs/results/protocol.md).
 
     Raises:
         TargetError: the arm has one module.
@@ -77,10 +77,10 @@ def hold_base(arm: ArmSpec) -> Task:
     _check_modules("hold-base", arm, 2)
     position = np.array([0.0, 0.0, ArmGeometry.of(arm).lengths[0]])
     goal = Goal.of(arm.module_count)
-    goal = goal.with_position(position, weight=BASE_WEIGHT, module=0)
-    path = arm.length * _approach_and_circle(
-        HOLD_BASE_RADIUS, HOLD_BASE_HEIGHT, arm.control_rate
-    )
+    goal = goal.with_position(position, weight=4.0, module=0)
+    radius = 0.15 / PAPER_LENGTH
+    height = 0.56 / PAPER_LENGTH
+    path = arm.length * _approach_and_circle(radius, height, arm.control_rate)
     scores = Score("constraint", module=0), Score("position")
     return Task.along("hold-base", path, goal, *scores)
 

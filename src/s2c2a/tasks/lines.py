@@ -17,8 +17,7 @@ Obstacle = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
 
 REACH_TARGET = (0.30, 0.0, 0.49)  # m
-SPEED = 0.05  # m/s
-REACH_TIME = 24.0  # s
+SPEED = 0.05  # m/s; of targets and of the obstacle of `flee`
 REACH: dict[str, Sequence[Obstacle]] = {
     "reach-0": (),
     "reach-1": ((0.16, 0.02, 0.55, 0.06),),
@@ -33,31 +32,22 @@ CLEARANCES = (
     Score("clearance of the arm"),
 )
 
-FLEE_RADIUS = 0.10  # m
-FLEE_Y = 0.02  # m
-FLEE_HEIGHT = 0.58  # m
-FLEE_STOPS = (0.25, 0.08, -0.07)  # x [m]
+FLEE_STOPS = ((0.25, 0.02, 0.58), (0.08, 0.02, 0.58), (-0.07, 0.02, 0.58))  # m
 FLEE_WAITS = (1.0, 2.0, 2.0)  # s
 
-APPROACH_TIME = 5.0  # s
-WANDER_TIME = 48.0  # s
-WAIT_OUTSIDE = 2.0  # s
-HOLD_TIME = 4.0  # s
-OUTSIDE = (0.60, 0.0, 0.45)  # m
-OUTWARD_SPEED = 0.08  # m/s
-REACH_TOLERANCE = 0.01  # m, for an arm of 0.6 m; constant-curvature arms get so close
-RECOVERY_TIME = 1.5  # s after re-entry that are scored as recovery, not as following
+FOLLOW_APPROACH = 5.0  # s; `follow` is not scored meanwhile
+OUTSIDE = (0.60, 0.0, 0.45)  # m; out of reach
 
 
 def reach(arm: ArmSpec, name: str) -> Task:
-    """Follow a straight line to a target, past obstacles.
+    """Follow a straight line to a target in 24 s, past obstacles.
 
     Weights: mu_p = 1, mu_d = 0.5, mu_ob = 1.
     """
     scale = arm.length / PAPER_LENGTH
     rate = arm.control_rate
     line = straight((0.0, 0.0, PAPER_LENGTH), REACH_TARGET, SPEED, rate)
-    wait = max(REACH_TIME - len(line) / rate, 1.0)
+    wait = max(24.0 - len(line) / rate, 1.0)
     path = scale * np.concatenate([line, still(REACH_TARGET, wait, rate)])
     obstacles = scale * np.array(REACH[name]).reshape(-1, 4)
     goal = Goal.of(arm.module_count).with_obstacles(obstacles[:, :3], obstacles[:, 3])
@@ -68,19 +58,18 @@ def reach(arm: ArmSpec, name: str) -> Task:
 
 
 def flee(arm: ArmSpec) -> Task:
-    """Avoid an obstacle that approaches twice, without a target.
+    """Avoid an obstacle of 0.1 m that approaches twice, without a target.
 
     Weights: mu_p = 0, mu_d = 0.5, mu_ob = 1.
     """
     scale = arm.length / PAPER_LENGTH
     rate = arm.control_rate
-    points = [np.array([x, FLEE_Y, FLEE_HEIGHT]) for x in FLEE_STOPS]
-    pieces = [still(points[0], FLEE_WAITS[0], rate)]
-    for (start, end), wait in zip(pairwise(points), FLEE_WAITS[1:], strict=True):
+    pieces = [still(FLEE_STOPS[0], FLEE_WAITS[0], rate)]
+    for (start, end), wait in zip(pairwise(FLEE_STOPS), FLEE_WAITS[1:], strict=True):
         pieces += [straight(start, end, SPEED, rate), still(end, wait, rate)]
     rest = Goal.of(arm.module_count)
     goals = tuple(
-        rest.with_obstacles(center[None], [scale * FLEE_RADIUS])
+        rest.with_obstacles(center[None], [scale * 0.1])
         for center in scale * np.concatenate(pieces)
     )
     scores = (*CLEARANCES, Score("stillness"), Score("path length"))
@@ -90,14 +79,16 @@ def flee(arm: ArmSpec) -> Task:
 def follow(arm: ArmSpec) -> Task:
     """Follow a target that a hand moves through the workspace, out of it and back.
 
+    Targets within 1 cm of the workspace of constant curvature (of an arm of 0.6 m) are
+    scored: the first 1.5 s after the way back as recovery, the others as following.
     Weights: mu_p = 1, mu_d = 0.5.
     """
     scale = arm.length / PAPER_LENGTH
     rate = arm.control_rate
     path = scale * _hand_path(rate)
-    inside = reach_gaps(arm, path) <= scale * REACH_TOLERANCE
-    following = inside & ~_after_reentry(inside, round(RECOVERY_TIME * rate))
-    following[: round(APPROACH_TIME * rate)] = False
+    inside = reach_gaps(arm, path) <= scale * 0.01
+    following = inside & ~_after_reentry(inside, round(1.5 * rate))
+    following[: round(FOLLOW_APPROACH * rate)] = False
     scores = Score("position", steps=following), Score("recovery", steps=inside)
     return Task.along("follow", path, Goal.of(arm.module_count), *scores)
 
@@ -116,19 +107,20 @@ def still(point, time: float, control_rate: float) -> Path:
 
 
 def _hand_path(rate: float) -> np.ndarray:
-    time = np.arange(1, max(1, round(WANDER_TIME * rate)) + 1) / rate
+    """A way to the dome, 48 s on it, a way out at 0.08 m/s and back, and 4 s of rest."""
+    time = np.arange(1, max(1, round(48.0 * rate)) + 1) / rate
     wander = _wander(time)
     start = _wander(np.zeros(1))[0]
     rest = np.array([0.0, 0.0, PAPER_LENGTH])
-    approach_speed = float(np.linalg.norm(start - rest)) / APPROACH_TIME
-    back = straight(OUTSIDE, wander[-1], OUTWARD_SPEED, rate)
+    approach_speed = float(np.linalg.norm(start - rest)) / FOLLOW_APPROACH
+    back = straight(OUTSIDE, wander[-1], 0.08, rate)
     pieces = [
         straight(rest, start, approach_speed, rate),
         wander,
-        straight(wander[-1], OUTSIDE, OUTWARD_SPEED, rate),
-        still(OUTSIDE, WAIT_OUTSIDE, rate),
+        straight(wander[-1], OUTSIDE, 0.08, rate),
+        still(OUTSIDE, 2.0, rate),
         back,
-        still(back[-1], HOLD_TIME, rate),
+        still(back[-1], 4.0, rate),
     ]
     return np.concatenate(pieces)
 

@@ -15,64 +15,47 @@ from s2c2a.planning import Goal
 from s2c2a.tasks.circle import approach_path
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Task
 
-# lengths in m, times in s
-SQUARE_SIDE = 0.24
-SQUARE_HEIGHT = 0.54
-SQUARE_TIME = 16.0
-EIGHT_LENGTH = 0.36
-EIGHT_WIDTH = 0.18
-EIGHT_HEIGHT = 0.55
-EIGHT_TIME = 20.0
-HELIX_RADIUS = 0.15
-HELIX_TOP = 0.57
-HELIX_BOTTOM = 0.54
-TURNS = 2
-TURN_TIME = 12.0
-STAR_RADIUS = 0.16
-STAR_HEIGHT = 0.57
-STAR_TIME = 20.0
-STAR_POINTS = 5
-STAR_STRIDE = 2  # each line connects a point with the second next one
-
 Shares = Float[np.ndarray, " steps"]
 
 
 def square(shares: Shares) -> Path:
-    """Square, from a corner [m]."""
+    """Square with sides of 0.24 m at a height of 0.54 m, from a corner [m]."""
     azimuths = np.arange(5) * np.pi / 2 + np.pi / 4
-    corners = _between_corners(azimuths, SQUARE_SIDE / np.sqrt(2), shares)
-    return _at_height(corners, SQUARE_HEIGHT)
+    return _at_height(_between_corners(azimuths, 0.24 / np.sqrt(2), shares), 0.54)
 
 
 def eight(shares: Shares) -> Path:
     """Figure of eight around the axis, from its end at x > 0 [m].
 
-    It is Gerono's lemniscate.
+    It is Gerono's lemniscate, 0.36 m long and 0.18 m wide, at a height of 0.55 m.
     """
     angles = 2 * np.pi * shares
-    x = EIGHT_LENGTH * np.cos(angles) / 2
-    y = EIGHT_WIDTH * np.sin(2 * angles) / 2
-    return _at_height(np.stack([x, y], axis=-1), EIGHT_HEIGHT)
+    x = 0.36 * np.cos(angles) / 2
+    y = 0.18 * np.sin(2 * angles) / 2
+    return _at_height(np.stack([x, y], axis=-1), 0.55)
 
 
 def helix(shares: Shares) -> Path:
-    """Descending helix around the axis [m]."""
-    angles = 2 * np.pi * TURNS * shares
-    lateral = HELIX_RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return _at_height(lateral, HELIX_TOP + (HELIX_BOTTOM - HELIX_TOP) * shares)
+    """Helix of two turns and a radius of 0.15 m, from 0.57 m down to 0.54 m [m]."""
+    angles = 2 * np.pi * 2 * shares
+    lateral = 0.15 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return _at_height(lateral, 0.57 + (0.54 - 0.57) * shares)
 
 
 def star(shares: Shares) -> Path:
-    """Five-pointed star around the axis [m]."""
-    azimuths = 2 * np.pi * STAR_STRIDE / STAR_POINTS * np.arange(STAR_POINTS + 1)
-    return _at_height(_between_corners(azimuths, STAR_RADIUS, shares), STAR_HEIGHT)
+    """Star of five points on a circle of 0.16 m at a height of 0.57 m [m].
+
+    Each line connects a point with the second next one.
+    """
+    azimuths = 2 * np.pi * 2 / 5 * np.arange(6)
+    return _at_height(_between_corners(azimuths, 0.16, shares), 0.57)
 
 
 PATHS: dict[str, tuple[Callable[[Shares], Path], float]] = {
-    "square": (square, SQUARE_TIME),
-    "eight": (eight, EIGHT_TIME),
-    "helix": (helix, TURNS * TURN_TIME),
-    "star": (star, STAR_TIME),
+    "square": (square, 16.0),
+    "eight": (eight, 20.0),
+    "helix": (helix, 24.0),
+    "star": (star, 20.0),
 }
 """Name -> function from path parameters (0 to 1) to tip positions, and duration [s]."""
 

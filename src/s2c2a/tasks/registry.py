@@ -42,8 +42,8 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 
 
 PACE = "@"
-MIN_PACE = 0.01
-MAX_PACE = 10.0
+MIN_PACE = 0.01  # chosen: a circle takes half an hour
+MAX_PACE = 10.0  # chosen: a circle takes two seconds
 
 
 def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:

@@ -20,17 +20,16 @@ from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import TargetError
 from s2c2a.files import read_text
 from s2c2a.goals import LARGEST
-from s2c2a.planning import Goal, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
 from s2c2a.tasks.task import Score, Task
 
 REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
-MIN_GAP = 0.01  # of the arm's length; smaller gaps are not reported
 MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
-MAX_STEPS = 1_000_000
-MAX_LINES = 1_000_000
-MAX_BYTES = 150_000_000
+MAX_STEPS = 1_000_000  # a day at 10 Hz
+MAX_LINES = 1_000_000  # one a step
+MAX_BYTES = 150_000_000  # 150 a line
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ def unreachable_waypoints(
     for track in tracks:
         gaps = reach_gaps(arm, track.positions, track.module)
         for time, gap in zip(track.times, gaps, strict=True):
-            if gap > MIN_GAP * arm.length:
+            if gap > SIGNIFICANT * arm.length:
                 unreachable.append(OutOfReach(track.module, float(time), float(gap)))
     return unreachable
 

@@ -13,7 +13,8 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.models.forward_model import ForwardModel
 
-MAX_BEND_CHANGE = 0.14  # rad; in one control step, beyond it a measurement is wrong
+# rad, from the prediction: two step limits of 4 deg; beyond, a measurement is wrong
+MAX_BEND_CHANGE = 0.14
 EMPTY = np.zeros(0, np.float32)
 Measurements = Mapping[str, Array]
 """Sensor name -> measured values; NaN for what is missing."""

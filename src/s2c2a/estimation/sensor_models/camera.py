@@ -18,10 +18,14 @@ from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.forward_model import ForwardModel
 
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
-NOMINAL_RATE = 5.0  # Hz; more frequent pictures weigh less each
-MAX_RESIDUAL = 0.5  # of the length from the base to the end
-MAX_CHANGE = 0.06  # of the arm's length, in some seconds
-MAX_AGE = 0.7  # s; older pictures are not used
+NOMINAL_RATE = (
+    5.0  # Hz, of arm files by default; more frequent pictures weigh less each
+)
+# of the length from the base to the end: chosen; a picture of something else
+MAX_RESIDUAL = 0.5
+# of the arm's length, in some seconds: chosen; drift, wrong latency or a jump
+MAX_CHANGE = 0.06
+MAX_AGE = 0.7  # s; older pictures are not used: the largest delay of an arm file
 
 
 class CameraSensor(SensorModel):

@@ -14,9 +14,9 @@ from s2c2a.estimation.sensor_models.base import (
 )
 from s2c2a.models.forward_model import ForwardModel
 
-MIN_NOISE = 0.05  # N
+MIN_NOISE = 0.05  # N; chosen: a sensor that claims less is not better than the model
 MODEL_STD = 0.1  # rad; friction between motor and module hides most of the tension
-LOWEST = -5.0  # standard deviations of the noise; no cable pushes
+LOWEST = -5.0  # standard deviations; noise passes it once in 3e6, and no cable pushes
 
 
 class TensionSensor(SensorModel):

@@ -30,10 +30,10 @@ BLOCKS_PER_TEST = 5
 BACKLASHES = np.array(
     [0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1]
 )
-SHORT_LAG = 5.0  # s; after which short-term errors are independent
-LONG_LAG = 25.0  # s; over which the drift of biases is measured
+SHORT_LAG = 5.0  # s; chosen: after it, short-term errors are independent
+LONG_LAG = 25.0  # s; over which drift is measured: half of a recorded episode of 50 s
 UNUSABLE = 1e9  # noise of a value without information
-# smallest errors, in parts of the half range of the values
+# smallest errors, chosen: a short recording may show none; in parts of the half range of the values
 MIN_NOISE = 0.005
 MIN_BIAS = 0.05
 MIN_DRIFT = 3e-3

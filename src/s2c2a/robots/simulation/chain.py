@@ -18,7 +18,6 @@ from s2c2a.robots.simulation.mismatched_module import MismatchedModule, cable_ro
 from s2c2a.spaces import CENTER_LINE_POINTS
 
 _ARMATURE = 1e-5  # kg m2 on every joint; light, stiff segments would oscillate without
-_MAX_TENSION = 1e6  # N
 # Tolerance of the solver of implicit springs. It moves a babbling arm by 0.1 um in 20 s
 # and saves a tenth of the time.
 _TOLERANCE = 1e-6
@@ -405,7 +404,7 @@ def _add_actuator(spec: mujoco.MjSpec, name: str, viscous_friction: float):
         name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON
     )
     actuator.forcelimited = True
-    actuator.forcerange = (-_MAX_TENSION, 0.0)  # cables never push
+    actuator.forcerange = (-mujoco.mjMAXVAL, 0.0)  # cables never push
     actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.gainprm[0] = -1.0

@@ -6,8 +6,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.spaces import CENTER_LINE_POINTS, Sensor
 
 # Readings change faster than commands, since the arm vibrates and lags.
-RATE_FACTOR = 6.0  # times the step limit
-NOISE_LIMIT = 8.0  # standard deviations
+RATE_FACTOR = 6.0  # times the step limit; chosen
+NOISE_LIMIT = 8.0  # standard deviations, which Gaussian noise never passes
 
 
 def declare_sensors(

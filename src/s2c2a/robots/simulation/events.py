@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.robots.simulation import sensor_faults
 
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from s2c2a.robots.simulation.simulated_robot import SimulatedRobot
 
 EXAMPLE = "8 payload 0.05; 10 force 0.3 0 0; 12 force 0 0 0"
-MAX_PAYLOAD = 50.0  # kg
 
 
 KINDS = {

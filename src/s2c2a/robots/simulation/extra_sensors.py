@@ -8,13 +8,8 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, Motor
 from s2c2a.arm.sensors import Camera, Inertial
 from s2c2a.robots.simulation.flex import FlexStrips
+from s2c2a.robots.simulation.random_streams import Stream, random_stream
 from s2c2a.spaces import POSITION, Sensor, States
-
-MAX_CAMERA_DELAY = 2.0  # s
-
-# Random streams beside those of the robot.
-_INERTIAL_STREAM = 3
-_CAMERA_STREAM = 4
 
 
 def declare_extra_sensors(arm: ArmSpec) -> dict[str, Sensor]:
@@ -46,7 +41,7 @@ class InertialSensors:
         """Sample new biases for every opening."""
         self._count = samples_per_step(arm, inertial)
         self._modules = arm.module_count
-        self._random = np.random.default_rng([seed, _INERTIAL_STREAM, opening])
+        self._random = random_stream(seed, Stream.INERTIAL, opening)
         turn_noise = np.deg2rad(inertial.turn_noise_deg)
         turn_bias = np.deg2rad(inertial.turn_bias_deg)
         repeats = 3 * self._modules
@@ -81,10 +76,10 @@ class CameraView:
         """Sample new lost images for every opening."""
         self._camera = camera
         self._period = arm.control_period
-        self._stream = (seed, _CAMERA_STREAM, opening)
-        self._history: deque[tuple[float, States]] = deque(
-            maxlen=round(MAX_CAMERA_DELAY * arm.control_rate) + 2
-        )
+        self._stream = (seed, Stream.CAMERA, opening)
+        # an image was exposed up to one control period before its delay began
+        steps = int(camera.delay * arm.control_rate) + 3
+        self._history: deque[tuple[float, States]] = deque(maxlen=steps)
 
     def start(self, states: States) -> None:
         """Forget earlier states; the arm rests, and the clock is at zero."""
@@ -101,7 +96,7 @@ class CameraView:
         number = np.floor((time - camera.delay) * camera.rate + 1e-9)
         exposure = number / camera.rate  # s
         is_new = exposure + camera.delay > time - self._period + 1e-9
-        random = np.random.default_rng([*self._stream, max(int(number), 0)])
+        random = random_stream(*self._stream, max(int(number), 0))
         if number < 0 or not is_new or random.random() < camera.lost:
             return {}
         positions = self._positions_at(exposure)

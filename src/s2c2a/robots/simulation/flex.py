@@ -7,12 +7,8 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Flex
 from s2c2a.backlash import play
 from s2c2a.kinematics import configurations_from_states
+from s2c2a.robots.simulation.random_streams import Stream, random_stream
 from s2c2a.spaces import States
-
-# Random streams beside those of the robot and of the other sensors.
-_STRIP_STREAM = 5
-_NOISE_STREAM = 6
-MINUTE = 60.0  # s
 
 
 class FlexStrips:
@@ -28,7 +24,7 @@ class FlexStrips:
         """Create the strips, the same at every opening, and sample new biases."""
         modules = arm.module_count
         shape = (modules, len(flex.angles_deg))
-        random = np.random.default_rng([flex.strips, _STRIP_STREAM])
+        random = random_stream(flex.strips, Stream.FLEX_STRIPS)
         angle_errors = random.normal(scale=np.deg2rad(flex.angle_error_deg), size=shape)
         angles = np.deg2rad(flex.angles_deg) + angle_errors
         self._gains = 1.0 + random.normal(scale=flex.gain_error, size=shape)
@@ -40,7 +36,7 @@ class FlexStrips:
         # (modules, strips, modules that bend them, 2)
         self._bend_gains = shares[..., None] * directions[:, :, None]
         self._flex = flex
-        self._random = np.random.default_rng([seed, _NOISE_STREAM, opening])
+        self._random = random_stream(seed, Stream.FLEX_NOISE, opening)
         self._biases = self._random.normal(scale=flex.zero_error, size=shape)
         self._strip_bends = np.zeros(shape)
         self._noise = np.zeros(shape)
@@ -53,7 +49,8 @@ class FlexStrips:
             self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis
         )
         drift, noise = self._random.normal(size=(2, *bends.shape))
-        self._biases = self._biases + flex.drift * np.sqrt(seconds / MINUTE) * drift
+        minutes = seconds / 60
+        self._biases = self._biases + flex.drift * np.sqrt(minutes) * drift
         self._noise = flex.noise * noise
 
     def read(self) -> dict[str, np.ndarray]:

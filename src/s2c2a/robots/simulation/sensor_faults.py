@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2c2a.robots.simulation.random_streams import Stream, random_stream
+
 KINDS = {
     "offset": 1,  # of the first value of every module, in the sensor's unit
     "drift": 1,  # the same, in its unit per second
@@ -18,8 +20,7 @@ KINDS = {
     "repaired": 0,
 }
 """Kinds of faults, and how many numbers each needs."""
-MAX_LATENCY = 10.0  # s
-_STREAM = 7  # of random numbers
+MAX_LATENCY = 10.0  # s; chosen: readings of this time stay in memory
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class SensorFaults:
 
     def __init__(self, seed: int):
         """Begin without faults."""
-        self._random = np.random.default_rng([seed, _STREAM])
+        self._random = random_stream(seed, Stream.SENSOR_FAULTS)
         self._faults: dict[str, _Fault] = {}
         self._frozen: dict[str, np.ndarray] = {}
         self._past: deque[tuple[float, Mapping[str, np.ndarray]]] = deque()

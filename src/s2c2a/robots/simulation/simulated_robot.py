@@ -9,16 +9,18 @@ from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.robots.simulation.chain import build_model, get_fidelity
 from s2c2a.robots.simulation.declared_sensors import declare_sensors
-from s2c2a.robots.simulation.events import MAX_PAYLOAD, EventSchedule, parse_events
+from s2c2a.robots.simulation.events import EventSchedule, parse_events
 from s2c2a.robots.simulation.extra_sensors import (
     ExtraSensors,
     MotorCurrents,
     declare_extra_sensors,
 )
+from s2c2a.robots.simulation.random_streams import Stream, random_stream
 from s2c2a.robots.simulation.relaxation import Relaxation
 from s2c2a.robots.simulation.sensor_faults import SensorFaults
 from s2c2a.robots.simulation.stepping import run_physics_steps, transfer_state
@@ -30,13 +32,8 @@ from s2c2a.robots.simulation.transmission import (
 from s2c2a.robots.simulation.twin import load_twin
 from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
 
-SETTLING_TIME = 1.0  # s; at rest before the clock starts
+SETTLING_TIME = 1.0  # s at rest before the clock starts; chosen
 GROUND_TRUTH = {"states", "center_line"}
-
-# Random streams beside the sensor noise, which uses the seed alone.
-_JITTER_STREAM = 1
-_HOMING_STREAM = 2
-_HOMING_EVENT_STREAM = 6
 
 
 class SimulatedRobot(Robot):
@@ -302,9 +299,7 @@ class SimulatedRobot(Robot):
 
     def add_homing_error(self, size: float) -> None:
         """Shift the zero of every motor by `size` [m] in a random direction."""
-        random = np.random.default_rng(
-            [self._seed, _HOMING_EVENT_STREAM, self._open_count]
-        )
+        random = random_stream(self._seed, Stream.HOMING_EVENT, self._open_count)
         signs = random.choice([-1.0, 1.0], self._motors.shape)
         self._homing_errors = self._homing_errors + size * signs
 
@@ -349,7 +344,7 @@ class SimulatedRobot(Robot):
 
     def _sample_initial_action(self) -> Actions:
         """Sample an action near neutral, in a random direction for every module."""
-        random = np.random.default_rng([self._seed, _JITTER_STREAM])
+        random = random_stream(self._seed, Stream.JITTER)
         angles = random.uniform(0, 2 * np.pi, self.arm.module_count)
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return self._geometry.actions_at(self._jitter * directions)
@@ -385,7 +380,7 @@ class SimulatedRobot(Robot):
 
     def _sample_homing_errors(self) -> Actions:
         """Sample the offsets of the motors' zeros [m], new at every opening."""
-        random = np.random.default_rng([self._seed, _HOMING_STREAM, self._open_count])
+        random = random_stream(self._seed, Stream.HOMING, self._open_count)
         return random.normal(
             scale=self._true_arm.motor.homing_error, size=self._motors.shape
         )

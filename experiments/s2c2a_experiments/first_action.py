@@ -1,6 +1,6 @@
 """Start-up benchmark: compute the first action of an arm in a new process.
 
-`s2c2a bench` starts `python -m s2c2a.cli.first_action ARM`, which prints the time.
+`s2c2a bench` starts `python -m s2c2a_experiments.first_action ARM`, which prints the time.
 """
 
 import sys

@@ -16,11 +16,11 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
-from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import all_cores
 from s2c2a.files import write_atomically
 from s2c2a.versions import versions
+from s2c2a_experiments.first_action import default_model_and_strategy
 
 MAX_SYSTEM_LOAD = 0.5
 REPEATS = 1000
@@ -143,7 +143,7 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
     Raises:
         S2C2AError: a process ended before its first action.
     """
-    command = [sys.executable, "-m", "s2c2a.cli.first_action", arm]
+    command = [sys.executable, "-m", "s2c2a_experiments.first_action", arm]
     seconds = []
     for _ in range(1 + starts):
         start = time.time()

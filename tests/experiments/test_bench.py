@@ -6,12 +6,12 @@ import os
 import numpy as np
 import pytest
 
-from s2c2a.cli import bench
-from s2c2a.cli.first_action import default_model_and_strategy
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.models.local import LocalC2S
+from s2c2a_experiments import bench
+from s2c2a_experiments.first_action import default_model_and_strategy
 
 OPERATIONS = [
     "a plan",
