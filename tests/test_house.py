@@ -4,6 +4,7 @@ import ast
 import io
 import sys
 import tokenize
+from collections import defaultdict
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -86,6 +87,18 @@ def is_core(file: Path) -> bool:
     if not file.is_relative_to(package):
         return False
     return file.relative_to(package).parts[0] not in WINGS
+
+
+def test_one_class_name_means_one_thing():
+    """The names of `paper.py` are the paper's, and stand for the same in the recipe."""
+    places = defaultdict(list)
+    for file in FILES:
+        if file.name != "paper.py":
+            for node in ast.parse(file.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    places[node.name].append(str(file.relative_to(ROOT)))
+    twice = {name: files for name, files in places.items() if len(files) > 1}
+    assert not twice
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SearchRanges:
     """Ranges and first values of the parameters.
 
     A row of parameters is: delay [s], half-width of the backlash, the frequencies [Hz]
@@ -101,7 +101,7 @@ class DelayedResponse:
     residuals: Float[np.ndarray, "frames outputs"]
 
 
-def identify_response(motion: Motion, search: Search) -> DelayedResponse:
+def identify_response(motion: Motion, search: SearchRanges) -> DelayedResponse:
     """Fit the response to a motion."""
     grid = np.arange(motion.times[0], motion.times[-1], motion.grid_period)
     # finite differences of the other parameters use it again
@@ -123,14 +123,14 @@ def identify_response(motion: Motion, search: Search) -> DelayedResponse:
     return whitened.response(result)
 
 
-def _bounded(rows: np.ndarray, search: Search) -> np.ndarray:
+def _bounded(rows: np.ndarray, search: SearchRanges) -> np.ndarray:
     """Different rows within the ranges, with logarithms of frequencies and dampings."""
     low, high = _ranges(search)
     logs = np.concatenate([rows[:, :2], np.log(rows[:, 2:])], axis=1)
     return np.unique(logs.clip(low, high), axis=0)
 
 
-def _ranges(search: Search) -> Float[np.ndarray, "2 parameters"]:
+def _ranges(search: SearchRanges) -> Float[np.ndarray, "2 parameters"]:
     modes = (search.starts.shape[1] - 2) // 2
     ranges = np.stack([search.low, search.high])
     ranges[:, 2:] = np.log(ranges[:, 2:])
@@ -151,7 +151,7 @@ class _Fit:
     """
 
     motion: Motion
-    search: Search
+    search: SearchRanges
     grid: Grid
     transmitted: Callable[[float], Grid]
     filters: list[np.ndarray]
