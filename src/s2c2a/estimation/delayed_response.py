@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_toeplitz
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.signal import bilinear, lfilter
+from scipy.signal import lfilter
 
 from s2c2a.backlash import play_along
 
@@ -210,7 +210,7 @@ class _Fit:
         for frequency, damping in zip(frequencies, dampings, strict=True):
             terms.append(second_order_response(path, period, frequency, damping))
         for lag in self.search.lags:
-            terms.append(_low_pass(path, period, [lag, 1.0]))
+            terms.append(_first_order_response(path, period, lag))
         if self.search.averaged:
             count = round(self.search.averaged / period)
             terms.append(lfilter(np.full(count, 1.0 / count), 1.0, path))
@@ -239,13 +239,18 @@ def second_order_response(
         frequency: without damping [Hz].
         damping: ratio.
     """
-    lag = 1.0 / (2.0 * np.pi * frequency)
-    return _low_pass(inputs, period, [lag**2, 2.0 * damping * lag, 1.0])
+    # s = 2 / period (z - 1) / (z + 1), the bilinear transform, in closed form: that of
+    # SciPy takes longer than the filter
+    lag = 1.0 / (np.pi * frequency * period)
+    loss = 2.0 * damping * lag
+    denominator = [lag**2 + loss + 1.0, 2.0 - 2.0 * lag**2, lag**2 - loss + 1.0]
+    return lfilter([1.0, 2.0, 1.0], denominator, inputs)
 
 
-def _low_pass(inputs: Grid, period: float, denominator: list[float]) -> Grid:
-    """Response of 1 / (... + a_1 s + 1), by the bilinear transform."""
-    return lfilter(*bilinear([1.0], denominator, 1.0 / period), inputs)
+def _first_order_response(inputs: Grid, period: float, time_constant: float) -> Grid:
+    """Response of 1 / (a s + 1), by the bilinear transform."""
+    lag = 2.0 * time_constant / period
+    return lfilter([1.0, 1.0], [lag + 1.0, 1.0 - lag], inputs)
 
 
 def _filtered(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
