@@ -31,7 +31,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, TipLSTM
 
-NETWORK = "LSTMComparison"
+NETWORK = "LSTM"  # as weight files have it
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ def trained(twin):
         twin,
         recipe_named("paper"),
         3,
-        {"LSTMComparison": network},
-        {"LSTMComparison": (3.0, 2.0)},
-        {"LSTMComparison": curve},
+        {"LSTM": network},
+        {"LSTM": (3.0, 2.0)},
+        {"LSTM": curve},
     )
     return labeled(networks, LSTMComparison(options))
 
@@ -66,8 +66,7 @@ def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     before, after = (
         network(desired, TipHistory(*past))
         for network in (
-            one.networks["LSTMComparison"]
-            for one in (trained, load_networks(file, twin))
+            one.networks["LSTM"] for one in (trained, load_networks(file, twin))
         )
     )
     np.testing.assert_array_equal(after, before)
@@ -81,9 +80,7 @@ def test_everything_comes_back(file, trained):
         trained.seed,
     )
     assert loaded.percent == trained.percent
-    np.testing.assert_array_equal(
-        loaded.curves["LSTMComparison"], trained.curves["LSTMComparison"]
-    )
+    np.testing.assert_array_equal(loaded.curves["LSTM"], trained.curves["LSTM"])
     before, after = (jax.tree.leaves(one.networks) for one in (trained, loaded))
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
@@ -120,9 +117,9 @@ def test_a_missing_file_is_refused(tmp_path):
 @pytest.mark.parametrize(
     "name",
     [
-        "LSTMComparison.network.bias_head",
-        "LSTMComparison.network.layers[1].weight_hidden",
-        "LSTMComparison.position_scaling.center",
+        "LSTM.network.bias_head",
+        "LSTM.network.layers[1].weight_hidden",
+        "LSTM.position_scaling.center",
     ],
 )
 def test_a_missing_array_is_refused_by_name(rewrite, name):
@@ -134,9 +131,7 @@ def test_a_missing_array_is_refused_by_name(rewrite, name):
 def test_weights_that_are_not_finite_are_refused(rewrite):
     with pytest.raises(StrategyError, match="bias_head"):
         load_networks(
-            rewrite(
-                **{"LSTMComparison.network.bias_head": np.full(9, np.nan, np.float32)}
-            )
+            rewrite(**{"LSTM.network.bias_head": np.full(9, np.nan, np.float32)})
         )
 
 
@@ -165,11 +160,9 @@ def test_a_file_without_its_curve_is_refused(rewrite):
 
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
     loaded = load_networks(
-        rewrite(
-            **{"LSTMComparison.sum_and_range.high": np.full((3, 3), 9.0, np.float32)}
-        )
+        rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})
     )
     np.testing.assert_array_equal(
-        loaded.networks["LSTMComparison"].sum_and_range.high,
-        trained.networks["LSTMComparison"].sum_and_range.high,
+        loaded.networks["LSTM"].sum_and_range.high,
+        trained.networks["LSTM"].sum_and_range.high,
     )

@@ -30,7 +30,7 @@ def train(recording, options, seed) -> TrainedNetworks:
 
 
 def at_work(trained) -> LSTMStrategy:
-    return LSTMStrategy(trained.arm, trained.networks["LSTMComparison"])
+    return LSTMStrategy(trained.arm, trained.networks["LSTM"])
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +57,7 @@ def untrained(arm, loudness: float = 1.0) -> TrainedNetworks:
     network = eqx.tree_at(
         lambda n: n.network.weight_head, network, loudness * network.network.weight_head
     )
-    return TrainedNetworks(
-        arm, recipe_named("paper"), 0, {"LSTMComparison": network}, {}, {}
-    )
+    return TrainedNetworks(arm, recipe_named("paper"), 0, {"LSTM": network}, {}, {})
 
 
 def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +99,7 @@ def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
 
 
 def test_training_lowers_both_losses(trained):
-    curve = trained.curves["LSTMComparison"]
+    curve = trained.curves["LSTM"]
     np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
     assert np.all(np.diff(curve[::3, 1]) < 0)
     assert curve[-1, 2] < 0.5 * curve[0, 2]
@@ -109,14 +107,12 @@ def test_training_lowers_both_losses(trained):
 
 def answers(trained, samples) -> np.ndarray:
     """Actions [m or N] of the network, without noise on its history."""
-    layer = trained.networks["LSTMComparison"].sum_and_range
+    layer = trained.networks["LSTM"].sum_and_range
     history = TipHistory(
         samples.inputs["positions"], layer.normalized(samples.inputs["actions"])
     )
     return np.asarray(
-        layer.actions(
-            trained.networks["LSTMComparison"](samples.inputs["desired"], history)
-        )
+        layer.actions(trained.networks["LSTM"](samples.inputs["desired"], history))
     )
 
 
@@ -136,7 +132,7 @@ def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
         * np.abs(answers(trained, split.test) - split.test.targets)
         / np.ptp(targets, axis=0)
     )
-    assert trained.percent["LSTMComparison"] == pytest.approx(
+    assert trained.percent["LSTM"] == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 25
@@ -147,32 +143,28 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
 ):
     """With fixed weights, noise changes the training loss alone."""
     noisy = train(recording, replace(options, fit=FROZEN, history_noise=30.0), seed=0)
-    unit = np.asarray(noisy.networks["LSTMComparison"].sum_and_range.unit)
+    unit = np.asarray(noisy.networks["LSTM"].sum_and_range.unit)
     calm = [
         np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
         for samples in (split.training, split.validation)
     ]
-    assert np.all(
-        np.abs(noisy.curves["LSTMComparison"][:, 1] - calm[0]) > 0.05 * calm[0]
-    )
-    np.testing.assert_allclose(noisy.curves["LSTMComparison"][:, 2], calm[1], rtol=1e-4)
+    assert np.all(np.abs(noisy.curves["LSTM"][:, 1] - calm[0]) > 0.05 * calm[0])
+    np.testing.assert_allclose(noisy.curves["LSTM"][:, 2], calm[1], rtol=1e-4)
 
 
 def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
     trained, recording, options
 ):
     again, other = (train(recording, options, seed) for seed in (7, 8))
-    np.testing.assert_array_equal(
-        again.curves["LSTMComparison"], trained.curves["LSTMComparison"]
-    )
-    assert other.curves["LSTMComparison"][0, 2] != pytest.approx(
-        trained.curves["LSTMComparison"][0, 2], rel=1e-3
+    np.testing.assert_array_equal(again.curves["LSTM"], trained.curves["LSTM"])
+    assert other.curves["LSTM"][0, 2] != pytest.approx(
+        trained.curves["LSTM"][0, 2], rel=1e-3
     )
 
 
 def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
     desired = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
-    scaling = trained.networks["LSTMComparison"].position_scaling
+    scaling = trained.networks["LSTM"].position_scaling
     np.testing.assert_allclose(
         scaling.half_range, np.ptp(desired, axis=0) / 2, rtol=1e-4
     )
