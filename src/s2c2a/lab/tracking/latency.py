@@ -78,7 +78,7 @@ def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
 
     Args:
         arm: cable angles and radii.
-        record: of a motion of one module, as `identification.tracking` makes.
+        record: of a motion of one module, as `calibration_motions` makes.
 
     Raises:
         LatencyError: there is too little motion, or too few frames, the tracked ends
