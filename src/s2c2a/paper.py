@@ -54,7 +54,7 @@ RandomKey = PRNGKeyArray
 
 def configurations_from_encoders(arm: ArmSpec, displacements: A) -> C:
     """C from the cable displacements that encoders measure [m]."""
-    # eq. (1) holds but for noise and backlash: what all cables have in common
+    # eq. (1) holds but for noise and backlash: remove what all cables have in common
     a = displacements - displacements.mean(axis=-1, keepdims=True)
     difference = (a[..., 1] - a[..., 2]) / np.sqrt(3)
     radii = ArmGeometry.of(arm).cable_radii
@@ -421,6 +421,7 @@ class C2A(eqx.Module):
         """Normalized actions that reach the desired configurations in one step."""
         inputs = controller_inputs(self.configuration_scaling, desired, history)
         actions = sum_and_range(self.network(inputs))
+        # Differs: beyond the full action a cable stops, and the sum is no longer zero
         full = 1.0 / HEADROOM
         return jnp.clip(actions, -full, full)
 

@@ -78,9 +78,17 @@ def _add_installed_commands() -> None:
     """Add the commands of the wings, of a clone and of other packages.
 
     An entry point of `s2c2a.commands` is a function, or a pair of a `SubcommandApp` and
-    its help. One that cannot be imported is left out, and named: the others work.
+    its help. One that cannot be imported, or has the name of a command above, is left
+    out, and named: the others work.
     """
     for name, point in installed("command").items():
+        if name in VERBS or name in GROUPS:
+            print(
+                f"s2c2a: the command '{name}' of {point.module} is left out: the name "
+                "is taken",
+                file=sys.stderr,
+            )
+            continue
         try:
             command = point.load()
         except Exception as error:  # it may be a stranger's
