@@ -13,7 +13,7 @@ from s2c2a.training import TrainingData
 @pytest.fixture
 def small(monkeypatch):
     monkeypatch.setattr(active, "CANDIDATES", 200)
-    monkeypatch.setattr(active, "SAMPLES", 150)
+    monkeypatch.setattr(active, "SAMPLES", 300)
 
 
 def data_with(arm, bends: np.ndarray, known: bool = True) -> TrainingData:
