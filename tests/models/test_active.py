@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.babbling import coverage_targets
 from s2c2a.kinematics import configurations_from_bends, states_from_configurations
-from s2c2a.models import active
+from s2c2a.models import active, kernels
 from s2c2a.training import TrainingData
 
 
@@ -14,6 +14,7 @@ from s2c2a.training import TrainingData
 def small(monkeypatch):
     monkeypatch.setattr(active, "CANDIDATES", 200)
     monkeypatch.setattr(active, "SAMPLES", 300)
+    monkeypatch.setattr(kernels, "STEPS", 20)
 
 
 def data_with(arm, bends: np.ndarray, known: bool = True) -> TrainingData:
