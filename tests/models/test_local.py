@@ -53,9 +53,10 @@ def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
 
 @pytest.fixture(scope="module", autouse=True)
 def few_likelihood_samples():
-    """Find the length scales of kernels from fewer samples."""
+    """Find the length scales of kernels from fewer samples, in fewer steps."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(kernels, "LIKELIHOOD_SAMPLES", 150)
+        patched.setattr(kernels, "STEPS", 20)
         yield
 
 
