@@ -35,22 +35,48 @@ def disturbance_filter():
 
 
 @pytest.fixture(scope="module")
+def camera():
+    """Filter of an arm that a camera alone sees."""
+    arm = ARM.model_copy(update={"sensors": Sensors(camera=Camera())})
+    return estimator_of(
+        replace(shipped_networks(arm), arm=arm), EstimationSettings()
+    ).filter
+
+
+@pytest.fixture(scope="module")
 def update(disturbance_filter):
     return eqx.filter_jit(disturbance_filter.update)
 
 
+@pytest.fixture(scope="module")
+def update_camera(camera):
+    return eqx.filter_jit(camera.update)
+
+
+@eqx.filter_jit
+def start_and_states(disturbance_filter, payload):
+    """An estimate at rest, and the states where the model says that the arm is."""
+    state = disturbance_filter.start(jnp.asarray(CONFIGURATION), payload)
+    return state, disturbance_filter.model.predict(
+        CONFIGURATION, state.hysteresis, state.moments
+    )
+
+
 def start(disturbance_filter, payload=0.0):
-    return disturbance_filter.start(jnp.asarray(CONFIGURATION), jnp.asarray(payload))
+    return start_and_states(disturbance_filter, jnp.asarray(payload))[0]
+
+
+@jax.jit
+def shifted_configurations(states, shift):
+    return configurations_from_bends(bends_from_states(states) + shift)
 
 
 def measured_at(disturbance_filter, payload, shift=0.0):
     """What ideal sensors measure of an arm at rest with a payload."""
-    state = start(disturbance_filter, payload)
-    states = disturbance_filter.model.predict(
-        CONFIGURATION, state.hysteresis, state.moments
-    )
-    bends = bends_from_states(states) + shift
-    return {"configurations": np.asarray(configurations_from_bends(bends), np.float32)}
+    _, states = start_and_states(disturbance_filter, jnp.asarray(payload))
+    shifts = np.broadcast_to(np.float32(shift), (3, 2))
+    configurations = shifted_configurations(states, shifts)
+    return {"configurations": np.asarray(configurations, np.float32)}
 
 
 def after(update, state, measurements, steps):
@@ -135,31 +161,31 @@ def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_no
         assert before.weak_type == after_update.weak_type
 
 
-def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts():
-    camera = camera_filter()
-    update = eqx.filter_jit(camera.update)
+def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
+    camera, update_camera
+):
     ends = shown_ends(camera)
-    state = after(update, start(camera), ends(), 60)
+    state = after(update_camera, start(camera), ends(), 60)
     assert not camera.is_unused(state)[0]
     shifted = ends(0.15 * ARM.length)
-    wrong = after(update, state, shifted, 3)
+    wrong = after(update_camera, state, shifted, 3)
     assert camera.is_unused(wrong)[0]
     assert float(np.abs(wrong.mean.bend_biases).max()) < 0.1
-    lasting = after(update, state, shifted, 80)
+    lasting = after(update_camera, state, shifted, 80)
     assert not camera.is_unused(lasting)[0]
 
 
 @pytest.mark.parametrize("jump", [0.1, 0.3])
-def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(jump):
-    camera = camera_filter()
-    update = eqx.filter_jit(camera.update)
+def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(
+    jump, camera, update_camera
+):
     ends = shown_ends(camera)
-    state = after(update, start(camera), ends(), 60)
-    lasting = after(update, state, ends(jump * ARM.length), 60)
+    state = after(update_camera, start(camera), ends(), 60)
+    lasting = after(update_camera, state, ends(jump * ARM.length), 60)
     offset = np.asarray(lasting.histories[0].offset)[-1]
     believed = jump * ARM.length - offset
     assert 0.0 < believed < 2.0 * MAX_CHANGE * ARM.length
-    repaired = after(update, lasting, ends(), 100)
+    repaired = after(update_camera, lasting, ends(), 100)
     assert not camera.is_unused(repaired)[0]
     assert abs(float(repaired.histories[0].offset[-1])) < 0.02
 
@@ -179,39 +205,29 @@ def test_currents_of_cables_that_push_are_rejected():
     current = estimator_of(networks, EstimationSettings()).filter
     update = eqx.filter_jit(current.update)
     state = start(current)
-    tensions = current.model.tensions(CONFIGURATION, state.hysteresis, state.moments)
+    tensions = eqx.filter_jit(current.model.tensions)(
+        CONFIGURATION, state.hysteresis, state.moments
+    )
     measured = np.asarray(tensions, np.float32)
     state = after(update, state, {"tensions": measured}, 40)
     assert not current.is_unused(state)[0]
     assert current.is_unused(after(update, state, {"tensions": -measured}, 1))[0]
 
 
-def test_a_silent_sensor_is_unused():
-    camera = camera_filter()
-    update = eqx.filter_jit(camera.update)
+def test_a_silent_sensor_is_unused(camera, update_camera):
     ends = shown_ends(camera)
-    state = after(update, start(camera), ends(), 20)
+    state = after(update_camera, start(camera), ends(), 20)
     unseen = camera.sensors[0].missing()
     silence = round(camera.sensors[0].max_silence / ARM.control_period)
-    assert not camera.is_unused(after(update, state, unseen, silence - 1))[0]
-    silent = after(update, state, unseen, silence + 2)
+    assert not camera.is_unused(after(update_camera, state, unseen, silence - 1))[0]
+    silent = after(update_camera, state, unseen, silence + 2)
     assert camera.is_unused(silent)[0]
-    assert not camera.is_unused(after(update, silent, ends(), 1))[0]
-
-
-def camera_filter():
-    arm = ARM.model_copy(update={"sensors": Sensors(camera=Camera())})
-    return estimator_of(
-        replace(shipped_networks(arm), arm=arm), EstimationSettings()
-    ).filter
+    assert not camera.is_unused(after(update_camera, silent, ends(), 1))[0]
 
 
 def shown_ends(disturbance_filter):
     """Pictures of the arm without payload; `ends(shift)` moves them up [m]."""
-    state = start(disturbance_filter)
-    states = disturbance_filter.model.predict(
-        CONFIGURATION, state.hysteresis, state.moments
-    )
+    _, states = start_and_states(disturbance_filter, jnp.asarray(0.0))
 
     def ends(shift=0.0):
         positions = np.array(states[:, POSITION], np.float32)

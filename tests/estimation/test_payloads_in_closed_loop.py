@@ -64,14 +64,20 @@ def run(strategy, payload=0.0, fault="", events=""):
     return episode, errors
 
 
-def test_inertial_sensors_show_the_payload(strategy):
-    episode, errors = run(strategy, PAYLOAD)
+@pytest.fixture(scope="module")
+def with_and_then_without(strategy):
+    """A run with the payload and, of the same strategy, the next one without."""
+    return run(strategy, PAYLOAD), run(strategy)
+
+
+def test_inertial_sensors_show_the_payload(with_and_then_without):
+    (episode, errors), _ = with_and_then_without
     assert episode.ran("payload")[-1] == pytest.approx(PAYLOAD, rel=0.3)
     assert errors.mean() < 0.8
 
 
-def test_without_a_payload_they_do_no_harm(strategy):
-    episode, errors = run(strategy)
+def test_without_a_payload_they_do_no_harm(with_and_then_without):
+    _, (episode, errors) = with_and_then_without
     assert episode.ran("payload")[60:].max() < 0.01
     assert errors.mean() < 0.9  # their biases are half a degree
 
@@ -98,9 +104,8 @@ def test_currents_show_a_payload_that_is_added_during_the_run():
     assert errors[-50:].mean() < 5.0
 
 
-def test_the_next_start_begins_without_an_estimate(strategy):
-    run(strategy, PAYLOAD)
-    episode, _ = run(strategy)
+def test_the_next_start_begins_without_an_estimate(with_and_then_without):
+    _, (episode, _) = with_and_then_without
     assert episode.ran("payload")[0] < PAYLOAD / 2
 
 

@@ -30,8 +30,37 @@ def few(monkeypatch):
     monkeypatch.setattr(bench, "start_times", lambda arm: [2.0])
 
 
-def test_a_preset_is_timed_with_its_networks_and_compared_with_the_limits(
-    few, tmp_path, capsys, monkeypatch
+@pytest.fixture
+def stated(few, monkeypatch):
+    """Times as if they had been taken."""
+
+    def timings(*operations):
+        return lambda arm: [bench.Timing(name, [1e-3, 2e-3]) for name in operations]
+
+    monkeypatch.setattr(bench, "control_times", timings(*OPERATIONS[:2]))
+    monkeypatch.setattr(bench, "simulation_times", timings(*OPERATIONS[2:4]))
+
+
+@pytest.mark.slow
+def test_a_preset_is_timed_with_its_networks(few, tmp_path):
+    main(["bench", "--out", str(tmp_path / "here.json")])
+    saved = json.loads((tmp_path / "here.json").read_text())
+    assert [entry["what"] for entry in saved["seconds"]] == OPERATIONS
+    assert all(
+        0 < entry["median"] <= entry["percentile_99"] < 60 for entry in saved["seconds"]
+    )
+
+
+@pytest.mark.slow
+def test_another_arm_is_timed_with_pcc(few, make_arm):
+    arm = make_arm()
+    timings = [*bench.control_times(arm), *bench.simulation_times(arm)]
+    assert [timing.operation for timing in timings] == OPERATIONS[:4]
+    assert all(0 < timing.percentile(50) < 60 for timing in timings)
+
+
+def test_times_of_a_preset_are_compared_with_the_limits(
+    stated, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.0, 2.0, 1.0))
     main(["bench", "--out", str(tmp_path / "here.json")])
@@ -48,9 +77,7 @@ def test_a_preset_is_timed_with_its_networks_and_compared_with_the_limits(
     assert saved["machine"]["load"] == 3.0
 
 
-def test_another_arm_is_timed_with_pcc_and_without_limits(
-    few, tmp_path, capsys, monkeypatch
-):
+def test_another_arm_is_timed_without_limits(stated, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
     main(["arm", "copy", "twin_arm", str(tmp_path / "mine.toml")])
     mine = tmp_path / "mine.toml"

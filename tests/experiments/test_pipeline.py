@@ -30,6 +30,7 @@ def errors_on_circle(
     return {row.strategy: row.mean for row in rows}
 
 
+@pytest.mark.slow
 def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(trained, cache):
     errors = errors_on_circle(trained["twin_arm"], cache, "s2c2a", "pcc", "pcc-fitted")
     assert errors["s2c2a"] <= 1.0

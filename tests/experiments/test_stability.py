@@ -33,7 +33,9 @@ def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
     assert {job.task.name for job in jobs} == {"hold-point", "circle"}
 
 
-@pytest.mark.parametrize("sensors", ["imu", "bends"])
+@pytest.mark.parametrize(
+    "sensors", ["imu", pytest.param("bends", marks=pytest.mark.slow)]
+)
 def test_a_held_arm_with_100_g_does_not_vibrate(sensors, twin, tmp_path):
     path = tmp_path / "twin.safetensors"
     save_networks(shipped_networks(twin), path)
@@ -50,7 +52,7 @@ def test_a_held_arm_with_100_g_does_not_vibrate(sensors, twin, tmp_path):
         given,
     )
     cache = Cache(tmp_path / "data", tmp_path / "runs")
-    rows = rows_of(run_all(jobs, cache), "imu, 100 g")
+    rows = rows_of(run_all(jobs, cache), f"{sensors}, 100 g")
     values = {row.metric: row.mean for row in rows}
     assert values["peak to peak, last 20 s"] <= MAX_PEAK_TO_PEAK
     assert values["position, last quarter"] <= 3.0

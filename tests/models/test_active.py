@@ -6,7 +6,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.babbling import coverage_targets
 from s2c2a.kinematics import configurations_from_bends, states_from_configurations
-from s2c2a.models import active
+from s2c2a.models import active, kernels
 from s2c2a.training import TrainingData
 
 
@@ -14,6 +14,7 @@ from s2c2a.training import TrainingData
 def small(monkeypatch):
     monkeypatch.setattr(active, "CANDIDATES", 200)
     monkeypatch.setattr(active, "SAMPLES", 300)
+    monkeypatch.setattr(kernels, "STEPS", 20)
 
 
 def data_with(arm, bends: np.ndarray, known: bool = True) -> TrainingData:
@@ -52,7 +53,7 @@ def test_each_target_reduces_the_variance_the_most():
 
 
 def test_equal_data_and_seed_give_equal_targets(small, make_arm):
-    arm = make_arm(3)
+    arm = make_arm(2)
     bends = coverage_targets(ArmGeometry.of(arm), 300, np.random.default_rng(1))
     one, two = (active.choose_targets(data_with(arm, bends), 10, 4) for _ in range(2))
     np.testing.assert_array_equal(one, two)

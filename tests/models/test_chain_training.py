@@ -146,7 +146,7 @@ def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
 @pytest.mark.parametrize(
     ("modules", "cables", "changes"),
     [
-        (2, 4, {}),
+        pytest.param(2, 4, {}, marks=pytest.mark.slow),
         (2, 5, {"sensing": "true"}),
         (
             1,

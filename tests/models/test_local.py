@@ -16,7 +16,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.models import LocalOptions, kernels
 from s2c2a.models.chain_training import hysteresis_inputs
-from s2c2a.planning import BEST, Goal, Planner
+from s2c2a.planning import BEST, NO_FALLBACK, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
 
@@ -28,7 +28,9 @@ SIZE = LocalOptions(
     points=150,
     few=40,
 )
+UNCALIBRATED = replace(SIZE, calibrate=False)
 FIT = FitOptions(max_epochs=3, epochs_per_call=3)
+predict = eqx.filter_jit(lambda model, *inputs: model.predict(*inputs))
 
 
 def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
@@ -51,9 +53,10 @@ def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
 
 @pytest.fixture(scope="module", autouse=True)
 def few_likelihood_samples():
-    """Find the length scales of kernels from fewer samples."""
+    """Find the length scales of kernels from fewer samples, in fewer steps."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(kernels, "LIKELIHOOD_SAMPLES", 150)
+        patched.setattr(kernels, "STEPS", 20)
         yield
 
 
@@ -81,10 +84,7 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])
-    predict, observe = (
-        eqx.filter_jit(lambda m, c, k: m.predict(c, k)),
-        eqx.filter_jit(lambda m, c, k: m.observe(c, k)),
-    )
+    observe = eqx.filter_jit(lambda m, c, k: m.observe(c, k))
     chained, seen = (
         SIZE.predictions(trained.chain, data)[0],
         hysteresis_inputs(trained.chain, data)[0],
@@ -144,15 +144,12 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
         late.start(sensed[0]),
         configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1),
     )
-    rest = late.predict(there, late.start(there))
-    moved = late.predict(there, memory) - late.predict(sensed[0], memory)
-    assert (
-        np.abs(moved).max()
-        < 0.15 * np.abs(rest - late.predict(sensed[0], memory)).max()
-    )
-    np.testing.assert_allclose(
-        late.near(sensed[0], memory).predict(there, memory), rest, atol=1e-5
-    )
+    before = predict(late, sensed[0], memory)
+    rest = predict(late, there, late.start(there))
+    moved = predict(late, there, memory) - before
+    assert np.abs(moved).max() < 0.15 * np.abs(rest - before).max()
+    near = eqx.filter_jit(lambda m: m.near(sensed[0], memory))(late)
+    np.testing.assert_allclose(predict(near, there, memory), rest, atol=1e-5)
 
 
 def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
@@ -180,12 +177,10 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
 def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, trained):
     """Half a radian about each axis was seen; the target asks for more than the limit."""
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
-    bold = replace(
-        BEST,
-        terms=tuple(term for term in BEST.terms if not isinstance(term, Extrapolation)),
-    )
+    cautious = replace(BEST, fallback=NO_FALLBACK)
+    terms = tuple(term for term in BEST.terms if not isinstance(term, Extrapolation))
     ends = []
-    for options in (BEST, bold):
+    for options in (cautious, replace(cautious, terms=terms)):
         planner = Planner(arm, trained, options)
         plan = planner.start(Estimate(np.tile([0.0, 0.0, 1.0], (2, 1))))
         for _ in range(40):
@@ -207,7 +202,7 @@ def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm
     data, tip = data_of(arm), data_of(arm)
     tip.states[..., :-1, :] = np.nan
     tip.states[..., 3:] = np.nan
-    model = SIZE.train(tip, FIT, jax.random.key(0)).network
+    model = UNCALIBRATED.train(tip, FIT, jax.random.key(0)).network
     said = SIZE.predictions(model, data)
     assert np.isfinite(said).all()
     assert np.linalg.norm((said - data.states)[..., -1, :3], axis=-1).mean() < 0.02
@@ -225,7 +220,7 @@ def test_where_cables_move_together_that_counts_too(arm):
         SIZE.untrained(arm, jax.random.key(0)).chain.body.displacements(data.sensed)
     )
     data.states[..., 2] += 0.05 * together[..., 0]
-    model = SIZE.train(
+    model = UNCALIBRATED.train(
         replace(data, displacements=moved), FIT, jax.random.key(0)
     ).network
     said = SIZE.predictions(model, replace(data, displacements=moved))

@@ -66,7 +66,7 @@ def fit(start, truth):
         start,
         unknowns,
         [recorded(arm_at(start, unknowns, truth))],
-        IdentificationOptions(rounds=8),
+        IdentificationOptions(rounds=4),
     )
 
 
