@@ -4,13 +4,17 @@ import ast
 import io
 import sys
 import tokenize
+from collections import defaultdict
 from pathlib import Path
 from statistics import median, quantiles
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live")
-MAX_CORE = 24_000
+MAX_CORE = 22_350
+"""Code lines of the core; the aim is 20,000, and nothing may move away from it."""
+MAX_NUMBERS = 606
+"""Numbers of the core that decide; the aim is 400."""
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 LAYOUT = {
@@ -80,12 +84,63 @@ def test_the_core_has_at_most_its_lines():
     assert sum(len(code_lines(file.read_text("utf-8"))) for file in core) <= MAX_CORE
 
 
+def deciding_numbers(tree: ast.AST) -> int:
+    """Number of module constants, defaults of options, and literals in comparisons.
+
+    Zero, one and two decide nothing by their size. Tables do not count.
+    """
+    values = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef):
+            assigned = [part for part in node.body if isinstance(part, ast.AnnAssign)]
+            if isinstance(node, ast.Module):
+                assigned += [part for part in node.body if isinstance(part, ast.Assign)]
+            values += [part.value for part in assigned if part.value is not None]
+    numbers = sum(is_number(value) for value in values)
+    compared = [
+        value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Compare)
+        for value in (node.left, *node.comparators)
+    ]
+    return numbers + sum(
+        is_number(value) and value.value not in (0, 1, 2)
+        for value in compared
+        if isinstance(value, ast.Constant)
+    )
+
+
+def is_number(value: ast.expr) -> bool:
+    """Whether an expression is a number, or computed from some, such as np.deg2rad(3)."""
+    if isinstance(value, ast.Dict | ast.List | ast.Set | ast.Tuple | ast.Subscript):
+        return False
+    literals = [part for part in ast.walk(value) if isinstance(part, ast.Constant)]
+    return any(type(part.value) in (int, float) for part in literals)
+
+
+def test_few_numbers_decide_in_the_core():
+    trees = [ast.parse(file.read_text("utf-8")) for file in FILES if is_core(file)]
+    assert sum(map(deciding_numbers, trees)) <= MAX_NUMBERS
+
+
 def is_core(file: Path) -> bool:
     """Whether a file is in the package, and in none of its wings."""
     package = ROOT / "src" / "s2c2a"
     if not file.is_relative_to(package):
         return False
     return file.relative_to(package).parts[0] not in WINGS
+
+
+def test_one_class_name_means_one_thing():
+    """The names of `paper.py` are the paper's, and stand for the same in the recipe."""
+    places = defaultdict(list)
+    for file in FILES:
+        if file.name != "paper.py":
+            for node in ast.parse(file.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    places[node.name].append(str(file.relative_to(ROOT)))
+    twice = {name: files for name, files in places.items() if len(files) > 1}
+    assert not twice
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from sybil import Document
 from tyro.extras import SubcommandApp
 
 from s2c2a.cli.dependent_options import check_conditions
-from s2c2a.cli.main import app
+from s2c2a.cli.main import TRUST, app
 from s2c2a.errors import S2C2AError
 
 from tools.page_blocks import FENCES, HIDDEN_COMMANDS, SHELLS, language_of
@@ -61,7 +61,11 @@ def command_lines(page: Path) -> list[CommandLine]:
 
 def fault_of(line: CommandLine) -> str:
     """What is wrong with a command line; empty if it parses."""
-    target, words = _target(app, list(line.words))
+    given = list(line.words)
+    if TRUST in given:  # which `main` takes out of every command
+        place = given.index(TRUST)
+        given[place : place + 2] = []
+    target, words = _target(app, given)
     if isinstance(target, SubcommandApp):
         names = ", ".join(target._subcommands)
         if line.inline and words and PLACEHOLDER.match(words[0]):

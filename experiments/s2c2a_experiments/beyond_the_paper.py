@@ -12,7 +12,7 @@ from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
-Compared = Annotated[
+ComparedStrategy = Annotated[
     str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
 ]
 
@@ -20,7 +20,7 @@ Compared = Annotated[
 def randomized_arms(
     arms: int = 10,
     strengths: tuple[float, ...] = (0.5, 1.0),
-    strategies: tuple[Compared, ...] = ("best", "paper", "pcc", "pcc-fitted"),
+    strategies: tuple[ComparedStrategy, ...] = ("best", "paper", "pcc", "pcc-fitted"),
     tasks: tuple[str, ...] = (),
     targets: int = 200,
     base: Arm = "twin_arm",

@@ -31,11 +31,11 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, TipLSTM
 
-NETWORK = "LSTM"
+NETWORK = "LSTM"  # as weight files have it
 
 
 @dataclass(frozen=True)
-class LSTM(StrategyOptions):
+class LSTMComparison(StrategyOptions):
     """An LSTM from tip positions to actions.
 
     Its data are as fast as those of the recipe `paper`, whatever the recipe: it follows

@@ -81,7 +81,7 @@ class RandomizedArmsStudy:
 
 
 @dataclass(frozen=True, eq=False)  # tasks hold arrays
-class Trial:
+class ArmTrial:
     """One strategy on one arm.
 
     Attributes:
@@ -211,7 +211,7 @@ def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
     return summary
 
 
-def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[Trial]:
+def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[ArmTrial]:
     """Every strategy on every arm, with the tasks and targets of the arm."""
     randomized = study.randomized()
     groups = [_target_artifacts(study, *pair) for pair in randomized]
@@ -223,7 +223,7 @@ def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[Trial]:
         tasks = results[:count] or [load_task(name, arm) for name in study.tasks]
         targets = tuple(results[count:])
         for strategy in study.strategies:
-            trials.append(Trial(strength, arm, strategy, tuple(tasks), targets))
+            trials.append(ArmTrial(strength, arm, strategy, tuple(tasks), targets))
     return trials
 
 

@@ -46,7 +46,7 @@ MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
 
 
 @dataclass(frozen=True)
-class Split:
+class HeldOutSplit:
     """Held-out samples of a recording.
 
     Attributes:
@@ -62,7 +62,7 @@ def _no_samples(recording: Recording) -> np.ndarray:
     return np.zeros((len(recording.episodes), max(recording.lengths)), bool)
 
 
-def split_blocks(recording: Recording, size: int) -> Split:
+def split_blocks(recording: Recording, size: int) -> HeldOutSplit:
     """Hold out the 7th, 14th and 20th of every twenty blocks over all episodes.
 
     Args:
@@ -83,10 +83,10 @@ def split_blocks(recording: Recording, size: int) -> Split:
             f"blocks of {size} rows hold nothing out of {total} rows; "
             f"give a block of at most {total // (HELD_OUT_BLOCKS[0] + 1)} rows"
         )
-    return Split(f"blocks of {size}", held_out)
+    return HeldOutSplit(f"blocks of {size}", held_out)
 
 
-def split_end(recording: Recording, count: int) -> Split:
+def split_end(recording: Recording, count: int) -> HeldOutSplit:
     """Hold out the last samples of every episode.
 
     Args:
@@ -106,10 +106,10 @@ def split_end(recording: Recording, count: int) -> Split:
     held_out = _no_samples(recording)
     for row, length in zip(held_out, recording.lengths, strict=True):
         row[length - count : length] = True
-    return Split(f"last {count}", held_out)
+    return HeldOutSplit(f"last {count}", held_out)
 
 
-def split_largest(recording: Recording, share: float) -> Split:
+def split_largest(recording: Recording, share: float) -> HeldOutSplit:
     """Hold out the samples with the largest pulls, as whole stretches.
 
     A pull is the norm of the displacements from rest [m], or tensions [N], of all
@@ -147,7 +147,7 @@ def split_largest(recording: Recording, share: float) -> Split:
     held_out = _no_samples(recording)
     for row, values in zip(held_out, pulls, strict=True):
         row[: len(values)] = _large_pulls(values, thresholds[first])
-    return Split(f"largest {100 * share:g} %", held_out)
+    return HeldOutSplit(f"largest {100 * share:g} %", held_out)
 
 
 def _pulls(episode: Episode) -> Float[np.ndarray, " samples"]:
@@ -176,7 +176,7 @@ class RealComparison(NamedTuple):
     """
 
     recording: Recording
-    splits: tuple[Split, ...]
+    splits: tuple[HeldOutSplit, ...]
     unseen: dict[str, Recording]
     models: tuple[str, ...]
 
@@ -232,7 +232,7 @@ class RealComparison(NamedTuple):
                     f"--block {block}, --last {last} and --largest {largest:g} hold "
                     "nothing out; give a positive number, or --unseen RECORDING"
                 )
-            splits.append(Split("nothing", _no_samples(whole)))
+            splits.append(HeldOutSplit("nothing", _no_samples(whole)))
         return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))
 
 
@@ -281,7 +281,7 @@ def real_rows(
 
 def split_rows(
     recording: Recording,
-    split: Split,
+    split: HeldOutSplit,
     models: Sequence[str],
     seeds: Sequence[int],
     unseen: Mapping[str, Recording] | None = None,

@@ -17,7 +17,14 @@ from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.trunk import Trunk
-from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet, train
+from s2c2a.training import (
+    FitOptions,
+    Trained,
+    TrainingData,
+    TrainingProgress,
+    quiet,
+    train,
+)
 from s2c2a.training.trained import as_batch, known_error
 from s2c2a_experiments.tip_lstm import LSTM
 
@@ -72,7 +79,7 @@ class KernelRegression(_ReferenceModel):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained:
         split = forward_samples(self._inputs(data), data.states, data.lengths)
         inputs = []
@@ -168,7 +175,7 @@ class Recurrent(_ReferenceModel):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained:
         windows = self._windows(data)
         split = forward_samples(windows, data.states, data.lengths)
@@ -211,7 +218,7 @@ class FittedArcs(_ReferenceModel):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained:
         """See `ForwardOptions`; least squares over all known positions."""
         from scipy.optimize import least_squares  # noqa: PLC0415  # heavy

@@ -91,7 +91,7 @@ def _without_paper(rows: Sequence[Row]) -> list[Row]:
 
 
 @dataclass(frozen=True)
-class Table:
+class RunTable:
     """A table of runs, and its figures.
 
     Attributes:
@@ -239,8 +239,8 @@ def _workspace(
 _TWIN = partial(load_arm, "twin_arm")
 _SIMULATED = partial(load_arm, "simulated_arm")
 
-TABLES: dict[str, Table] = {
-    "simulation": Table(
+TABLES: dict[str, RunTable] = {
+    "simulation": RunTable(
         (
             Block(
                 _SIMULATED,
@@ -252,7 +252,7 @@ TABLES: dict[str, Table] = {
         ),
         _draw_simulation,
     ),
-    "tracking": Table(
+    "tracking": RunTable(
         (
             Block(_TWIN, TRACKING, COMPARED),
             *(
@@ -269,8 +269,8 @@ TABLES: dict[str, Table] = {
         ),
         _draw_tracking,
     ),
-    "constraint": Table((Block(_TWIN, HOLDING, COMPARED),), _draw_constraint),
-    "obstacles": Table(
+    "constraint": RunTable((Block(_TWIN, HOLDING, COMPARED),), _draw_constraint),
+    "obstacles": RunTable(
         (
             Block(_TWIN, AVOIDING),
             Block(
@@ -282,8 +282,8 @@ TABLES: dict[str, Table] = {
         ),
         _draw_obstacles,
     ),
-    "interaction": Table((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
-    "paths": Table((Block(_TWIN, tuple(PATHS), COMPARED),), _draw_paths),
+    "interaction": RunTable((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
+    "paths": RunTable((Block(_TWIN, tuple(PATHS), COMPARED),), _draw_paths),
 }
 """Name -> table of runs (Chen et al. 2025, secs. III-B and IV)."""
 

@@ -17,7 +17,7 @@ from s2c2a.models.actions import Actions, train_actions
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
 from s2c2a.spaces import ACTION_HISTORY
-from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
+from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
 from s2c2a.training.trained import Trained
 
 
@@ -153,7 +153,7 @@ class LSTMOptions(Size):
         tips: Float[np.ndarray, "episodes samples 3"],
         actions: Float[np.ndarray, "episodes samples modules cables"],
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[TipLSTM]:
         """Train on pairs of successive tip positions.
 

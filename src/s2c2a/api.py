@@ -1,7 +1,8 @@
 """What a program writes first: collect, train, load a strategy, run it.
 
-Each function does what the command of the same name does, with the same defaults.
-`import s2c2a` offers them, and the classes that they need.
+Each function does what the command of the same name does, with the same defaults; only
+`collect` reads or completes a file that exists. `import s2c2a` offers them, and the
+classes that they need.
 """
 
 import os
@@ -103,7 +104,7 @@ def train(
     Args:
         recording: with true states, of `collect` or `load_recording`.
         out: the weight file to write, such as "twin.safetensors".
-        strategy: a name ("s2c2a", "lstm", "pcc-fitted", ...), or file.py:Class.
+        strategy: a name ("s2c2a", "s2c2a-motor", "pcc-fitted"), or file.py:Class.
         recipe: how to train and plan; a name, a file or a recipe.
         seed: of everything random.
         overwrite: whether an existing file is replaced.

@@ -47,7 +47,7 @@ A = Float[Array, "*batch modules 3"]
 """Actions, or displacements that encoders measure [m]; normalized if a text says so."""
 Features = Float[Array, "*batch modules features"]
 Bends = Float[np.ndarray, "samples modules 2"]
-Key = PRNGKeyArray
+RandomKey = PRNGKeyArray
 
 # ---------------------------------------------------- II-C. Configuration estimation
 
@@ -198,7 +198,7 @@ class Scaling(eqx.Module):
         return values * self.half_range + self.center
 
 
-def random_weights(key: Key, hidden: int, *shape: int) -> Array:
+def random_weights(key: RandomKey, hidden: int, *shape: int) -> Array:
     """Random weights, uniform within 1 / sqrt(hidden)."""
     bound = hidden**-0.5
     return jax.random.uniform(key, shape, minval=-bound, maxval=bound)
@@ -211,7 +211,7 @@ class Direction(eqx.Module):
     weight_hidden: Float[Array, "hidden gates"]
     bias: Float[Array, " gates"]
 
-    def __init__(self, features: int, hidden: int, key: Key):
+    def __init__(self, features: int, hidden: int, key: RandomKey):
         keys = jax.random.split(key, 3)
         self.weight_input = random_weights(keys[0], hidden, features, 4 * hidden)
         self.weight_hidden = random_weights(keys[1], hidden, hidden, 4 * hidden)
@@ -248,7 +248,9 @@ class BiLSTM(eqx.Module):
     weight_head: Float[Array, "both_hidden outputs"]
     bias_head: Float[Array, " outputs"]
 
-    def __init__(self, features: int, outputs: int, layers: int, hidden: int, key: Key):
+    def __init__(
+        self, features: int, outputs: int, layers: int, hidden: int, key: RandomKey
+    ):
         """Random weights for features and outputs of each module."""
         head_key, *keys = jax.random.split(key, 2 * layers + 1)
         widths = [features] + [2 * hidden] * (layers - 1)
@@ -490,13 +492,13 @@ def c2a_samples(arm: ArmSpec, recording: Recording, part: str) -> Samples:
     return Samples((merged(sensed[:, t + 1]), history), merged(actions[:, t]))
 
 
-def c2s_loss(model: C2S, samples: Samples, key: Key | None) -> Array:
+def c2s_loss(model: C2S, samples: Samples, key: RandomKey | None) -> Array:
     """Mean squared error of the scaled states."""
     error = model(samples.inputs) - samples.targets
     return jnp.mean((error / model.state_scaling.half_range) ** 2)
 
 
-def c2a_loss(model: C2A, samples: Samples, key: Key | None) -> Array:
+def c2a_loss(model: C2A, samples: Samples, key: RandomKey | None) -> Array:
     """Mean squared error of the normalized actions; a key makes the history noisy."""
     desired, history = samples.inputs
     if key is not None:
@@ -505,7 +507,7 @@ def c2a_loss(model: C2A, samples: Samples, key: Key | None) -> Array:
     return jnp.mean((model(desired, history) - samples.targets) ** 2)
 
 
-def fit(model: Any, loss: Callable, samples: list, key: Key, epochs: int) -> Any:
+def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) -> Any:
     """Train `model.network` with Adam; returns the model of the best validation loss."""
     training, validation = samples
     optimizer = optax.adam(LEARNING_RATE)
@@ -544,7 +546,7 @@ def fit(model: Any, loss: Callable, samples: list, key: Key, epochs: int) -> Any
     return replace(model, network=best)
 
 
-def train_c2s(recording: Recording, key: Key, epochs: int) -> C2S:
+def train_c2s(recording: Recording, key: RandomKey, epochs: int) -> C2S:
     """NN_C2S, trained on a recording."""
     samples = [c2s_samples(recording, part) for part in PARTS]
     network_key, fit_key = jax.random.split(key)
@@ -554,7 +556,7 @@ def train_c2s(recording: Recording, key: Key, epochs: int) -> C2S:
     return fit(model, c2s_loss, samples, fit_key, epochs)
 
 
-def train_c2a(arm: ArmSpec, recording: Recording, key: Key, epochs: int) -> C2A:
+def train_c2a(arm: ArmSpec, recording: Recording, key: RandomKey, epochs: int) -> C2A:
     """NN_C2A, trained on a recording."""
     samples = [c2a_samples(arm, recording, part) for part in PARTS]
     network_key, fit_key = jax.random.split(key)

@@ -5,8 +5,8 @@ so that a new one needs no change in the package (docs/guides/extending.md).
 
 Names of custom code also stand in recordings and weight files, which come from
 anywhere. Therefore `resolve`, the only place that imports custom code, imports what is
-trusted, and nothing else: the names that this command or a Python call was given, and
-those in an arm or recipe file given by its path.
+installed (entry points) or trusted, and nothing else: the names that this command or a
+Python call was given, and those in an arm or recipe file given by its path.
 """
 
 import importlib
@@ -155,12 +155,18 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     module, colon, attribute = name.rpartition(":")
     if colon:
         _check_trusted(kind, name)
+    points = () if colon else tuple(entry_points(group=group, name=name))
     try:
         if colon:
             return getattr(_import_module(module, name), attribute)
-        for entry_point in entry_points(group=group, name=name):
-            return entry_point.load()
+        for point in points:
+            return point.load()
     except Exception as error:  # custom code may raise anything during its import
+        if any(is_absent(point, error) for point in points):
+            raise S2C2AError(
+                f"the {kind} '{name}' is part of a package that is not installed "
+                f"({points[0].module})"
+            ) from error
         raise S2C2AError(
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
@@ -179,6 +185,17 @@ def installed(kind: str) -> dict[str, EntryPoint]:
         kind: one of `GROUPS`.
     """
     return {point.name: point for point in entry_points(group=GROUPS[kind])}
+
+
+def is_absent(point: EntryPoint, error: Exception) -> bool:
+    """Whether the package of an entry point is missing, as experiments are in a wheel.
+
+    Args:
+        point: that cannot be loaded.
+        error: of the attempt.
+    """
+    missing = error.name if isinstance(error, ModuleNotFoundError) else None
+    return missing is not None and f"{point.module}.".startswith(f"{missing}.")
 
 
 def _check_trusted(kind: str, name: str) -> None:

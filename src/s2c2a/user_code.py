@@ -78,7 +78,7 @@ def _files_in_text(text: str) -> Iterator[Path]:
 
 
 def _files_of_name(name: str) -> Iterator[Path]:
-    """See `_files_in_text`, without options."""
+    """Files of a name without options."""
     place, colon, attribute = name.rpartition(":")
     if name in _entry_point_modules():
         yield from _module_files(_entry_point_modules()[name])

@@ -12,7 +12,7 @@ QUICK = {
     "01_your_own_arm.py": "module 2 ends at",
     "03_a_target_that_moves.py": "its target was at",
     "04_own_task.py": "out of reach",
-    "05_plan_many.py": "in one call: 0.",
+    "05_plan_many.py": "one target from 16 starts: 0.",
 }
 SLOW = {
     "02_follow_a_circle.py": "cm from the circle",

@@ -13,7 +13,7 @@ from s2c2a.strategies import (
     save_networks,
 )
 from s2c2a.training import FitOptions
-from s2c2a_experiments.lstm import LSTM
+from s2c2a_experiments.lstm import LSTMComparison
 from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory
 
 
@@ -31,7 +31,7 @@ def trained(twin):
         {"LSTM": (3.0, 2.0)},
         {"LSTM": curve},
     )
-    return labeled(networks, LSTM(options))
+    return labeled(networks, LSTMComparison(options))
 
 
 @pytest.fixture(scope="module")

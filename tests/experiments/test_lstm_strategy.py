@@ -18,7 +18,7 @@ from s2c2a.spaces import Reading
 from s2c2a.strategies import TrainedNetworks, recipe_named
 from s2c2a.tasks import Task
 from s2c2a.training import FitOptions
-from s2c2a_experiments.lstm import LSTM, LSTMStrategy
+from s2c2a_experiments.lstm import LSTMComparison, LSTMStrategy
 from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, lstm_samples
 
 TARGET = Goal.of(3).with_position([0.15, 0.05, 0.55])
@@ -26,7 +26,7 @@ FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 
 def train(recording, options, seed) -> TrainedNetworks:
-    return LSTM(options).train(recording, recipe_named("paper"), seed)
+    return LSTMComparison(options).train(recording, recipe_named("paper"), seed)
 
 
 def at_work(trained) -> LSTMStrategy:

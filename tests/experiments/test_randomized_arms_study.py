@@ -100,7 +100,7 @@ def test_each_strength_has_its_arms():
 
 
 def test_runs_use_aged_arms_and_recordings_new_ones():
-    trial = randomized_arms.Trial(
+    trial = randomized_arms.ArmTrial(
         0.5, TWIN, "pcc-fitted", (Task("still", (Goal.of(3),)),), ()
     )
     (job,) = trial.make_jobs(seed=4)
@@ -165,7 +165,9 @@ def test_strategies_are_baselines_and_recipes_by_name_or_file(tmp_path):
     file.write_text('based_on = "best"\nepisodes = 2\n')
     found = {}
     for name in ("pcc", "paper", str(file)):
-        trial = randomized_arms.Trial(0.5, TWIN, name, (load_task("circle", TWIN),), ())
+        trial = randomized_arms.ArmTrial(
+            0.5, TWIN, name, (load_task("circle", TWIN),), ()
+        )
         (job,) = trial.make_jobs(seed=0)
         found[name] = job.strategy, job.recipe.name, job.recipe.episodes
     best = recipe_named("best")

@@ -22,7 +22,7 @@ import numpy as np
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import natnet_protocol, qualisys_protocol
-from s2c2a.lab.emulation.plant import Pose as SentPose
+from s2c2a.lab.emulation.plant import FramePose as SentPose
 from s2c2a.lab.emulation.pose_datagrams import encode_poses
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody, to_stream
 from s2c2a.lab.tracking import NatNetTracker, QualisysTracker, UdpTracker

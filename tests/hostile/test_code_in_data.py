@@ -22,8 +22,8 @@ from s2c2a.errors import S2C2AError, UntrustedCodeError
 from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
 from s2c2a.executors import submit
 from s2c2a.lab.tracking import tracker_of
-from s2c2a.logs.arm_file import Layout, format_arm
-from s2c2a.logs.cable_model import Parameters
+from s2c2a.logs.arm_file import CableLayout, format_arm
+from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
@@ -339,8 +339,10 @@ def test_names_in_a_map_add_no_key_to_the_arm_file(breaks):
         "ends": [{"position": ["x", "y", "z"], "unit": "m"}],
     }
     zero = np.zeros(3)
-    parameters = Parameters(zero, 0.0, zero, zero, np.zeros(1), 0.0, 0.0, zero, zero)
-    layout = Layout(
+    parameters = CableParameters(
+        zero, 0.0, zero, zero, np.zeros(1), 0.0, 0.0, zero, zero
+    )
+    layout = CableLayout(
         np.array([[0, 1, 2]]),
         np.ones((1, 3)),
         np.array([[0.0, 120.0, 240.0]]),

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from s2c2a.goals import Goal
-from s2c2a.live.goals import Disturbances, goal_of, tip_errors
-from s2c2a.live.request import Obstacle, Request, Weights
+from s2c2a.live.goals import RequestedDisturbances, goal_of, tip_errors
+from s2c2a.live.request import Obstacle, Request, WeightFactors
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 
@@ -15,7 +15,7 @@ def test_the_drivers_obstacles_and_weights_join_the_tasks():
     task_goal = task_goal.with_obstacles([[0.2, 0, 0.5]], [0.06])
     request = Request(
         obstacles=(Obstacle((0.0, 0.2, 0.5), 0.08),),
-        weights=Weights(position=2.0, obstacle=3.0),
+        weights=WeightFactors(position=2.0, obstacle=3.0),
     )
     goal = goal_of(request, 3, task_goal)
     np.testing.assert_allclose(goal.thresholds[:3], [0.06, 0.08, 0.0], rtol=1e-6)
@@ -37,7 +37,7 @@ def test_tip_errors_are_distances_to_the_target_and_the_nearest_threshold():
 
 @pytest.mark.parametrize("changes", [{"noise": 0.001}, {"coupling": 0.5}])
 def test_disturbed_sensors_keep_the_fault_and_the_time_of_the_robot(twin, changes):
-    disturbances = Disturbances(SimulatedRobot(twin))
+    disturbances = RequestedDisturbances(SimulatedRobot(twin))
     disturbances.apply(Request(**changes))
     cables = np.zeros((3, 3))
     reading = Reading(1.5, {"cables": cables}, "servo 3 overheated")

@@ -1,10 +1,10 @@
 """One browser drives, the others watch."""
 
-from s2c2a.live.session import Session
+from s2c2a.live.session import DrivingSession
 
 
 def test_the_first_browser_drives_and_the_second_watches():
-    session = Session()
+    session = DrivingSession()
     session.join(1)
     session.join(2)
     assert session.drives(1)
@@ -13,7 +13,7 @@ def test_the_first_browser_drives_and_the_second_watches():
 
 
 def test_released_control_waits_until_a_browser_takes_it_or_joins():
-    session = Session()
+    session = DrivingSession()
     session.join(1)
     session.join(2)
     session.leave(1)
@@ -26,7 +26,7 @@ def test_released_control_waits_until_a_browser_takes_it_or_joins():
 
 
 def test_a_disconnected_browser_cannot_take_control():
-    session = Session()
+    session = DrivingSession()
     assert not session.take(7)
     session.release(7)
     session.leave(7)
@@ -35,7 +35,7 @@ def test_a_disconnected_browser_cannot_take_control():
 
 def test_changes_are_reported():
     drivers = []
-    session = Session(lambda: drivers.append(session.driver))
+    session = DrivingSession(lambda: drivers.append(session.driver))
     session.join(1)
     session.leave(1)
     assert drivers == [1, None]

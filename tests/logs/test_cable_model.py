@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.logs.cable_model import (
-    Parameters,
+    CableParameters,
     Wiring,
     equilibrium_bends,
     gravity_matrix,
@@ -17,7 +17,7 @@ from s2c2a.logs.model_fit import flatten, unflatten
 STIFFNESS = 0.5
 ANGLES = np.deg2rad([0.0, 120.0, 240.0])
 WIRING = Wiring(np.ones((3, 1)), np.arange(3), np.zeros(3), np.ones(3))
-PARAMETERS = Parameters(
+PARAMETERS = CableParameters(
     angles=ANGLES,
     gain=np.array(0.0),
     gains=np.zeros(3),

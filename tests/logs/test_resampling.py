@@ -6,17 +6,17 @@ import pytest
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Rows
 from s2c2a.logs.resampling import split_segments
-from s2c2a.logs.session import Session
+from s2c2a.logs.session import LogSession
 
 
-def session(time, commanded=None, x=None, labels=None) -> Session:
+def session(time, commanded=None, x=None, labels=None) -> LogSession:
     rows = len(time)
     commanded = np.asarray(time if commanded is None else commanded, float)[:, None]
     positions = np.zeros((rows, 1, 3))
     positions[:, 0, 0] = time if x is None else x
     nothing = np.full((rows, 1), np.nan)
     labels = np.full(rows, "") if labels is None else np.array(labels, object)
-    return Session(
+    return LogSession(
         np.asarray(time, float),
         commanded,
         nothing,

@@ -266,3 +266,18 @@ def test_a_jump_of_small_integers_does_not_wrap_around():
     fault = PeriodicCheck(("raw",), {"raw": Sensor((1,), "V", fastest=1000.0)})
     assert fault(None, raw=np.array([-100], np.int8)) == ""
     assert fault(None, raw=np.array([100], np.int8)) == "'raw' has jumped"
+
+
+def test_a_sensor_may_show_the_same_in_the_steps_of_its_period():
+    check = ReadingCheck(SENSORS, ("bends",), PERIOD, steps=5)
+    times = np.repeat(PERIOD * np.arange(1, 40), 5)
+    for number, time in enumerate(times):
+        bends = SOUND + 0.002 * time
+        assert check.find_fault(Reading(time, {"bends": bends}), time, 0.01) == "", (
+            number
+        )
+    faults = [
+        check.find_fault(Reading(times[-1], {"bends": bends}), times[-1], 0.01)
+        for _ in range(5)
+    ]
+    assert faults[-1] == "the reading is no newer than the last one"

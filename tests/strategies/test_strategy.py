@@ -167,9 +167,13 @@ class SummingModel(PCCForwardModel):
         return memory + sensed
 
 
-@pytest.mark.parametrize("feedback", [1.0, 0.6, 0.0])
+# with full feedback, the planner sees what an estimator does that follows no hysteresis
+@pytest.mark.parametrize(
+    ("feedback", "estimator_follows"),
+    [(1.0, True), (0.6, True), (0.0, True), (1.0, False)],
+)
 def test_every_reading_advances_the_hysteresis_once_whatever_the_feedback(
-    twin, feedback
+    twin, feedback, estimator_follows
 ):
     pcc = PCC.of(twin)
     model = SummingModel.of(twin)
@@ -177,7 +181,7 @@ def test_every_reading_advances_the_hysteresis_once_whatever_the_feedback(
     strategy = Strategy(
         "summing",
         twin,
-        EncoderEstimator(configurations, model),
+        EncoderEstimator(configurations, model if estimator_follows else None),
         Planner(twin, model, PAPER),
         InversePCC(pcc, jnp.ones(3)),
     )

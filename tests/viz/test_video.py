@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz.video import SIZE, Stage, save_video
+from s2c2a.viz.video import SIZE, VideoStage, save_video
 
 
 def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
@@ -34,7 +34,7 @@ def test_a_run_becomes_an_mp4_if_ffmpeg_is_installed(make_trace, arm, tmp_path):
 
 def picture_of(arm, trace, step=0) -> np.ndarray:
     """Pixels of one frame."""
-    stage = Stage(arm)
+    stage = VideoStage(arm)
     stage.draw(trace, step)
     stage.figure.canvas.draw()
     return np.array(stage.figure.canvas.buffer_rgba(), dtype=int)[..., :3]

@@ -16,7 +16,7 @@ MODEL_NUMBERS = {
 }
 """Known models by protocol, with the number that they state on the bus; the first one
 is the default. The packages of the protocols hold their other data."""
-Direction = Literal[-1, 1]
+TurningDirection = Literal[-1, 1]
 ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
 
 
@@ -81,7 +81,7 @@ class Servos(Frozen):
         description="servo of every cable, one row a module",
         json_schema_extra={"allowed": "rows of whole numbers, 0 to 252"},
     )
-    directions: tuple[tuple[Direction, ...], ...] | None = Field(
+    directions: tuple[tuple[TurningDirection, ...], ...] | None = Field(
         default=None,
         description=(
             "1 where a growing servo position pays the cable out, -1 where it winds "

@@ -13,7 +13,7 @@ chosen: well above the shortening of real arms, 2 to 4 % (`randomized_arm`)."""
 MOUNTING = 0.02
 """Largest distance of a tracked body from where it should be [m]; chosen: the size of
 a cluster of markers."""
-Body = Annotated[str, Field(max_length=MAX_NAME_LENGTH)]
+BodyName = Annotated[str, Field(max_length=MAX_NAME_LENGTH)]
 
 
 class Tracking(Frozen):
@@ -25,11 +25,11 @@ class Tracking(Frozen):
         max_length=400,
         description="source, such as udp:9763 or natnet:192.168.1.10",
     )
-    base: Body = Field(
+    base: BodyName = Field(
         default="base",
         description="body at the base; empty: the tracker's world frame replaces it",
     )
-    ends: tuple[Body, ...] | None = Field(
+    ends: tuple[BodyName, ...] | None = Field(
         default=None,
         min_length=1,
         max_length=20,

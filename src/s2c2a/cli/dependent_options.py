@@ -63,7 +63,8 @@ def effective(
 
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
-        def checked(**given: Any) -> None:
+        def checked(*args: Any, **options: Any) -> None:
+            given = inspect.signature(command).bind(*args, **options).arguments
             check_conditions(checked, **given)
             inspect.unwrap(command)(**given)
 

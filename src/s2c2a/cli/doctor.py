@@ -27,7 +27,7 @@ PACKAGE_USES = {
     "torch": "comparisons of benchmarks (extra bench)",
     "pyelastica": "comparisons of benchmarks (extra bench)",
 }
-Row = tuple[str, str, str]
+Finding = tuple[str, str, str]
 
 
 def doctor() -> None:
@@ -47,7 +47,7 @@ def doctor() -> None:
         sys.exit(1)
 
 
-def _environment_rows() -> list[Row]:
+def _environment_rows() -> list[Finding]:
     from s2c2a.executors import all_cores
 
     rows = [
@@ -60,7 +60,7 @@ def _environment_rows() -> list[Row]:
     return rows
 
 
-def _failed(rows: list[Row]) -> list[str]:
+def _failed(rows: list[Finding]) -> list[str]:
     return [item for item, found, _ in rows if found.startswith(("missing", "FAILED"))]
 
 

@@ -12,11 +12,11 @@ from s2c2a.episodes import load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write
 
-Recording = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
+RecordingFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 ENDINGS = ".npz", ".mat"
 
 
-def export(recording: Recording, out: Path) -> None:
+def export(recording: RecordingFile, out: Path) -> None:
     """Write the episodes of a recording or run as NPZ or MAT (docs/reference/episodes.md).
 
     Every column of every episode becomes an array, such as episode1.sensor_cables. The

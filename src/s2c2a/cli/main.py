@@ -16,7 +16,7 @@ from s2c2a.cli import arm, collect, demo, doctor, export, pretrain, run, sweep, 
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
-from s2c2a.plugins import installed, trust_code, trust_of_one_command
+from s2c2a.plugins import installed, is_absent, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
@@ -92,7 +92,7 @@ def _add_installed_commands() -> None:
         try:
             command = point.load()
         except Exception as error:  # it may be a stranger's
-            if not _is_absent(point.module, error):
+            if not is_absent(point, error):
                 print(
                     f"s2c2a: the command '{name}' cannot be loaded: "
                     f"{type(error).__name__}: {error}",
@@ -103,12 +103,6 @@ def _add_installed_commands() -> None:
             GROUPS[name] = command
         else:
             VERBS[name] = command
-
-
-def _is_absent(module: str, error: Exception) -> bool:
-    """Whether the package of a command is missing, as experiments are in a wheel."""
-    missing = error.name if isinstance(error, ModuleNotFoundError) else None
-    return f"{module}.".startswith(f"{missing}.")
 
 
 _add_installed_commands()

@@ -13,7 +13,7 @@ from s2c2a.control.controllers import Controller, NetworkController
 from s2c2a.errors import StrategyError
 from s2c2a.models.actions import C2A, train_c2a
 from s2c2a.models.layers import Size
-from s2c2a.training import FitOptions, Progress, Trained, TrainingData, quiet
+from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ControllerOptions(Options, ABC):
         history_noise: float,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained:
         """Train the network.
 
@@ -94,7 +94,7 @@ class C2AOptions(Size, ControllerOptions):
         history_noise: float,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[C2A]:
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)

@@ -326,7 +326,7 @@ def _run_episode(
 def _exclude_outliers(columns: dict[str, np.ndarray]) -> dict[str, int]:
     """Replace measured states that cannot be true by NaN, and count them by kind.
 
-    A tracker's check of single frames (`tracking.plausibility`) allows any shape that
+    A tracker's check of single frames (`lab.tracking.plausibility`) allows any shape that
     the arm can have; here the states of an episode must also fit its cables.
     """
     states = columns.get(SENSOR + "states")

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_toeplitz
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.signal import bilinear, lfilter
+from scipy.signal import lfilter
 
 from s2c2a.backlash import play_along
 
@@ -55,7 +55,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SearchRanges:
     """Ranges and first values of the parameters.
 
     A row of parameters is: delay [s], half-width of the backlash, the frequencies [Hz]
@@ -101,7 +101,7 @@ class DelayedResponse:
     residuals: Float[np.ndarray, "frames outputs"]
 
 
-def identify_response(motion: Motion, search: Search) -> DelayedResponse:
+def identify_response(motion: Motion, search: SearchRanges) -> DelayedResponse:
     """Fit the response to a motion."""
     grid = np.arange(motion.times[0], motion.times[-1], motion.grid_period)
     # finite differences of the other parameters use it again
@@ -123,14 +123,14 @@ def identify_response(motion: Motion, search: Search) -> DelayedResponse:
     return whitened.response(result)
 
 
-def _bounded(rows: np.ndarray, search: Search) -> np.ndarray:
+def _bounded(rows: np.ndarray, search: SearchRanges) -> np.ndarray:
     """Different rows within the ranges, with logarithms of frequencies and dampings."""
     low, high = _ranges(search)
     logs = np.concatenate([rows[:, :2], np.log(rows[:, 2:])], axis=1)
     return np.unique(logs.clip(low, high), axis=0)
 
 
-def _ranges(search: Search) -> Float[np.ndarray, "2 parameters"]:
+def _ranges(search: SearchRanges) -> Float[np.ndarray, "2 parameters"]:
     modes = (search.starts.shape[1] - 2) // 2
     ranges = np.stack([search.low, search.high])
     ranges[:, 2:] = np.log(ranges[:, 2:])
@@ -151,7 +151,7 @@ class _Fit:
     """
 
     motion: Motion
-    search: Search
+    search: SearchRanges
     grid: Grid
     transmitted: Callable[[float], Grid]
     filters: list[np.ndarray]
@@ -210,7 +210,7 @@ class _Fit:
         for frequency, damping in zip(frequencies, dampings, strict=True):
             terms.append(second_order_response(path, period, frequency, damping))
         for lag in self.search.lags:
-            terms.append(_low_pass(path, period, [lag, 1.0]))
+            terms.append(_first_order_response(path, period, lag))
         if self.search.averaged:
             count = round(self.search.averaged / period)
             terms.append(lfilter(np.full(count, 1.0 / count), 1.0, path))
@@ -239,13 +239,18 @@ def second_order_response(
         frequency: without damping [Hz].
         damping: ratio.
     """
-    lag = 1.0 / (2.0 * np.pi * frequency)
-    return _low_pass(inputs, period, [lag**2, 2.0 * damping * lag, 1.0])
+    # s = 2 / period (z - 1) / (z + 1), the bilinear transform, in closed form: that of
+    # SciPy takes longer than the filter
+    lag = 1.0 / (np.pi * frequency * period)
+    loss = 2.0 * damping * lag
+    denominator = [lag**2 + loss + 1.0, 2.0 - 2.0 * lag**2, lag**2 - loss + 1.0]
+    return lfilter([1.0, 2.0, 1.0], denominator, inputs)
 
 
-def _low_pass(inputs: Grid, period: float, denominator: list[float]) -> Grid:
-    """Response of 1 / (... + a_1 s + 1), by the bilinear transform."""
-    return lfilter(*bilinear([1.0], denominator, 1.0 / period), inputs)
+def _first_order_response(inputs: Grid, period: float, time_constant: float) -> Grid:
+    """Response of 1 / (a s + 1), by the bilinear transform."""
+    lag = 2.0 * time_constant / period
+    return lfilter([1.0, 1.0], [lag + 1.0, 1.0 - lag], inputs)
 
 
 def _filtered(values: np.ndarray, taps: np.ndarray) -> np.ndarray:

@@ -198,8 +198,8 @@ class EncoderEstimator(StateEstimator):
 
         Args:
             configuration_map: from readings to configurations.
-            model: forward model whose hysteresis it follows; None for one without
-                memory.
+            model: forward model whose hysteresis it follows; with None the planner
+                does, if its model has any.
             payload: mass at the tip [kg].
         """
         self._map = configuration_map
@@ -235,7 +235,7 @@ def _sensed(
     """The configuration, and the hysteresis after it; None before: the arm is at rest."""
     configuration = configuration_map(inputs)
     if model is None:
-        return configuration, ()
+        return configuration, None
     if hysteresis is None:
         return configuration, model.start(configuration)
     return configuration, model.observe(configuration, hysteresis)

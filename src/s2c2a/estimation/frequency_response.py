@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation.delayed_response import Motion, Search, identify_response
+from s2c2a.estimation.delayed_response import Motion, SearchRanges, identify_response
 
 Series = Float[np.ndarray, " steps"]
 
@@ -106,7 +106,7 @@ def fit_response(
     return Response(frequency, damping, gain, delay, found.backlash, float(residual))
 
 
-def _search(inputs: Series, period: float, expected: float) -> Search:
+def _search(inputs: Series, period: float, expected: float) -> SearchRanges:
     """Ranges and starting points around an expected frequency.
 
     For a mode that is fast for the control rate, many frequencies of `STARTS` are
@@ -121,7 +121,7 @@ def _search(inputs: Series, period: float, expected: float) -> Search:
     frequency, delay, backlash = np.transpose(STARTS)
     damping = np.full_like(frequency, FIRST_DAMPING)
     starts = [delay * max_delay, backlash * max_backlash, frequency * expected, damping]
-    return Search(low, high, np.stack(starts, axis=1), averaged=period)
+    return SearchRanges(low, high, np.stack(starts, axis=1), averaged=period)
 
 
 def spectrum(

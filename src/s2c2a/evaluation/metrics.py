@@ -25,7 +25,7 @@ States = Float[np.ndarray, "steps modules 6"]
 Desired = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
 Vectors = Float[np.ndarray, "steps 3"]
-Obstacles = Float[np.ndarray, "steps obstacles 4"]
+ObstacleSpheres = Float[np.ndarray, "steps obstacles 4"]
 StepMetric = Callable[[Episode, Task, Score], PerStep]
 
 
@@ -80,7 +80,7 @@ def angles_deg(
 
 def clearances(
     points: Float[np.ndarray, "steps *points 3"],
-    obstacles: Obstacles,
+    obstacles: ObstacleSpheres,
 ) -> PerStep:
     """`clearance` [cm]: least distance to an obstacle's center, less its threshold r.
 
@@ -115,7 +115,7 @@ def step_lengths(tips: Vectors) -> PerStep:
 
 def tip_drifts(
     tips: Vectors,
-    obstacles: Obstacles,
+    obstacles: ObstacleSpheres,
     far_clearance: float,
 ) -> PerStep:
     """`stillness` [cm]: distance of the tip from where it was when obstacles got far.

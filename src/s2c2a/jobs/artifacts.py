@@ -31,7 +31,7 @@ from s2c2a.strategies import (
 )
 from s2c2a.user_code import code_digest
 
-REVISION = 8
+REVISION = 9
 """Raise it whenever simulation, babbling, training or file layout change what is kept,
 so that nothing old is used."""
 

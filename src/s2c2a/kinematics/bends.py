@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 Numbers = Array | np.ndarray
 """What functions of JAX take; they return arrays of JAX."""
-Limits = Float[Numbers, "*#batch"] | float
+BendLimits = Float[Numbers, "*#batch"] | float
 
 # Squared angle below which series replace quotients; the next term of the series is
 # below the resolution of float32.
@@ -98,7 +98,7 @@ def bends_from_configurations(
 
 
 def limit_lengths(
-    vectors: Float[Numbers, "*batch axis"], limits: Limits
+    vectors: Float[Numbers, "*batch axis"], limits: BendLimits
 ) -> Float[Array, "*batch axis"]:
     """Shorten every vector that is longer than its limit; directions stay."""
     squared = squared_norm(vectors)

@@ -19,7 +19,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
 from s2c2a.goals import Goal
-from s2c2a.live.goals import Disturbable, Disturbances, goal_of, tip_errors
+from s2c2a.live.goals import Disturbable, RequestedDisturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.planning import Guard
@@ -86,7 +86,7 @@ class ArmControl(Control):
         self._builders = strategies
         self._name = self.strategies[0]
         self._tasks = tasks
-        self._disturbances = Disturbances(robot)
+        self._disturbances = RequestedDisturbances(robot)
         patience = Patience.of(robot.arm.control_rate, alone=release_after)
         strategy = strategies[self._name]()
         sensing = self._disturbances.corrupt

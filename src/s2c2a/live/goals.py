@@ -68,7 +68,7 @@ class Disturbable(Protocol):
         """Attach a mass at the tip [kg] that replaces the last one."""
 
 
-class Disturbances:
+class RequestedDisturbances:
     """Disturbs a robot, and its readings by sensor faults, as requested."""
 
     def __init__(self, robot: Robot, seed: int = 0):

@@ -19,7 +19,7 @@ from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Point, point
 from s2c2a.live.scene import REACH_TOLERANCE
-from s2c2a.live.session import CLOUD, GHOST, TRAILS, Session
+from s2c2a.live.session import CLOUD, GHOST, TRAILS, DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
 from s2c2a.runtime import StepRecord
@@ -70,7 +70,7 @@ class LivePage(Window):
         self._control = control
         self._survey = survey
         gui = self.server.gui
-        self.session = Session(self._session_changed)
+        self.session = DrivingSession(self._session_changed)
         self._panels = dict[int, Panel]()
         self._recorder = Recorder(control, runs)
         self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)

@@ -33,7 +33,7 @@ from s2c2a.live.request import (
     fault_sliders,
     point,
 )
-from s2c2a.live.session import Session
+from s2c2a.live.session import DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
 from s2c2a.spaces import AXIS
@@ -65,7 +65,7 @@ class Panel:
         self,
         client: ClientHandle,
         control: Control,
-        session: Session,
+        session: DrivingSession,
         recorder: Recorder,
         notify: Callable[[str], None],
     ):

@@ -24,7 +24,7 @@ class Obstacle:
     threshold: float
 
 
-class Weights(NamedTuple):
+class WeightFactors(NamedTuple):
     """Factors of the weights of the planner's cost terms."""
 
     position: float = 1.0
@@ -33,7 +33,7 @@ class Weights(NamedTuple):
     change: float = 1.0
 
 
-UNCHANGED = Weights()
+UNCHANGED = WeightFactors()
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Request:
     playing: bool = False
     speed: float = 1.0
     obstacles: tuple[Obstacle, ...] = ()
-    weights: Weights = UNCHANGED
+    weights: WeightFactors = UNCHANGED
     payload: float = 0.0
     force: Point = (0.0, 0.0, 0.0)
     coupling: float = 0.0
@@ -132,7 +132,9 @@ class RequestLimits:
             "axis": partial(_optional, _unit),
             "task": partial(_optional, self._task),
             "obstacles": self._obstacles,
-            "weights": lambda value: Weights(*_clip(value, *WEIGHT_FACTORS, (4,))),
+            "weights": lambda value: WeightFactors(
+                *_clip(value, *WEIGHT_FACTORS, (4,))
+            ),
             "force": lambda value: point(_clip(value, -self.force, self.force, (3,))),
         }
 

@@ -8,7 +8,7 @@ TRAILS = "Trails"
 CLOUD = "Workspace"
 
 
-class Session:
+class DrivingSession:
     """The connected browsers and the one that drives.
 
     Only viser's thread changes a session; every thread may read it.

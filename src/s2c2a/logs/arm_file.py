@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
 from s2c2a.files import toml_comment
-from s2c2a.logs.cable_model import Parameters
+from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import KnownArm, LogMap
@@ -29,7 +29,7 @@ DEFAULT_RADIUS = 0.01  # m
 
 
 @dataclass(frozen=True)
-class Layout:
+class CableLayout:
     """Drives of the arm's cables.
 
     Attributes:
@@ -51,7 +51,7 @@ class Layout:
     turn: float = 0.0
 
 
-def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Layout:
+def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> CableLayout:
     """Sort cables by module and angle; radii follow from the mean gain of a module.
 
     Raises:
@@ -81,12 +81,12 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Layo
     factor = wiring.sign[order] * (1.0 if unit == "N" else -1.0)
     if unit == "free":
         factor = factor * gains * radii[:, None]
-    return Layout(
+    return CableLayout(
         wiring.drive[order], factor, angles[order], radii, gains / mean[:, None]
     )
 
 
-def match_layout(layout: Layout, arm: ArmSpec, may_turn: bool) -> Layout:
+def match_layout(layout: CableLayout, arm: ArmSpec, may_turn: bool) -> CableLayout:
     """Reorder a layout to the cables of a stated arm.
 
     Args:
@@ -137,7 +137,7 @@ def _match_cables(
 def format_arm(
     fit: CableFit,
     assignment: Assignment,
-    layout: Layout,
+    layout: CableLayout,
     log_map: LogMap,
     bends: Sequence[np.ndarray],
     residual: float,
@@ -200,13 +200,13 @@ def quote(text: str) -> str:
 
 
 def _module_lines(
-    module: int, fit: CableFit, layout: Layout, log_map: LogMap
+    module: int, fit: CableFit, layout: CableLayout, log_map: LogMap
 ) -> list[str]:
     arm = log_map.arm
     drives = layout.drive[module]
     length = float(np.exp(fit.parameters.lengths[module]))
     radius = layout.radii[module]
-    std = fit.std or Parameters(
+    std = fit.std or CableParameters(
         *(np.full_like(value, np.nan) for value in fit.parameters)
     )
     gain_std = np.sqrt(std.gain**2 + np.mean(std.gains[drives] ** 2) / len(drives))

@@ -42,7 +42,7 @@ class Wiring(NamedTuple):
     sign: np.ndarray
 
 
-class Parameters(NamedTuple):
+class CableParameters(NamedTuple):
     """Parameters of the cable model.
 
     Attributes:
@@ -68,14 +68,14 @@ class Parameters(NamedTuple):
     base: Numbers
 
 
-def cable_directions(parameters: Parameters, wiring: Wiring) -> Numbers:
+def cable_directions(parameters: CableParameters, wiring: Wiring) -> Numbers:
     """Change of each cable's length with the bends, shape (cables, 2 modules)."""
     angle = parameters.angles[wiring.drive] + wiring.turn
     direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     return (wiring.reach[:, :, None] * direction[:, None, :]).reshape(len(angle), -1)
 
 
-def stiffness_matrix(parameters: Parameters) -> Numbers:
+def stiffness_matrix(parameters: CableParameters) -> Numbers:
     """K: equal stiffness of all modules, and gravity of a uniform chain."""
     modules = len(parameters.lengths)
     elastic = jnp.exp(parameters.stiffness) * jnp.eye(modules)
@@ -94,7 +94,7 @@ def gravity_matrix(
 
 
 def equilibrium_bends(
-    parameters: Parameters,
+    parameters: CableParameters,
     wiring: Wiring,
     columns: Float[Array | np.ndarray, "rows drives"],
     tension: bool,
@@ -147,14 +147,14 @@ def tilt_rotation(tilt: Numbers) -> Float[Array, "3 3"]:
 
 
 def states_in_base(
-    parameters: Parameters, bends: Float[Array, "rows modules 2"]
+    parameters: CableParameters, bends: Float[Array, "rows modules 2"]
 ) -> Float[Array, "rows modules 6"]:
     """States [m, 1] in the base frame."""
     return states_from_bends(bends, jnp.exp(parameters.lengths))
 
 
 def states_in_log(
-    parameters: Parameters,
+    parameters: CableParameters,
     states: Float[Array, "rows modules 6"],
     axes: Float[Array, "3 3"],
 ) -> Float[Array, "rows modules 6"]:

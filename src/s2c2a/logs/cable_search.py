@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.logs.assignment import rank_assignments
-from s2c2a.logs.cable_model import Parameters, Wiring
+from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
@@ -53,7 +53,7 @@ class Assignment:
     coupled: bool
 
 
-Trial = tuple[CableFit, Assignment]
+CableTrial = tuple[CableFit, Assignment]
 
 
 def build_wiring(assignment: Assignment, log_map: LogMap) -> Wiring:
@@ -75,7 +75,7 @@ def build_wiring(assignment: Assignment, log_map: LogMap) -> Wiring:
 
 
 def identify_cables(
-    observations: Observations, start: Parameters, log_map: LogMap, max_rows: int
+    observations: Observations, start: CableParameters, log_map: LogMap, max_rows: int
 ) -> tuple[CableFit, Assignment, list[str]]:
     """Fit the cable model, and find the modules, signs, and coupling not in the map.
 
@@ -116,9 +116,9 @@ def _refit(observations: Observations, fit: CableFit, iterations: int) -> CableF
 def _first_trials(
     observations: Observations,
     subset: Observations,
-    start: Parameters,
+    start: CableParameters,
     log_map: LogMap,
-) -> Iterator[Trial]:
+) -> Iterator[CableTrial]:
     """Short fits of the most likely assignments."""
     couplings = [False, True]
     if log_map.arm.coupled_cables is not None:
@@ -208,10 +208,10 @@ def _robust_slopes(
 def _first_parameters(
     effects: np.ndarray,
     assignment: Assignment,
-    start: Parameters,
+    start: CableParameters,
     log_map: LogMap,
     ends: np.ndarray,
-) -> Parameters:
+) -> CableParameters:
     """Angles from the direction of the tip's motion, the gain from its size."""
     tip = effects[:, -1]
     lengths = np.exp(start.lengths)
@@ -242,7 +242,7 @@ def _lever(lengths: np.ndarray, module: int, end: int, coupled: bool) -> float:
 
 def _exchange_motors(
     observations: Observations, fit: CableFit, assignment: Assignment, log_map: LogMap
-) -> Trial:
+) -> CableTrial:
     """Exchange two motors, or all motors of two modules, while the cost falls."""
     improved = True
     while improved:

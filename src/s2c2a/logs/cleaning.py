@@ -8,7 +8,7 @@ import numpy as np
 from s2c2a.data.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.session import Session, effective_drives
+from s2c2a.logs.session import LogSession, effective_drives
 
 SHOWN = 3  # rows that the summary names
 
@@ -47,8 +47,8 @@ class Excluded:
 
 
 def exclude_outliers(
-    sessions: Sequence[Session], log_map: LogMap
-) -> tuple[list[Session], Excluded]:
+    sessions: Sequence[LogSession], log_map: LogMap
+) -> tuple[list[LogSession], Excluded]:
     """Replace poses that cannot be true by NaN; the drives stay.
 
     Args:
@@ -84,7 +84,7 @@ def exclude_outliers(
 
 
 def _measured_ends(
-    sessions: Sequence[Session], log_map: LogMap, order: np.ndarray
+    sessions: Sequence[LogSession], log_map: LogMap, order: np.ndarray
 ) -> MeasuredEnds:
     lengths = [len(session) for session in sessions]
     drives = [effective_drives(session, log_map) for session in sessions]
@@ -110,7 +110,7 @@ def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
     return [None, *np.diff(heights)]
 
 
-def _without(session: Session, is_excluded: np.ndarray) -> Session:
+def _without(session: LogSession, is_excluded: np.ndarray) -> LogSession:
     masked = is_excluded[..., None]
     return replace(
         session,
@@ -120,7 +120,7 @@ def _without(session: Session, is_excluded: np.ndarray) -> Session:
 
 
 def _describe_rows(
-    found: Outliers, sessions: Sequence[Session], log_map: LogMap
+    found: Outliers, sessions: Sequence[LogSession], log_map: LogMap
 ) -> str:
     """The first rows with an outlier, with the number of their log if there are more."""
     rows = np.flatnonzero(found.all.any(axis=1))[:SHOWN]

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.session import Session, effective_drives
+from s2c2a.logs.session import LogSession, effective_drives
 
 EXPLAINED = 0.07
 """Share of all differences of similar rows that a motion of the frame must explain.
@@ -57,7 +57,7 @@ class FrameMotion(NamedTuple):
 
 
 def find_frame_motions(
-    sessions: Sequence[Session], log_map: LogMap
+    sessions: Sequence[LogSession], log_map: LogMap
 ) -> tuple[FrameMotion, ...]:
     """Find jumps and drifts of the frame within logs; the largest of each log."""
     motions = []

@@ -53,26 +53,26 @@ BodyDirection = Annotated[
     _direction("x, y and z are the axes of the tracked frame"),
 ]
 ModuleIndex = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
-Text = Annotated[str, Field(max_length=MAX_TEXT)]
+MapText = Annotated[str, Field(max_length=MAX_TEXT)]
 ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
 
 
-class Frozen(BaseModel):
+class MapTable(BaseModel):
     """Immutable table, validated when built."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Source(Frozen):
+class Source(MapTable):
     """Origin of a log; the recording keeps it."""
 
-    name: Text = Field(default="", description="robot and session")
-    address: Text = Field(default="", description="where the log is published")
-    commit: Text = Field(default="", description="version of the published log")
-    license: Text = Field(default="", description="license of the log")
+    name: MapText = Field(default="", description="robot and session")
+    address: MapText = Field(default="", description="where the log is published")
+    commit: MapText = Field(default="", description="version of the published log")
+    license: MapText = Field(default="", description="license of the log")
 
 
-class Rows(Frozen):
+class Rows(MapTable):
     """Timing of rows, and where episodes end."""
 
     kind: Literal["timed", "steps"] = Field(
@@ -149,7 +149,7 @@ class Rows(Frozen):
         return self
 
 
-class Join(Frozen):
+class Join(MapTable):
     """Files that form one session, with rows matched by a key."""
 
     key: Column = Field(description="column that every file has")
@@ -161,7 +161,7 @@ class Join(Frozen):
     )
 
 
-class DrivenCable(Frozen):
+class DrivenCable(MapTable):
     """Cable on a motor."""
 
     turn_deg: Number = Field(
@@ -175,7 +175,7 @@ class DrivenCable(Frozen):
     )
 
 
-class Drive(Frozen):
+class Drive(MapTable):
     """Motor: its columns and its cables."""
 
     commanded: Column | None = Field(
@@ -225,7 +225,7 @@ class Drive(Frozen):
         return self.measured or self.commanded or ""
 
 
-class End(Frozen):
+class End(MapTable):
     """Tracked end of a module."""
 
     module: ModuleIndex | None = Field(
@@ -280,7 +280,7 @@ class End(Frozen):
         return self
 
 
-class Frame(Frozen):
+class LogFrame(MapTable):
     """Frame in which positions are measured."""
 
     along: LogDirection | None = Field(
@@ -298,7 +298,7 @@ class Frame(Frozen):
     )
 
 
-class KnownArm(Frozen):
+class KnownArm(MapTable):
     """Known properties of the arm; others are estimated or marked as guesses."""
 
     name: str = Field(pattern=NAME, description="name of the arm")
@@ -358,7 +358,7 @@ class KnownArm(Frozen):
         return self
 
 
-class LogMap(Frozen):
+class LogMap(MapTable):
     """Description of a log."""
 
     source: Source = Source()
@@ -367,7 +367,7 @@ class LogMap(Frozen):
     arm: KnownArm
     drives: tuple[Drive, ...] = Field(min_length=1, max_length=MAX_CABLES)
     ends: tuple[End, ...] = Field(min_length=1, max_length=MAX_MODULES)
-    frame: Frame = Frame()
+    frame: LogFrame = LogFrame()
 
     @model_validator(mode="after")
     def _check_modules(self):
@@ -430,7 +430,7 @@ class LogMap(Frozen):
         return {self.rows.label} if self.rows.label else set()
 
 
-_TABLES = (LogMap, Source, Rows, Join, Drive, DrivenCable, End, Frame, KnownArm)
+_TABLES = (LogMap, Source, Rows, Join, Drive, DrivenCable, End, LogFrame, KnownArm)
 KEYS = tuple(name for table in _TABLES for name in table.model_fields)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from s2c2a.logs.cable_model import (
-    Parameters,
+    CableParameters,
     Wiring,
     equilibrium_bends,
     states_in_base,
@@ -63,15 +63,15 @@ class CableFit:
         std: standard deviations of the parameters.
     """
 
-    parameters: Parameters
+    parameters: CableParameters
     wiring: Wiring
     cost: float
-    std: Parameters | None = None
+    std: CableParameters | None = None
 
 
 def fit_parameters(
     observations: Observations,
-    start: Parameters,
+    start: CableParameters,
     wiring: Wiring,
     iterations: int = MAX_ITERATIONS,
     with_std: bool = False,
@@ -125,12 +125,12 @@ def fit_parameters(
     return CableFit(unflatten(result.x, start), wiring, float(result.cost), std)
 
 
-def flatten(parameters: Parameters) -> np.ndarray:
+def flatten(parameters: CableParameters) -> np.ndarray:
     """All parameters as one vector."""
     return np.concatenate([np.ravel(value) for value in parameters]).astype(float)
 
 
-def unflatten(vector, like: Parameters) -> Parameters:
+def unflatten(vector, like: CableParameters) -> CableParameters:
     """Parameters from one vector, with the shapes of others."""
     values = []
     begin = 0
@@ -138,14 +138,14 @@ def unflatten(vector, like: Parameters) -> Parameters:
         end = begin + np.size(value)
         values.append(vector[begin:end].reshape(np.shape(value)))
         begin = end
-    return Parameters(*values)
+    return CableParameters(*values)
 
 
-def _prior_std(observations: Observations, start: Parameters) -> np.ndarray:
+def _prior_std(observations: Observations, start: CableParameters) -> np.ndarray:
     values = start._asdict()
     std = observations.prior_std
     return flatten(
-        Parameters(
+        CableParameters(
             *(np.full(np.shape(values[name]), std.get(name, WIDE)) for name in values)
         )
     )
@@ -181,7 +181,7 @@ _compiled_jacobian = partial(jax.jit, static_argnames="tension")(jax.jacfwd(_res
 
 
 def predict_states(
-    parameters: Parameters, wiring: Wiring, columns: np.ndarray, tension: bool
+    parameters: CableParameters, wiring: Wiring, columns: np.ndarray, tension: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bends [rad] and states [m, 1] of each row, base frame."""
     with jax.enable_x64(True):

@@ -13,8 +13,8 @@ from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.files import write_atomically
-from s2c2a.logs.arm_file import Layout, build_layout, format_arm, match_layout
-from s2c2a.logs.cable_model import Parameters, tilt_rotation
+from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
+from s2c2a.logs.cable_model import CableParameters, tilt_rotation
 from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.errors import LogError
@@ -31,7 +31,7 @@ from s2c2a.logs.rig import (
     find_similar_rows,
     transform_states,
 )
-from s2c2a.logs.session import Session, build_session, effective_drives
+from s2c2a.logs.session import LogSession, build_session, effective_drives
 from s2c2a.logs.session_change import SessionChange, find_change
 from s2c2a.logs.tables import ColumnRequest, read_table
 from s2c2a.spaces import POSITION
@@ -53,7 +53,7 @@ class Segments:
         frame_motions: jumps and drifts of the frame.
     """
 
-    sessions: list[Session]
+    sessions: list[LogSession]
     rows: int
     broken_rows: int
     excluded: Excluded
@@ -82,7 +82,7 @@ class Imported:
     text: str
     episodes: tuple[Episode, ...]
     rig: Rig
-    layout: Layout
+    layout: CableLayout
     fit: CableFit
     assignment: Assignment
     residual: float
@@ -275,7 +275,7 @@ def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segme
 
 def _read_sessions(
     paths: Sequence[str | os.PathLike], log_map: LogMap
-) -> list[Session]:
+) -> list[LogSession]:
     count = log_map.join.files if log_map.join else 1
     if not paths or len(paths) % count:
         raise LogError(
@@ -295,7 +295,7 @@ def _read_sessions(
     ]
 
 
-def _register(segments: Sequence[Session], log_map: LogMap) -> Registration:
+def _register(segments: Sequence[LogSession], log_map: LogMap) -> Registration:
     """Estimate the base frame, and check the drives against the arm's length."""
     positions = np.concatenate([segment.positions for segment in segments])
     registration = estimate_registration(positions, log_map)
@@ -320,7 +320,7 @@ def _check_travel(
 
 
 def _observe(
-    segments: Sequence[Session], registration: Registration, log_map: LogMap
+    segments: Sequence[LogSession], registration: Registration, log_map: LogMap
 ) -> Observations:
     return Observations(
         np.concatenate([effective_drives(segment, log_map) for segment in segments]),
@@ -333,7 +333,7 @@ def _observe(
 
 
 def _measured_states(
-    segments: Sequence[Session], log_map: LogMap
+    segments: Sequence[LogSession], log_map: LogMap
 ) -> Float[np.ndarray, "rows modules 6"]:
     """States [m, 1] in the frame of the log; NaN: not measured."""
     ends = np.concatenate(
@@ -365,10 +365,10 @@ def _prior_std(log_map: LogMap) -> dict[str, float]:
     }
 
 
-def _start(registration: Registration, log_map: LogMap) -> Parameters:
+def _start(registration: Registration, log_map: LogMap) -> CableParameters:
     """First guess; angles and gains are replaced later."""
     zeros = np.zeros(len(log_map.drives))
-    return Parameters(
+    return CableParameters(
         angles=zeros,
         gain=np.array(0.0),
         gains=zeros,
@@ -393,7 +393,7 @@ def _is_at_rest(log_map: LogMap) -> bool:
 
 
 def _build_episodes(
-    segments: Sequence[Session],
+    segments: Sequence[LogSession],
     states: np.ndarray,
     arm: ArmSpec,
     rig: Rig,
@@ -407,12 +407,12 @@ def _build_episodes(
     )
 
 
-def _split_rows(rows: np.ndarray, segments: Sequence[Session]) -> list[np.ndarray]:
+def _split_rows(rows: np.ndarray, segments: Sequence[LogSession]) -> list[np.ndarray]:
     return np.split(rows, np.cumsum([len(segment) for segment in segments])[:-1])
 
 
 def _build_episode(
-    segment: Session, states: np.ndarray, arm: ArmSpec, rig: Rig, log_map: LogMap
+    segment: LogSession, states: np.ndarray, arm: ArmSpec, rig: Rig, log_map: LogMap
 ) -> Episode:
     """Episode of one segment, with states in the base frame.
 

@@ -8,14 +8,14 @@ import numpy as np
 
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Rows
-from s2c2a.logs.session import Session
+from s2c2a.logs.session import LogSession
 
 # default longest gap, in median row intervals or control periods
 DEFAULT_GAP = 4.0
 SIGNALS = ("commanded", "measured", "positions", "axes")
 
 
-def longest_gap(session: Session, rows: Rows, period: float) -> float:
+def longest_gap(session: LogSession, rows: Rows, period: float) -> float:
     """Longest interval within a segment [s]: as stated, or a few row intervals."""
     if rows.longest_gap is not None:
         return rows.longest_gap
@@ -27,7 +27,7 @@ def longest_gap(session: Session, rows: Rows, period: float) -> float:
     return DEFAULT_GAP * max(median, period)
 
 
-def split_segments(session: Session, rows: Rows, period: float) -> list[Session]:
+def split_segments(session: LogSession, rows: Rows, period: float) -> list[LogSession]:
     """Split a session at gaps, unknown commands, and changes of the label.
 
     Timed rows are resampled to the control period.
@@ -62,7 +62,7 @@ def split_segments(session: Session, rows: Rows, period: float) -> list[Session]
     return segments
 
 
-def select_rows(session: Session, rows: np.ndarray | slice) -> Session:
+def select_rows(session: LogSession, rows: np.ndarray | slice) -> LogSession:
     """Session of some rows."""
     names = ("time", *SIGNALS, "labels")
     return replace(session, **{name: getattr(session, name)[rows] for name in names})
@@ -79,7 +79,7 @@ def _check_increasing(times: np.ndarray) -> None:
         )
 
 
-def _resample(segment: Session, period: float, limit: float) -> Session:
+def _resample(segment: LogSession, period: float, limit: float) -> LogSession:
     times = segment.time
     count = int((times[-1] - times[0]) / period + 1e-6) + 1
     samples = times[0] + period * np.arange(count)

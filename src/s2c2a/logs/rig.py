@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.log_map import MAX_CABLES, Column, Frozen, LogMap, Vector
+from s2c2a.logs.log_map import MAX_CABLES, Column, LogMap, MapTable, Vector
 from s2c2a.logs.session import drive_scale
 from s2c2a.logs.tables import list_names
 
@@ -25,7 +25,7 @@ NEAREST_SHARE = 0.1
 DriveIndex = Annotated[int, Field(ge=0, lt=MAX_CABLES)]
 
 
-class Rig(Frozen):
+class Rig(MapTable):
     """Placement of cameras and motors.
 
     Attributes:

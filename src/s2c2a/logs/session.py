@@ -17,7 +17,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 
 
 @dataclass(frozen=True)
-class Session:
+class LogSession:
     """Rows of one log.
 
     Attributes:
@@ -51,7 +51,7 @@ class Session:
         return np.where(known, self.commanded, self.measured)
 
 
-def build_session(tables: Sequence[Table], log_map: LogMap) -> Session:
+def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
     """Convert the tables of one session, joined if there are several.
 
     Raises:
@@ -68,7 +68,7 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> Session:
         )
     positions = [_stack(table, end.position) * METERS[end.unit] for end in log_map.ends]
     label = log_map.rows.label
-    return Session(
+    return LogSession(
         _time(table, log_map),
         _drive_values(table, log_map, "commanded"),
         _drive_values(table, log_map, "measured"),
@@ -157,7 +157,7 @@ def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:
 
 
 def effective_drives(
-    session: Session, log_map: LogMap
+    session: LogSession, log_map: LogMap
 ) -> Float[np.ndarray, "rows drives"]:
     """Values of the drives while each row was measured."""
     commands = session.commands

@@ -14,7 +14,7 @@ from s2c2a.data.windows import Split, controller_samples
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import BiLSTM, History, controller_inputs
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
-from s2c2a.training.fit import Batch, FitOptions, Network, Progress, quiet
+from s2c2a.training.fit import Batch, FitOptions, Network, TrainingProgress, quiet
 from s2c2a.training.trained import Trained, TrainingData, train
 
 Actions = Float[Array, "*batch modules cables"]
@@ -65,7 +65,7 @@ def train_c2a(
     history_noise: float,
     fit: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress = quiet,
+    progress: TrainingProgress = quiet,
 ) -> Trained[C2A]:
     """Train on pairs of successive sensed configurations.
 
@@ -119,7 +119,7 @@ def train_actions(
     noise: float,
     fit: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress = quiet,
+    progress: TrainingProgress = quiet,
 ) -> Trained[Network]:
     """Train a network for actions on recorded ones, with noise on past ones.
 

@@ -18,7 +18,7 @@ from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
 from s2c2a.models.layers import Scaling, Size
 from s2c2a.paper import BiLSTM
-from s2c2a.training.fit import Batch, FitOptions, Progress, quiet
+from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
 from s2c2a.training.trained import (
     Pretrained,
     Trained,
@@ -73,7 +73,7 @@ class ForwardOptions(Options, ABC):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[ForwardModel]:
         """Train the model.
 
@@ -117,7 +117,7 @@ class ForwardOptions(Options, ABC):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
         spread: eqx.Module | None = None,
     ) -> Trained[ForwardModel]:
         """Continue the training of a transferred model; see `train`.
@@ -139,7 +139,7 @@ class ForwardOptions(Options, ABC):
         arms: Sequence[TrainingData],
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Pretrained[ForwardModel]:
         """Learn a prior over arms from recordings of several ones.
 
@@ -200,7 +200,7 @@ class C2SOptions(Size, ForwardOptions):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[C2S]:
         """See `ForwardOptions`; on single samples."""
         network_key, fit_key = jax.random.split(key)

@@ -35,7 +35,7 @@ Mask = Bool[np.ndarray, "episodes samples"]
 
 
 @dataclass(frozen=True, eq=False)  # holds arrays
-class Errors:
+class GroupErrors:
     """Errors of a model on a group of samples.
 
     Attributes:
@@ -96,7 +96,7 @@ def union(groups: Mapping[str, Mask]) -> Mask:
 
 
 def calibrated(
-    uncertainty: Uncertainty, seen: Uncertainty, errors: Mapping[str, Errors]
+    uncertainty: Uncertainty, seen: Uncertainty, errors: Mapping[str, GroupErrors]
 ) -> Uncertainty:
     """The uncertainty of a model, from the errors of another one with less data.
 
@@ -135,7 +135,7 @@ def _gain(uncertainty: Uncertainty, seen: Uncertainty) -> Float[np.ndarray, " mo
     return np.minimum(np.nan_to_num(ratios, nan=1.0), 1.0)
 
 
-def _coverage_factor(probe: Uncertainty, groups: list[Errors]) -> float:
+def _coverage_factor(probe: Uncertainty, groups: list[GroupErrors]) -> float:
     """Factor with which twice the tip's deviation covers most errors of each group."""
     factors = [1.0]
     for group in groups:
@@ -146,7 +146,7 @@ def _coverage_factor(probe: Uncertainty, groups: list[Errors]) -> float:
     return min(max(factors), MAX_FACTOR)
 
 
-def _fit_variances(groups: list[Errors], module: int) -> Float[np.ndarray, "3"]:
+def _fit_variances(groups: list[GroupErrors], module: int) -> Float[np.ndarray, "3"]:
     """Variance of a module's end: constant, per squared speed and extrapolation.
 
     Zero for a module whose end is never measured.

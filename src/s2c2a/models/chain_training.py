@@ -28,7 +28,7 @@ from s2c2a.training.fit import (
     Batch,
     FitOptions,
     FitResult,
-    Progress,
+    TrainingProgress,
     parameters,
     quiet,
 )
@@ -119,7 +119,7 @@ class ChainOptions(ForwardOptions):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
@@ -140,7 +140,7 @@ class ChainOptions(ForwardOptions):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
         spread: ChainC2S | None = None,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`: trains all parameters with a penalty on their change.
@@ -159,7 +159,7 @@ class ChainOptions(ForwardOptions):
         arms: Sequence[TrainingData],
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Pretrained[ChainC2S]:
         """See `ForwardOptions`: a joint chain, then a chain of each arm from it.
 
@@ -318,7 +318,7 @@ def _train(
     data: TrainingData,
     fit: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress,
+    progress: TrainingProgress,
     penalty: _Penalty | None = None,
     frozen: ChainC2S | None = None,
 ) -> Trained[ChainC2S]:

@@ -35,7 +35,7 @@ from s2c2a.models.prior import pooled
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.spaces import POSITION
-from s2c2a.training.fit import FitOptions, FitResult, Progress, quiet
+from s2c2a.training.fit import FitOptions, FitResult, TrainingProgress, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
@@ -113,7 +113,7 @@ class LocalOptions(ChainOptions):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain, then its residual, then the calibration."""
         chain = self._chain_options(data).train(data, fit, key, progress)
@@ -135,7 +135,7 @@ class LocalOptions(ChainOptions):
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
         spread: ChainC2S | None = None,
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
@@ -152,7 +152,7 @@ class LocalOptions(ChainOptions):
         arms: Sequence[TrainingData],
         fit: FitOptions,
         key: PRNGKeyArray,
-        progress: Progress = quiet,
+        progress: TrainingProgress = quiet,
     ) -> Pretrained[LocalC2S]:
         """See `ForwardOptions`: of the chain alone; kernels belong to one arm."""
         together = pooled(arms)
@@ -286,7 +286,7 @@ class LocalOptions(ChainOptions):
         probe: LocalC2S,
         data: TrainingData,
         groups: dict[str, calibration.Mask],
-    ) -> dict[str, calibration.Errors]:
+    ) -> dict[str, calibration.GroupErrors]:
         """Errors of a model on validation samples, and on groups that it has not seen."""
         inputs = hysteresis_inputs(probe.chain, data)
         bends = bends_from_configurations(jnp.asarray(data.sensed))
@@ -299,7 +299,9 @@ class LocalOptions(ChainOptions):
         inside = validation_samples(data.states, data.lengths)
         inside &= ~calibration.union(groups)
         return {
-            name: calibration.Errors(distances[mask], speeds[mask], extrapolation[mask])
+            name: calibration.GroupErrors(
+                distances[mask], speeds[mask], extrapolation[mask]
+            )
             for name, mask in {calibration.INSIDE: inside, **groups}.items()
         }
 

@@ -101,8 +101,8 @@ def largest_bend(bends: Bends) -> Float[Array, ""]:
     return jnp.sqrt(jnp.max(squared_norm(bends)))
 
 
-Weights = Float[Numbers, "*#groups"] | float
-Residual = tuple[Weights, Float[Array, "*groups axes"]]
+TermWeights = Float[Numbers, "*#groups"] | float
+Residual = tuple[TermWeights, Float[Array, "*groups axes"]]
 """Weights mu and residuals r of a term, in groups."""
 
 

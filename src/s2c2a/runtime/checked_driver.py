@@ -94,17 +94,17 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
             self.driver.feedback = share
 
     def start(self, reading: Reading) -> None:
-        """See `Driver`."""
+        """Start the controller."""
         with self._errors("start"):
             self.driver.start(reading)
 
     def estimate(self, reading: Reading, last_command: Actions) -> EstimateT:
-        """See `Driver`."""
+        """Return its estimate."""
         with self._errors("estimate"):
             return self.driver.estimate(reading, last_command)
 
     def plan(self, estimate: EstimateT, goal: Goal) -> PlanT:
-        """See `Driver`."""
+        """Return its plan."""
         with self._errors("plan"):
             return self.driver.plan(estimate, goal)
 
@@ -126,7 +126,7 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
         return desired
 
     def sent(self, action: Actions) -> None:
-        """See `Driver`."""
+        """Tell it the command that replaced its action."""
         with self._errors("sent"):
             self.driver.sent(action)
 

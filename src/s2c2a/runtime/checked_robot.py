@@ -52,7 +52,7 @@ class CheckedRobot:
 
     @property
     def own_time(self) -> bool:
-        """See `Robot`."""
+        """Whether time passes in `advance` alone."""
         return self.robot.own_time
 
     @property
@@ -98,17 +98,17 @@ class CheckedRobot:
         return sent
 
     def advance(self, seconds: float) -> None:
-        """See `Robot`."""
+        """Let time pass [s]."""
         with self._errors("advance"):
             self.robot.advance(seconds)
 
     def halt(self) -> None:
-        """See `Robot`."""
+        """Stop the robot where it is."""
         with self._errors("halt"):
             self.robot.halt()
 
     def close(self) -> None:
-        """See `Robot`."""
+        """Close the robot."""
         with self._errors("close"):
             self.robot.close()
 

@@ -136,8 +136,12 @@ class Loop:
         self._check = ReadingCheck(
             self._robot.sensors,
             required,
-            self.arm.control_period,
+            self._robot.robot.arm.control_period,
             self._following,
+            # a motion may command more often than the arm's sensors measure
+            steps=max(
+                1, round(self.arm.control_rate / self._robot.robot.arm.control_rate)
+            ),
         )
 
     @property

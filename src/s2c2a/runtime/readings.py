@@ -27,19 +27,22 @@ class ReadingCheck:
         required: Sequence[str],
         period: float,
         following: FollowingMonitor | None = None,
+        steps: int = 1,
     ):
         """A check before its first reading.
 
         Args:
             sensors: sensors that the robot declares, by name.
             required: names of the sensors that must be sound.
-            period: of the control steps [s].
+            period: of the sensors [s].
             following: compares the cables with the commands; None compares nothing.
+            steps: control steps in a period, in which a sensor may show the same.
         """
         self._following = following
         self._sensors = dict(sensors)
         self._required = tuple(required)
         self._period = period
+        self._steps = steps
         self.reset()
 
     def reset(self) -> None:
@@ -47,6 +50,7 @@ class ReadingCheck:
         if self._following is not None:
             self._following.reset()
         self._last_sound_time: float | None = None
+        self._repeated_times = 0
         # of each sensor: time and values of its last measurement, and of its last
         # sound one, whatever was wrong with other sensors
         self._last: dict[str, tuple[float, np.ndarray]] = {}
@@ -80,12 +84,19 @@ class ReadingCheck:
     def _time_fault(self, reading: Reading, now: float) -> str:
         if not np.isfinite(reading.time):
             return "the reading has no time"
-        if self._last_sound_time is not None and reading.time <= self._last_sound_time:
+        if self._is_no_newer(reading.time):
             return "the reading is no newer than the last one"
         age = now - reading.time
         if age > MAX_AGE * self._period:
             return f"the reading is {age:.2f} s old"
         return ""
+
+    def _is_no_newer(self, time: float) -> bool:
+        """Whether a reading is older than the last one, or repeated for a whole period."""
+        last = self._last_sound_time
+        self._repeated_times = self._repeated_times + 1 if time == last else 0
+        is_older = last is not None and time < last
+        return is_older or self._repeated_times >= self._steps
 
     def _value_fault(self, name: str, reading: Reading) -> str:
         values = reading.get(name)
@@ -149,7 +160,9 @@ class ReadingCheck:
             suspicious = repeated and (last_change > 0 or counts[name] > 0)
             counts[name] = counts[name] + 1 if suspicious else 0
             changes[name] = changes[name] + last_change if suspicious else 0.0
-            if counts[name] >= FROZEN_STEPS and changes[name] > _frozen_change(name):
+            if counts[name] >= FROZEN_STEPS * self._steps and changes[
+                name
+            ] > _frozen_change(name):
                 frozen.append(name)
         return f"'{frozen[0]}' is frozen" if frozen else ""
 

@@ -157,10 +157,6 @@ def _recipe(table: dict[str, Any]) -> Recipe:
         # version 0.3 wrote this key; `plugins.resolve` decides what is imported
         planner = {key: planner[key] for key in planner if key != "own_code"}
     table = table | {"planner": planner}
-    # older files lack this key: the estimator decided what networks see
-    estimator = table.get("estimator")
-    is_kalman = isinstance(estimator, dict) and estimator.get("name") == "KalmanFilter"
-    table.setdefault("encoders_alone", is_kalman)
     recipe = recipe_in(table, Registry.imported)
     try:
         _ = recipe.estimator_options

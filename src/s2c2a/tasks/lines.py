@@ -13,12 +13,12 @@ from s2c2a.arm import ArmSpec
 from s2c2a.planning import Goal, reach_gaps
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
-Obstacle = tuple[float, float, float, float]
+Sphere = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
 
 REACH_TARGET = (0.30, 0.0, 0.49)  # m
 SPEED = 0.05  # m/s; of targets and of the obstacle of `flee`
-REACH: dict[str, Sequence[Obstacle]] = {
+REACH: dict[str, Sequence[Sphere]] = {
     "reach-0": (),
     "reach-1": ((0.16, 0.02, 0.55, 0.06),),
     "reach-2": ((0.16, 0.02, 0.55, 0.06), (0.21, -0.03, 0.52, 0.04)),

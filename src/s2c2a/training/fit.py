@@ -23,9 +23,9 @@ from s2c2a.errors import TrainingError
 MAX_COUNT = 1_000_000  # epochs, and samples in a batch: beyond any recording
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
-Model = TypeVar("Model", bound=eqx.Module, covariant=True)
+ModelType = TypeVar("ModelType", bound=eqx.Module, covariant=True)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
-Progress = Callable[[int, int, float], None]
+TrainingProgress = Callable[[int, int, float], None]
 """Callback with the epoch, the largest number of epochs, and the validation loss."""
 
 
@@ -66,7 +66,7 @@ class FitOptions(Options):
 
 
 @dataclass(frozen=True)
-class FitResult(Generic[Model]):
+class FitResult(Generic[ModelType]):
     """Trained network and its learning curve.
 
     Attributes:
@@ -74,7 +74,7 @@ class FitResult(Generic[Model]):
         curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
     """
 
-    network: Model
+    network: ModelType
     curve: Float[np.ndarray, "epochs 3"]
 
 
@@ -103,7 +103,7 @@ def fit(
     validation: Batch,
     options: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress = quiet,
+    progress: TrainingProgress = quiet,
 ) -> FitResult[Network]:
     """Train a network with Adam.
 

@@ -16,9 +16,9 @@ from s2c2a.training.fit import (
     FitOptions,
     FitResult,
     Loss,
-    Model,
+    ModelType,
     Network,
-    Progress,
+    TrainingProgress,
     fit,
 )
 
@@ -49,7 +49,7 @@ class TrainingData:
 
 
 @dataclass(frozen=True)
-class Trained(FitResult[Model]):
+class Trained(FitResult[ModelType]):
     """Trained model, its learning curve, and its test error.
 
     Attributes:
@@ -66,7 +66,7 @@ class Trained(FitResult[Model]):
 
 
 @dataclass(frozen=True)
-class Pretrained(Generic[Model]):
+class Pretrained(Generic[ModelType]):
     """Prior over the parameters of arms: independent normal distributions.
 
     Attributes:
@@ -74,7 +74,7 @@ class Pretrained(Generic[Model]):
         spread: model whose parameters are the standard deviations over arms.
     """
 
-    mean: Trained[Model]
+    mean: Trained[ModelType]
     spread: eqx.Module
 
 
@@ -85,7 +85,7 @@ def train(
     split: Split,
     options: FitOptions,
     key: PRNGKeyArray,
-    progress: Progress,
+    progress: TrainingProgress,
 ) -> Trained[Network]:
     """Train a model and evaluate it on the test samples.
 

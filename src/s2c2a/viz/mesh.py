@@ -42,11 +42,11 @@ THREAD_SIDES = 3
 
 Vertices = Float[np.ndarray, "vertices 3"]
 Faces = Int[np.ndarray, "faces 3"]
-Frames = Float[np.ndarray, "*batch modules+1 4 3"]
+ModuleFrames = Float[np.ndarray, "*batch modules+1 4 3"]
 """Position [m], x, y and z axis of the base and of every module end, base frame."""
 
 
-def frames_of(states: States) -> Frames:
+def frames_of(states: States) -> ModuleFrames:
     """Frames of the base and of every module end; x is transported without twist."""
     axes = unit(np.asarray(states, float)[..., AXIS])
     frames = np.zeros((*axes.shape[:-2], axes.shape[-2] + 1, 4, 3))

@@ -59,7 +59,7 @@ def save_video(
     steps = range(0, trace.times.size, stride)
     duration = float(trace.times[-1] - trace.times[0])
     seconds = duration / max(len(steps) - 1, 1) or 0.1
-    stage = Stage(arm)
+    stage = VideoStage(arm)
     writer = {"mp4": FFMpegWriter, "gif": PillowWriter}[ending](fps=1 / seconds)
     with TemporaryDirectory() as folder:
         video = Path(folder) / f"video.{ending}"
@@ -76,7 +76,7 @@ def save_video(
         return write_atomically(video.read_bytes(), path.with_suffix(f".{ending}"))
 
 
-class Stage:
+class VideoStage:
     """Figure of one arm at one step of a run, seen by a camera upright in the world.
 
     Attributes:

@@ -5,13 +5,13 @@ import pytest
 from s2c2a.lab.emulation import dynamixel_protocol as protocol
 from s2c2a.lab.emulation import instructions
 from s2c2a.lab.emulation.dynamixel_protocol import (
-    Decoder,
+    DynamixelDecoder,
     DynamixelProtocol,
     pack,
     stuff,
     unstuff,
 )
-from s2c2a.lab.emulation.instructions import BROADCAST, Packet
+from s2c2a.lab.emulation.instructions import BROADCAST, Instruction
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.xl330 import XL330
 
@@ -31,7 +31,7 @@ def make_servos(count=2, **state):
 
 
 def decode(data):
-    return Decoder().feed(data, 0.0)
+    return DynamixelDecoder().feed(data, 0.0)
 
 
 def word(value):
@@ -52,13 +52,13 @@ def test_status_packets_have_the_bytes_of_the_manual():
 
 def test_the_decoder_reads_the_packets_of_the_manual():
     assert decode(PING_1 + READ_1) == [
-        Packet(1, instructions.PING, b""),
-        Packet(1, instructions.READ, word(132) + word(4)),
+        Instruction(1, instructions.PING, b""),
+        Instruction(1, instructions.READ, word(132) + word(4)),
     ]
 
 
 def test_a_packet_may_arrive_byte_by_byte_after_noise():
-    decoder = Decoder()
+    decoder = DynamixelDecoder()
     packets = []
     for byte in b"\x00\xff\xff" + READ_1:
         packets += decoder.feed(bytes((byte,)), 0.0)
@@ -66,7 +66,7 @@ def test_a_packet_may_arrive_byte_by_byte_after_noise():
 
 
 def test_the_rest_of_a_packet_that_stays_out_is_not_awaited():
-    decoder = Decoder()
+    decoder = DynamixelDecoder()
     assert decoder.feed(READ_1[:9], 0.0) == []
     assert len(decoder.feed(PING_1, 1.0)) == 1
 
@@ -90,14 +90,14 @@ def test_a_stuffed_goal_arrives_whole():
     goal = (-131_073).to_bytes(4, "little", signed=True)
     packet = pack(1, instructions.WRITE, word(116) + goal)
     assert b"\xff\xff\xfd\xfd\xff" in packet
-    assert decode(packet) == [Packet(1, instructions.WRITE, word(116) + goal)]
+    assert decode(packet) == [Instruction(1, instructions.WRITE, word(116) + goal)]
 
 
 def test_a_goal_without_stuffing_is_dropped_and_the_next_packet_is_read():
     body = bytes((instructions.WRITE,)) + word(116) + b"\xff\xff\xfd\xff"
     packet = protocol.HEADER + b"\x01" + word(len(body) + 2) + body
     packet += word(protocol.crc16(packet))
-    assert decode(packet + PING_1) == [Packet(1, instructions.PING, b"")]
+    assert decode(packet + PING_1) == [Instruction(1, instructions.PING, b"")]
 
 
 def test_a_ping_is_answered_with_model_and_firmware():
@@ -109,7 +109,7 @@ def test_a_ping_is_answered_with_model_and_firmware():
 
 def test_all_servos_answer_a_broadcast_ping_in_the_order_of_their_ids():
     servos = make_servos(3)[::-1]
-    answers = answer(Packet(BROADCAST, instructions.PING, b""), servos, 0.0)
+    answers = answer(Instruction(BROADCAST, instructions.PING, b""), servos, 0.0)
     assert [one.id for one in answers] == [1, 2, 3]
 
 
@@ -131,27 +131,29 @@ def test_a_wrong_crc_is_answered_with_an_error():
     ],
 )
 def test_a_write_is_answered_with_the_error_of_the_manual(address, data, code):
-    packet = Packet(1, instructions.WRITE, word(address) + data)
+    packet = Instruction(1, instructions.WRITE, word(address) + data)
     answers = answer(packet, make_servos(), 0.0)
     assert answers[0].data == pack(1, protocol.STATUS, bytes((code,)))
 
 
 def test_an_unknown_instruction_is_an_error():
-    answers = answer(Packet(1, 0x33, b""), make_servos(), 0.0)
+    answers = answer(Instruction(1, 0x33, b""), make_servos(), 0.0)
     assert answers[0].data == pack(1, protocol.STATUS, b"\x02")
 
 
 def test_a_sync_read_is_answered_in_the_order_asked_up_to_an_absent_servo():
     servos = make_servos(3)
     parameters = word(132) + word(4) + bytes((3, 1, 9, 2))
-    answers = answer(Packet(BROADCAST, instructions.SYNC_READ, parameters), servos, 0.0)
+    answers = answer(
+        Instruction(BROADCAST, instructions.SYNC_READ, parameters), servos, 0.0
+    )
     assert [one.id for one in answers] == [3, 1]
 
 
 def test_a_fast_sync_read_is_one_packet_with_a_crc_after_every_part():
     servos = make_servos(2, ticks=166.0)
     parameters = word(132) + word(4) + bytes((1, 2))
-    packet = Packet(BROADCAST, protocol.FAST_SYNC_READ, parameters)
+    packet = Instruction(BROADCAST, protocol.FAST_SYNC_READ, parameters)
     parts = [one.data for one in answer(packet, servos, 0.0)]
     whole = b"".join(parts)
     start = bytes.fromhex("FF FF FD 00 FE 11 00 55 00 01 A6 00 00 00")
@@ -165,14 +167,14 @@ def test_a_sync_write_sets_every_goal_without_an_answer():
     goals = [(id, (100 * id).to_bytes(4, "little")) for id in (1, 2)]
     parameters = word(116) + word(4)
     parameters += b"".join(bytes((id,)) + goal for id, goal in goals)
-    packet = Packet(BROADCAST, instructions.SYNC_WRITE, parameters)
+    packet = Instruction(BROADCAST, instructions.SYNC_WRITE, parameters)
     assert answer(packet, servos, 0.0) == []
     assert [servo["goal_position"] for servo in servos] == [100, 200]
 
 
 def test_a_reboot_is_answered_and_followed_by_silence():
     servo = make_servos(1)[0]
-    answers = answer(Packet(1, instructions.REBOOT, b""), [servo], 2.0)
+    answers = answer(Instruction(1, instructions.REBOOT, b""), [servo], 2.0)
     assert len(answers) == 1
     assert not servo.is_present(2.2)
     assert servo.is_present(2.4)
@@ -189,8 +191,8 @@ def test_the_alert_bit_shows_a_hardware_error():
 def test_the_status_return_level_silences_reads_and_writes(level, answered):
     servo = make_servos(1)[0]
     servo["status_return_level"] = level
-    read = Packet(1, instructions.READ, word(132) + word(4))
-    write = Packet(1, instructions.WRITE, word(65) + b"\x01")
+    read = Instruction(1, instructions.READ, word(132) + word(4))
+    write = Instruction(1, instructions.WRITE, word(65) + b"\x01")
     answers = answer(read, [servo], 0.0) + answer(write, [servo], 0.0)
     assert len(answers) == answered
 

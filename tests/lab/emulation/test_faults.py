@@ -7,8 +7,8 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.fault_texts import Fault
-from s2c2a.lab.emulation.faults import GRAMMAR, Disturbances, apply_fault
-from s2c2a.lab.emulation.instructions import Answer
+from s2c2a.lab.emulation.faults import GRAMMAR, LineFaults, apply_fault
+from s2c2a.lab.emulation.instructions import Reply
 
 ARM = load_arm("twin_arm")
 IDS = range(1, 10)
@@ -21,7 +21,7 @@ def emulator(tmp_path_factory):
 
 
 def make_disturbances(kind, *values):
-    disturbances = Disturbances(np.random.default_rng(0))
+    disturbances = LineFaults(np.random.default_rng(0))
     disturbances.values[kind] = values
     return disturbances
 
@@ -49,31 +49,31 @@ def test_a_fault_of_a_servo_that_does_not_exist_names_the_servos():
 
 
 def test_a_lost_answer_still_takes_its_place_in_the_order():
-    answers = [Answer(1, b"abc", 0.0), Answer(2, b"def", 0.0)]
+    answers = [Reply(1, b"abc", 0.0), Reply(2, b"def", 0.0)]
     lost = make_disturbances("lost", 1.0).disturb(answers)
     assert [one.data for one in lost] == [b"", b""]
 
 
 def test_a_corrupted_answer_has_one_flipped_bit():
     disturbances = make_disturbances("corrupted", 1.0)
-    data = disturbances.disturb([Answer(1, bytes(9), 0.0)])[0].data
+    data = disturbances.disturb([Reply(1, bytes(9), 0.0)])[0].data
     assert sum(byte.bit_count() for byte in data) == 1
 
 
 def test_a_late_answer_keeps_its_bytes():
-    late = make_disturbances("late", 0.02, 1.0).disturb([Answer(1, b"abc", 0.001)])
-    assert late == [Answer(1, b"abc", pytest.approx(0.021))]
+    late = make_disturbances("late", 0.02, 1.0).disturb([Reply(1, b"abc", 0.001)])
+    assert late == [Reply(1, b"abc", pytest.approx(0.021))]
 
 
 def test_garbage_precedes_an_answer():
-    data = make_disturbances("garbage", 1.0).disturb([Answer(1, b"abc", 0)])[0].data
+    data = make_disturbances("garbage", 1.0).disturb([Reply(1, b"abc", 0)])[0].data
     assert data.endswith(b"abc")
     assert 4 <= len(data) <= 11
 
 
 def test_a_share_of_the_answers_is_hit_and_none_after_share_zero():
     disturbances = make_disturbances("lost", 0.3)
-    answers = [Answer(1, b"abc", 0.0)] * 1000
+    answers = [Reply(1, b"abc", 0.0)] * 1000
     lost = sum(not one.data for one in disturbances.disturb(answers))
     assert 250 < lost < 350
     disturbances.values["lost"] = (0.0,)
@@ -152,8 +152,8 @@ def test_a_twin_answers_too(emulator, text, doubled):
     (fault,) = GRAMMAR.parse([f"0 {text}"], IDS)
     apply_fault(fault, emulator)
     measured, identity = bytes(range(100, 130)), bytes(range(12))
-    answers = [Answer(4, measured, 0.0), Answer(4, identity, 0.0)]
-    other = Answer(5, measured, 0.0)
+    answers = [Reply(4, measured, 0.0), Reply(4, identity, 0.0)]
+    other = Reply(5, measured, 0.0)
     heard = emulator.disturbances.disturb([*answers, other])
     emulator.disturbances.twins.clear()
     repeats = 1 + doubled

@@ -2,8 +2,8 @@
 
 from s2c2a.lab.emulation import feetech_protocol as protocol
 from s2c2a.lab.emulation import instructions
-from s2c2a.lab.emulation.feetech_protocol import Decoder, FeetechProtocol, pack
-from s2c2a.lab.emulation.instructions import BROADCAST, Packet
+from s2c2a.lab.emulation.feetech_protocol import FeetechDecoder, FeetechProtocol, pack
+from s2c2a.lab.emulation.instructions import BROADCAST, Instruction
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.sts3215 import STS3215
 
@@ -19,7 +19,7 @@ def make_servos(count=2, ticks=1304.0):
 
 
 def decode(data):
-    return Decoder().feed(data, 0.0)
+    return FeetechDecoder().feed(data, 0.0)
 
 
 def test_a_ping_has_the_bytes_of_the_manual_and_so_has_its_answer():
@@ -36,19 +36,19 @@ def test_a_position_is_read_with_the_bytes_of_the_manual():
 
 def test_a_damaged_packet_is_dropped_and_the_next_one_is_read():
     packets = decode(READ_POSITION[:-1] + b"\x00" + PING_1)
-    assert packets == [Packet(1, instructions.PING, b"")]
+    assert packets == [Instruction(1, instructions.PING, b"")]
 
 
 def test_a_packet_may_arrive_byte_by_byte():
-    decoder = Decoder()
+    decoder = FeetechDecoder()
     packets = []
     for byte in PING_1:
         packets += decoder.feed(bytes((byte,)), 0.0)
-    assert packets == [Packet(1, instructions.PING, b"")]
+    assert packets == [Instruction(1, instructions.PING, b"")]
 
 
 def test_a_sync_read_is_answered_in_the_order_asked():
-    packet = Packet(BROADCAST, instructions.SYNC_READ, b"\x38\x02\x02\x01")
+    packet = Instruction(BROADCAST, instructions.SYNC_READ, b"\x38\x02\x02\x01")
     answers = answer(packet, make_servos(), 0.0)
     assert [one.id for one in answers] == [2, 1]
     assert answers[1].data == POSITION_STATUS
@@ -58,7 +58,8 @@ def test_a_sync_write_sets_every_goal_without_an_answer():
     servos = make_servos()
     parameters = b"\x2a\x02" + b"\x01\x00\x08" + b"\x02\x01\x08"
     assert (
-        answer(Packet(BROADCAST, instructions.SYNC_WRITE, parameters), servos, 0) == []
+        answer(Instruction(BROADCAST, instructions.SYNC_WRITE, parameters), servos, 0)
+        == []
     )
     assert [servo["goal_position"] for servo in servos] == [2048, 2049]
 
@@ -70,5 +71,5 @@ def test_hardware_errors_are_in_every_answer():
 
 
 def test_an_instruction_that_does_not_exist_is_an_error():
-    answers = answer(Packet(1, 0x33, b""), make_servos(), 0.0)
+    answers = answer(Instruction(1, 0x33, b""), make_servos(), 0.0)
     assert answers[0].data[4] == protocol.INSTRUCTION_ERROR

@@ -8,7 +8,7 @@ import pytest
 from serial import Serial
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.instructions import Answer
+from s2c2a.lab.emulation.instructions import Reply
 from s2c2a.lab.emulation.line import Line
 
 
@@ -37,14 +37,14 @@ def test_bytes_pass_unchanged_in_both_directions(line, user):
     data = bytes(range(256))
     os.write(user, data)
     assert line.receive() == data
-    line.queue([Answer(1, data, 0.0)])
+    line.queue([Reply(1, data, 0.0)])
     line.transmit(1.0)
     assert os.read(user, 1000) == data
 
 
 def test_an_answer_waits_for_the_wire(line, user):
     line.occupy(14, 5.0)
-    line.queue([Answer(1, bytes(15), 0.0005), Answer(2, bytes(15), 0.0)])
+    line.queue([Reply(1, bytes(15), 0.0005), Reply(2, bytes(15), 0.0)])
     assert line.next_time == pytest.approx(5.0 + 290e-6 + 500e-6)
     line.transmit(5.0007)
     assert line.next_time < 5.0008
@@ -55,7 +55,7 @@ def test_an_answer_waits_for_the_wire(line, user):
 def test_a_slower_line_takes_longer(line, user):
     set_baud_rate(user, termios.B57600)
     line.occupy(10, 0.0)
-    line.queue([Answer(1, bytes(10), 0.0)])
+    line.queue([Reply(1, bytes(10), 0.0)])
     assert line.next_time == pytest.approx(200 / 57_600)
 
 
@@ -66,7 +66,7 @@ def test_the_baud_rate_is_unknown_until_the_user_sets_it(line, user):
 
 
 def test_a_lost_answer_leaves_its_gap(line):
-    line.queue([Answer(1, b"", 0.0), Answer(2, bytes(10), 0.0)])
+    line.queue([Reply(1, b"", 0.0), Reply(2, bytes(10), 0.0)])
     assert line.next_time == pytest.approx(100e-6)
 
 

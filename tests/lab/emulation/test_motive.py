@@ -12,16 +12,16 @@ from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
 from s2c2a.lab.emulation import natnet_protocol as protocol
 from s2c2a.lab.emulation.fault_texts import Fault
-from s2c2a.lab.emulation.mocap import Babbling, MocapEmulator
+from s2c2a.lab.emulation.mocap import MocapEmulator, SlowMotion
 from s2c2a.lab.emulation.mocap_faults import GRAMMAR
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import to_stream
 from s2c2a.lab.tracking import ModuleEnds, NatNetTracker
 
 ARM = load_arm("twin_arm")
 NAMES = ["base", "end-1"]
-POSES = {name: Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])) for name in NAMES}
+POSES = {name: FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])) for name in NAMES}
 PATIENCE = 20.0  # s
 
 
@@ -129,7 +129,7 @@ def test_a_taken_port_is_reported(make_motive):
 
 
 def test_with_y_up_the_height_is_the_second_coordinate():
-    pose = Pose(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3, 0.9]))
+    pose = FramePose(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3, 0.9]))
     streamed = to_stream(pose, "y")
     assert streamed.position.tolist() == [1.0, 3.0, -2.0]
     assert streamed.rotation.tolist() == [0.1, 0.3, -0.2, 0.9]
@@ -192,10 +192,10 @@ def test_an_unknown_motion_is_refused():
 
 
 def test_babbling_begins_slowly_and_repeats_with_its_seed():
-    babbling = Babbling(ARM, seed=3)
+    babbling = SlowMotion(ARM, seed=3)
     assert np.abs(babbling.goals(0.0)).max() == 0
     assert np.abs(babbling.goals(5.0)).max() > 1e-4
-    np.testing.assert_array_equal(babbling.goals(5.0), Babbling(ARM, 3).goals(5.0))
+    np.testing.assert_array_equal(babbling.goals(5.0), SlowMotion(ARM, 3).goals(5.0))
 
 
 def in_thread(emulator):

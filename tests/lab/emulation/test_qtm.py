@@ -10,14 +10,14 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import qualisys_protocol as protocol
 from s2c2a.lab.emulation.mocap import MocapEmulator
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
 from s2c2a.lab.emulation.tracked_bodies import flip
 
 NAMES = ["base", "end-1"]
 UP = np.array([0.0, 0.0, 0.0, 1.0])
-POSES = {name: Pose(np.array([0.0, 0.0, 0.1]), UP) for name in NAMES}
+POSES = {name: FramePose(np.array([0.0, 0.0, 0.1]), UP) for name in NAMES}
 
 
 @pytest.fixture
@@ -74,7 +74,9 @@ def test_parameters_have_axis_and_names(dialogue):
 
 
 def test_a_half_turn_about_x_turns_y_and_z():
-    flipped = flip(Pose(np.zeros(3), np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])))
+    flipped = flip(
+        FramePose(np.zeros(3), np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]))
+    )
     # x of the body is y of the world: y and z of the body change their signs
     matrix = protocol._rotation_matrix(flipped)
     expected = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]

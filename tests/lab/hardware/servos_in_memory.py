@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from s2c2a.arm import load_arm, save_arm
-from s2c2a.lab.emulation.faults import Disturbances
+from s2c2a.lab.emulation.faults import LineFaults
 from s2c2a.lab.emulation.protocols import PROTOCOLS
 from s2c2a.lab.emulation.servo import MotorState
 
@@ -60,7 +60,7 @@ class ServosInMemory:
         self._late = None
         self.taut = -1e9
         self.watch = lambda: None
-        self.disturbances = Disturbances(np.random.default_rng(0))
+        self.disturbances = LineFaults(np.random.default_rng(0))
         self._decoder = self.protocol.decoder()
         self._received = bytearray()
         clock.sleepers.append(self.move)

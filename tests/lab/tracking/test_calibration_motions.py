@@ -186,7 +186,7 @@ def play_in_real_time(robot, clock):
     """Play as on a real arm, with a fake clock and poses from the start."""
     tracker = SimulatedTracker(robot)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tracking, "_await_poses", lambda *_: None)
+        patch.setattr(tracking, "await_poses", lambda *_: None)
         tracking.play_motion(robot, tracker, bending, clock)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.data.frame_jumps import FrameJumps
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.tracking import DropReason, ModuleEnds, UdpTracker
 from s2c2a.lab.tracking.datagrams import DatagramError
@@ -30,7 +30,8 @@ def arm_poses(length):
     """Poses of a straight arm of three modules."""
     heights = {"base": 0.0} | {f"end-{k}": k * length for k in (1, 2, 3)}
     return {
-        name: Pose(np.array([0.0, 0.0, height]), UP) for name, height in heights.items()
+        name: FramePose(np.array([0.0, 0.0, height]), UP)
+        for name, height in heights.items()
     }
 
 

@@ -10,7 +10,7 @@ from s2c2a.data import Recording, episode_actions
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.logs.identification import (
-    FitOptions,
+    IdentificationOptions,
     Replay,
     arm_at,
     errors_of,
@@ -66,7 +66,7 @@ def fit(start, truth):
         start,
         unknowns,
         [recorded(arm_at(start, unknowns, truth))],
-        FitOptions(rounds=8),
+        IdentificationOptions(rounds=8),
     )
 
 
@@ -118,7 +118,7 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
     seen = recorded(arm, 8, how=how, moved=False)
     unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
     texts = undetermined_combinations(
-        identify(arm, unknowns, [seen], FitOptions(how, rounds=2)).posterior
+        identify(arm, unknowns, [seen], IdentificationOptions(how, rounds=2)).posterior
     )
     assert len(texts) == 1
     assert "modules.0.bending_stiffness" in texts[0]
@@ -134,7 +134,7 @@ def test_a_shifted_frame_is_identified_and_reported(start):
         start,
         unknowns_of(start, ("stiffness",)),
         [moved],
-        FitOptions(frame=True, rounds=4),
+        IdentificationOptions(frame=True, rounds=4),
     )
     found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
@@ -209,7 +209,7 @@ def test_the_frame_of_an_imported_recording_is_fitted_and_its_episodes_are_conti
     options = options_for(
         Recording(start, {"babbling": babbling}, (recorded(start, 5),)), 0.1, 3, "fast"
     )
-    assert options == FitOptions(Replay(0.1, imported, "fast"), imported, 3)
+    assert options == IdentificationOptions(Replay(0.1, imported, "fast"), imported, 3)
 
 
 def test_recordings_without_states_and_groups_without_numbers_are_refused(start):

@@ -13,7 +13,7 @@ from s2c2a.backlash import play
 from s2c2a.errors import TrainingError
 from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
 from s2c2a.models.layers import Scaling
-from s2c2a.training.fit import Batch, FitOptions, Progress, fit, quiet
+from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, fit, quiet
 from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error
 
 FIT = FitOptions(
@@ -105,7 +105,7 @@ def train_sensor(
     arm: ArmSpec,
     samples: SensorSamples,
     key: PRNGKeyArray,
-    progress: Progress = quiet,
+    progress: TrainingProgress = quiet,
 ) -> Trained[SensorNetwork]:
     """Train the network of a sensor and measure its errors.
 

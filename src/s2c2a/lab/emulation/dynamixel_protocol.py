@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from s2c2a.lab.emulation.instructions import (
     BROADCAST,
-    Answer,
-    Packet,
+    Instruction,
     PacketDecoder,
+    Reply,
     ServoProtocol,
 )
 from s2c2a.lab.emulation.servo import Reason, Servo
@@ -77,14 +77,14 @@ def pack(id: int, instruction: int, parameters: bytes = b"") -> bytes:
     return packet + crc16(packet).to_bytes(2, "little")
 
 
-class Decoder(PacketDecoder):
+class DynamixelDecoder(PacketDecoder):
     """Finds packets in a stream of bytes.
 
     A packet that contains another header is given up: its sender did not stuff it, or
     broke off.
     """
 
-    def _take(self) -> Packet | None:
+    def _take(self) -> Instruction | None:
         """Remove the first complete packet from the buffer."""
         while True:
             start = self._buffer.find(HEADER)
@@ -116,30 +116,30 @@ class Decoder(PacketDecoder):
         return -1
 
 
-def _unpack(packet: bytes) -> Packet:
+def _unpack(packet: bytes) -> Instruction:
     body = unstuff(packet[_PREFIX:-2])
     intact = crc16(packet[:-2]) == int.from_bytes(packet[-2:], "little")
-    return Packet(packet[4], body[0], body[1:], intact)
+    return Instruction(packet[4], body[0], body[1:], intact)
 
 
 class DynamixelProtocol(ServoProtocol):
     """DYNAMIXEL protocol 2.0: CRC, fast reads, and a watchdog that hears everything."""
 
-    decoder = Decoder
+    decoder = DynamixelDecoder
     make_servo = XL330
     supply = 5.0
     stuffs = True
     word = 2
     codes = _CODES
 
-    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Answer:
+    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Reply:
         """See `ServoProtocol.status`; the alert bit stands for hardware errors."""
         data = pack(servo.id, STATUS, bytes((error | _alert(servo),)) + parameters)
-        return Answer(servo.id, data, servo.return_delay)
+        return Reply(servo.id, data, servo.return_delay)
 
     def answer(
-        self, packet: Packet, servos: Sequence[Servo], now: float
-    ) -> list[Answer]:
+        self, packet: Instruction, servos: Sequence[Servo], now: float
+    ) -> list[Reply]:
         """See `ServoProtocol.answer`."""
         if packet.instruction == STATUS:
             return []
@@ -158,7 +158,7 @@ class DynamixelProtocol(ServoProtocol):
     def _identity(self, servo: Servo) -> bytes:
         return servo.read(0, 2) + servo.read(6, 1)
 
-    def _read_fast(self, parameters: bytes, servos: Sequence[Servo]) -> list[Answer]:
+    def _read_fast(self, parameters: bytes, servos: Sequence[Servo]) -> list[Reply]:
         """Answer a fast read: one packet to which all servos contribute.
 
         Its length is sent before the data of the later servos are known, so its data
@@ -170,7 +170,7 @@ class DynamixelProtocol(ServoProtocol):
             return []
         part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
         part += bytes((STATUS,))
-        answers: list[Answer] = []
+        answers: list[Reply] = []
         crc = 0
         for servo, error, data in self._read_in_turn(parameters, servos):
             part += bytes((error | _alert(servo), servo.id)) + data
@@ -178,7 +178,7 @@ class DynamixelProtocol(ServoProtocol):
             ending = crc.to_bytes(2, "little")
             crc = crc16(ending, crc)
             delay = 0.0 if answers else servo.return_delay
-            answers.append(Answer(servo.id, part + ending, delay))
+            answers.append(Reply(servo.id, part + ending, delay))
             part = b""
         return answers
 

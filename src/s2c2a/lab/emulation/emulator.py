@@ -13,7 +13,7 @@ from s2c2a.arm.servos import MODEL_NUMBERS, Servos
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.lab.emulation.fault_texts import Fault
-from s2c2a.lab.emulation.faults import GRAMMAR, Disturbances, FaultSchedule
+from s2c2a.lab.emulation.faults import GRAMMAR, FaultSchedule, LineFaults
 from s2c2a.lab.emulation.line import Line
 from s2c2a.lab.emulation.mocap_server import MocapServer
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
@@ -128,7 +128,7 @@ class Emulator(RealTimeArm):
             arm, options.fidelity, options.seed, options.payload, options.homed
         )
         super().__init__(plant, options.duration)
-        self.disturbances = Disturbances(self._random_stream(_LINE_STREAM))
+        self.disturbances = LineFaults(self._random_stream(_LINE_STREAM))
         self._noise = self._random_stream(_NOISE_STREAM)
         self.winches = self._make_winches()
         self.voltage = self._protocol.supply

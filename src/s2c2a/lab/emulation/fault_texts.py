@@ -136,7 +136,7 @@ def _fit(words: Sequence[str], arguments: tuple[Argument, ...]) -> bool:
     return all(argument.allows(word) for word, argument in pairs)
 
 
-class Shares:
+class FaultShares:
     """Faults that hit a share of the packets, from now on, until their share is 0.
 
     Attributes:

@@ -13,9 +13,9 @@ from s2c2a.lab.emulation.fault_texts import (
     Argument,
     Fault,
     FaultGrammar,
-    Shares,
+    FaultShares,
 )
-from s2c2a.lab.emulation.instructions import Answer
+from s2c2a.lab.emulation.instructions import Reply
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.emulator import Emulator
@@ -127,7 +127,7 @@ def _apply_to_servo(fault: Fault, emulator: "Emulator") -> None:
             emulator.disturbances.twins[servo.id] = is_doubled
 
 
-class Disturbances(Shares):
+class LineFaults(FaultShares):
     """What happens to answers on the line.
 
     Attributes:
@@ -143,7 +143,7 @@ class Disturbances(Shares):
         super().__init__(random)
         self.twins: dict[int, bool] = {}
 
-    def disturb(self, answers: list[Answer]) -> list[Answer]:
+    def disturb(self, answers: list[Reply]) -> list[Reply]:
         """Return answers as they leave the line; a lost one is empty."""
         if self.twins:
             answers = [self._answer_twice(answer) for answer in answers]
@@ -151,7 +151,7 @@ class Disturbances(Shares):
             return answers
         return [self._disturb(answer) for answer in answers]
 
-    def _answer_twice(self, answer: Answer) -> Answer:
+    def _answer_twice(self, answer: Reply) -> Reply:
         """The answers of two servos; the line is low where one of them pulls it low."""
         is_doubled = self.twins.get(answer.id)
         if is_doubled is None:
@@ -164,7 +164,7 @@ class Disturbances(Shares):
         tail = bytes(map(int.__and__, answer.data[_HEAD:], other))
         return replace(answer, data=answer.data[:_HEAD] + tail)
 
-    def _disturb(self, answer: Answer) -> Answer:
+    def _disturb(self, answer: Reply) -> Reply:
         if self.hits("late"):
             delay = answer.delay + self.values["late"][0]
             answer = replace(answer, delay=delay)

@@ -2,9 +2,9 @@
 
 from s2c2a.lab.emulation.instructions import (
     BROADCAST,
-    Answer,
-    Packet,
+    Instruction,
     PacketDecoder,
+    Reply,
     ServoProtocol,
 )
 from s2c2a.lab.emulation.servo import Reason, Servo
@@ -27,10 +27,10 @@ def pack(id: int, instruction: int, parameters: bytes = b"") -> bytes:
     return HEADER + body + bytes((checksum(body),))
 
 
-class Decoder(PacketDecoder):
+class FeetechDecoder(PacketDecoder):
     """Finds packets in a stream of bytes; damaged ones are dropped."""
 
-    def _take(self) -> Packet | None:
+    def _take(self) -> Instruction | None:
         """Remove the first complete packet from the buffer."""
         while True:
             start = self._buffer.find(HEADER)
@@ -53,19 +53,19 @@ class Decoder(PacketDecoder):
                 del self._buffer[0]
                 continue
             del self._buffer[:end]
-            return Packet(id, packet[_PREFIX], packet[_PREFIX + 1 : -1])
+            return Instruction(id, packet[_PREFIX], packet[_PREFIX + 1 : -1])
 
 
 class FeetechProtocol(ServoProtocol):
     """Feetech's protocol, with the error bits of the servo in every answer."""
 
-    decoder = Decoder
+    decoder = FeetechDecoder
     make_servo = STS3215
     supply = 7.4
     word = 1
     codes = dict.fromkeys(Reason, INSTRUCTION_ERROR)
 
-    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Answer:
+    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Reply:
         """See `ServoProtocol.status`."""
         data = pack(servo.id, error | servo["hardware_error"], parameters)
-        return Answer(servo.id, data, servo.return_delay)
+        return Reply(servo.id, data, servo.return_delay)

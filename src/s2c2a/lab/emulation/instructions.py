@@ -19,7 +19,7 @@ _MAX_SIZE = 1024  # bytes that a servo returns
 
 
 @dataclass(frozen=True)
-class Packet:
+class Instruction:
     """An instruction packet.
 
     Attributes:
@@ -36,7 +36,7 @@ class Packet:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """Bytes that one servo sends.
 
     Attributes:
@@ -60,7 +60,7 @@ class PacketDecoder(ABC):
         self._buffer = bytearray()
         self._fed = 0.0
 
-    def feed(self, data: bytes, now: float) -> list[Packet]:
+    def feed(self, data: bytes, now: float) -> list[Instruction]:
         """Return the packets that bytes complete.
 
         Args:
@@ -77,7 +77,7 @@ class PacketDecoder(ABC):
         return packets
 
     @abstractmethod
-    def _take(self) -> Packet | None:
+    def _take(self) -> Instruction | None:
         """Remove the first complete packet from the buffer; None if there is none."""
 
 
@@ -101,12 +101,12 @@ class ServoProtocol(ABC):
     codes: ClassVar[Mapping[Reason, int]]
 
     @abstractmethod
-    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Answer:
+    def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Reply:
         """Return the answer of a servo, with its hardware errors."""
 
     def answer(
-        self, packet: Packet, servos: Sequence[Servo], now: float
-    ) -> list[Answer]:
+        self, packet: Instruction, servos: Sequence[Servo], now: float
+    ) -> list[Reply]:
         """Let servos execute an instruction; returns their answers in order.
 
         Args:
@@ -131,7 +131,9 @@ class ServoProtocol(ABC):
                 answers.append(given)
         return answers
 
-    def _answer_alone(self, packet: Packet, servo: Servo, now: float) -> Answer | None:
+    def _answer_alone(
+        self, packet: Instruction, servo: Servo, now: float
+    ) -> Reply | None:
         """Let one servo execute an instruction; returns its answer, if it gives one."""
         answers = servo.answers_writes
         if packet.instruction == PING:
@@ -144,7 +146,7 @@ class ServoProtocol(ABC):
             given = self.status(servo, self.codes[refusal.reason])
         return given if answers else None
 
-    def _execute(self, packet: Packet, servo: Servo, now: float) -> bytes:
+    def _execute(self, packet: Instruction, servo: Servo, now: float) -> bytes:
         """Execute an instruction to one servo; returns what it reads."""
         parameters = packet.parameters
         if packet.instruction == PING:

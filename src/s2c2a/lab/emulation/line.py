@@ -11,7 +11,7 @@ from fcntl import ioctl
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.instructions import Answer
+from s2c2a.lab.emulation.instructions import Reply
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _READ_SIZE = 4096
@@ -122,7 +122,7 @@ class Line:
         """
         self._wire_free = max(self._wire_free, now) + self._duration(size)
 
-    def queue(self, answers: list[Answer]) -> None:
+    def queue(self, answers: list[Reply]) -> None:
         """Put answers on the wire, one after the other."""
         for answer in answers:
             self._wire_free += answer.delay + self._duration(len(answer.data))

@@ -36,7 +36,7 @@ _RAMP = 2.0  # s; the motion begins slowly
 _MOTION_STREAM = 16
 
 
-class Babbling:
+class SlowMotion:
     """A slow random motion of all modules: sines of bends, from a seed."""
 
     def __init__(self, arm: ArmSpec, seed: int):
@@ -111,7 +111,7 @@ class MocapEmulator(RealTimeArm):
         plant = Plant(arm, fidelity, options.seed, payload, homed=True)
         super().__init__(plant, duration)
         self.server = make_server(list(self.plant.poses()), options)
-        self._babbling = Babbling(arm, options.seed) if motion == "babble" else None
+        self._babbling = SlowMotion(arm, options.seed) if motion == "babble" else None
         targets = self.plant.targets
         targets.torque[:] = True
         targets.speed[:] = _SPEED

@@ -11,16 +11,16 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.fault_texts import Fault, Shares
+from s2c2a.lab.emulation.fault_texts import Fault, FaultShares
 from s2c2a.lab.emulation.mocap_faults import GRAMMAR, SHARE_KINDS
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody, TrackedBodies
 
 _LONGEST_GARBAGE = 300  # bytes
 _REORDERING = 1.5  # frames; later than the next frame, earlier than the one after it
 _NOISE_STREAM = 15
 
-PoseSource = Callable[[], Mapping[str, Pose]]
+PoseSource = Callable[[], Mapping[str, FramePose]]
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ def require(is_valid: bool, name: str, value: object, allowed: str) -> None:
         raise S2C2AError(f"{name} {value!r} is not allowed; give {allowed}")
 
 
-Options = TypeVar("Options", bound=StreamOptions)
+OptionsType = TypeVar("OptionsType", bound=StreamOptions)
 
 
-class MocapServer(ABC, Generic[Options]):
+class MocapServer(ABC, Generic[OptionsType]):
     """Server of one stream; `serve` does what is due, and never waits.
 
     A subclass knows the protocol. Faults act on the bodies before a frame is encoded,
@@ -77,7 +77,7 @@ class MocapServer(ABC, Generic[Options]):
         drift: of the clock [s/s].
     """
 
-    def __init__(self, names: Sequence[str], options: Options):
+    def __init__(self, names: Sequence[str], options: OptionsType):
         """A server that is not open yet.
 
         Args:
@@ -96,7 +96,7 @@ class MocapServer(ABC, Generic[Options]):
         )
         self._queue: list[tuple[float, int, bytes]] = []
         self._queued = 0
-        self._shares = Shares(self._random)
+        self._shares = FaultShares(self._random)
         self._boot_time = 0.0
         self._next_frame = 0.0
         self.frame_count = 0
@@ -192,7 +192,7 @@ class MocapServer(ABC, Generic[Options]):
         self._next_frame = boot_time
         self.frame_count = 0
 
-    def _publish(self, now: float, poses: Mapping[str, Pose]) -> None:
+    def _publish(self, now: float, poses: Mapping[str, FramePose]) -> None:
         """Encode the poses and queue the frame."""
         time = (now - self._boot_time) * (1 + self.drift)
         bodies = self._bodies.see(poses, now)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 
 CONNECT = 0
@@ -155,7 +155,7 @@ def encode_frame(
     return pack(FRAME, content + _suffix(version, time, latency))
 
 
-def _marker_positions(pose: Pose) -> np.ndarray:
+def _marker_positions(pose: FramePose) -> np.ndarray:
     """Return the positions of a body's markers [m], shape (markers, 3)."""
     vector = pose.rotation[:3]
     turned = np.cross(vector, _MARKERS) + pose.rotation[3] * _MARKERS

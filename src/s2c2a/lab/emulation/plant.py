@@ -50,7 +50,7 @@ class Targets:
 
 
 @dataclass(frozen=True)
-class Pose:
+class FramePose:
     """Position [m] and unit quaternion (scalar last) of a frame, base frame."""
 
     position: np.ndarray
@@ -174,7 +174,7 @@ class Plant:
         """Return the true states, base frame."""
         return self._robot.states()
 
-    def poses(self) -> dict[str, Pose]:
+    def poses(self) -> dict[str, FramePose]:
         """Return the frames of the base and of the module ends, by name."""
         return end_poses(self._robot.data, self.arm.module_count)
 
@@ -229,14 +229,16 @@ class Plant:
         self.tensions = np.where(jammed, self.targets.tension, self.tensions)
 
 
-def end_poses(data: mujoco.MjData, modules: int) -> dict[str, Pose]:
+def end_poses(data: mujoco.MjData, modules: int) -> dict[str, FramePose]:
     """Return the true frames of base and module ends in a simulation, by name."""
-    poses = {"base": Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
+    poses = {"base": FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
     for module in range(modules):
         site = data.site(f"end_{module}")
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, site.xmat)
-        poses[f"end-{module + 1}"] = Pose(site.xpos.copy(), np.roll(quaternion, -1))
+        poses[f"end-{module + 1}"] = FramePose(
+            site.xpos.copy(), np.roll(quaternion, -1)
+        )
     return poses
 
 

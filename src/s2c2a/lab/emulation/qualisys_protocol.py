@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 
 ERROR = 0
@@ -108,7 +108,7 @@ def _encode_body(body: StreamedBody) -> bytes:
     return values.astype("<f4").tobytes()
 
 
-def _rotation_matrix(pose: Pose) -> np.ndarray:
+def _rotation_matrix(pose: FramePose) -> np.ndarray:
     """Return the matrix whose columns are the axes of the body, shape (3, 3)."""
     vector = pose.rotation[:3]
     scalar = pose.rotation[3]

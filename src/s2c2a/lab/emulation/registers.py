@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 
 @dataclass(frozen=True)
-class Register:
+class EmulatedRegister:
     """One value of a control table, little endian.
 
     Attributes:
@@ -75,7 +75,7 @@ class Register:
 class ControlTable:
     """Registers of a model of servo, by name and by address."""
 
-    def __init__(self, registers: Iterable[Register]):
+    def __init__(self, registers: Iterable[EmulatedRegister]):
         """Index the registers."""
         self.registers = tuple(registers)
         self.by_name = {register.name: register for register in self.registers}
@@ -90,11 +90,11 @@ class ControlTable:
         return memory
 
 
-measured = Register
+measured = EmulatedRegister
 """A measurement."""
-volatile = partial(Register, writable=True)
+volatile = partial(EmulatedRegister, writable=True)
 """A setting that a restart resets."""
-stored = partial(Register, writable=True, eeprom=True)
+stored = partial(EmulatedRegister, writable=True, eeprom=True)
 """A setting that survives a restart."""
-constant = partial(Register, eeprom=True)
+constant = partial(EmulatedRegister, eeprom=True)
 """What a servo states of itself."""

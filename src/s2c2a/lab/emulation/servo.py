@@ -7,7 +7,7 @@ from enum import Enum
 from typing import ClassVar
 
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation.registers import ControlTable, Register
+from s2c2a.lab.emulation.registers import ControlTable, EmulatedRegister
 
 RESTART_TIME = 0.3  # s; a servo that restarts is silent
 AMBIENT = 25.0  # deg C
@@ -127,7 +127,7 @@ class Servo(ABC):
         """Change a register from inside: without locks and ranges."""
         self._put(self.table.by_name[name], value)
 
-    def _put(self, register: Register, value: int) -> None:
+    def _put(self, register: EmulatedRegister, value: int) -> None:
         self.memory[register.address : register.end] = register.encode(value)
 
     @property
@@ -225,7 +225,7 @@ class Servo(ABC):
         self["present_temperature"] = round(self.temperature)
 
     @abstractmethod
-    def _accept(self, register: Register, value: int) -> int | None:
+    def _accept(self, register: EmulatedRegister, value: int) -> int | None:
         """Return the value that the servo stores instead, or None to ignore it.
 
         Raises:
@@ -233,7 +233,7 @@ class Servo(ABC):
         """
 
     @abstractmethod
-    def _changed(self, register: Register) -> None:
+    def _changed(self, register: EmulatedRegister) -> None:
         """React to a register that an instruction changed."""
 
     def _check_health(self) -> None:
@@ -329,7 +329,7 @@ class Servo(ABC):
         share = min(1.0, seconds / time)
         self.temperature += share * (final - self.temperature)
 
-    def _split(self, address: int, data: bytes) -> list[tuple[Register, int]]:
+    def _split(self, address: int, data: bytes) -> list[tuple[EmulatedRegister, int]]:
         """Return the registers that data cover, with their values."""
         targets = [self.resolve(address + offset) for offset in range(len(data))]
         changes = []

@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from s2c2a.lab.emulation.registers import (
     ControlTable,
-    Register,
+    EmulatedRegister,
     constant,
     measured,
     stored,
@@ -167,7 +167,7 @@ class STS3215(Servo):
         super()._restart(silent_until)
         self["goal_position"] = self._present_position
 
-    def _accept(self, register: Register, value: int) -> int | None:
+    def _accept(self, register: EmulatedRegister, value: int) -> int | None:
         """Ignore what is read-only, and take the nearest value that is possible."""
         if not register.writable:
             return None
@@ -175,7 +175,7 @@ class STS3215(Servo):
             return 0
         return min(max(value, register.low), register.high)
 
-    def _changed(self, register: Register) -> None:
+    def _changed(self, register: EmulatedRegister) -> None:
         if register.eeprom and not self["lock"]:
             self[register.name] = self[register.name]
 

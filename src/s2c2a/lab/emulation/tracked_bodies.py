@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from s2c2a.lab.emulation.fault_texts import Fault
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 
 _MILLIMETERS = 1000.0  # of a meter
 _FAR = 1e9  # m
@@ -23,11 +23,11 @@ class StreamedBody:
             one.
     """
 
-    pose: Pose
+    pose: FramePose
     is_tracked: bool = True
 
 
-def to_stream(pose: Pose, up: str) -> Pose:
+def to_stream(pose: FramePose, up: str) -> FramePose:
     """Return a pose of a world with z up in the axes of the stream.
 
     With y up, (x, y, z) becomes (x, z, -y), also in the vector of the quaternion.
@@ -37,14 +37,14 @@ def to_stream(pose: Pose, up: str) -> Pose:
     x, y, z, w = pose.rotation
     rotation = np.array([x, z, -y, w])
     (x, y, z) = pose.position
-    return Pose(np.array([x, z, -y]), rotation)
+    return FramePose(np.array([x, z, -y]), rotation)
 
 
-def flip(pose: Pose) -> Pose:
+def flip(pose: FramePose) -> FramePose:
     """Return a pose that is turned by 180 deg about the x axis of its body."""
     x, y, z, w = pose.rotation
     # the product of quaternions (x, y, z, w) and (1, 0, 0, 0)
-    return Pose(pose.position, np.array([w, z, -y, -x]))
+    return FramePose(pose.position, np.array([w, z, -y, -x]))
 
 
 class TrackedBodies:
@@ -71,7 +71,7 @@ class TrackedBodies:
         self._flipped: set[str] = set()
         self._scale = 1.0
         self._shift = np.zeros(3)
-        self._seen: dict[str, Pose] = {}
+        self._seen: dict[str, FramePose] = {}
 
     def apply(self, fault: Fault, now: float) -> None:
         """Begin or end a fault of the bodies; other kinds have no effect."""
@@ -88,7 +88,9 @@ class TrackedBodies:
         elif fault.kind == "knocked":
             self._shift = self._shift + np.array([fault.values[0], 0.0, 0.0])
 
-    def see(self, poses: Mapping[str, Pose], now: float) -> dict[str, StreamedBody]:
+    def see(
+        self, poses: Mapping[str, FramePose], now: float
+    ) -> dict[str, StreamedBody]:
         """Return the bodies of a frame.
 
         Args:
@@ -101,7 +103,7 @@ class TrackedBodies:
             poses[first], poses[second] = poses[second], poses[first]
         return {name: self._see_one(name, poses[name], now) for name in self._names}
 
-    def _see_one(self, name: str, pose: Pose, now: float) -> StreamedBody:
+    def _see_one(self, name: str, pose: FramePose, now: float) -> StreamedBody:
         """Return a body with noise; a hidden or frozen one where it was seen last."""
         if now < self._hidden.get(name, -math.inf):
             return StreamedBody(self._seen.get(name, pose), is_tracked=False)
@@ -121,9 +123,9 @@ class TrackedBodies:
         name = self._names[self._random.integers(len(self._names))]
         pose = bodies[name].pose
         choices = (
-            Pose(np.full(3, _FAR), pose.rotation),
-            Pose(np.full(3, np.inf), pose.rotation),
-            Pose(pose.position, 3 * pose.rotation),
+            FramePose(np.full(3, _FAR), pose.rotation),
+            FramePose(np.full(3, np.inf), pose.rotation),
+            FramePose(pose.position, 3 * pose.rotation),
         )
         corrupted = choices[self._random.integers(len(choices))]
         return {**bodies, name: StreamedBody(corrupted)}

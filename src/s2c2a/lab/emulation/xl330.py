@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from s2c2a.lab.emulation.registers import (
     ControlTable,
-    Register,
+    EmulatedRegister,
     constant,
     measured,
     stored,
@@ -213,7 +213,7 @@ class XL330(Servo):
         self["goal_position"] = self._present_position
         self["goal_current"] = self["current_limit"]
 
-    def _accept(self, register: Register, value: int) -> int:
+    def _accept(self, register: EmulatedRegister, value: int) -> int:
         """Refuse what is locked, out of range or beyond a configured limit."""
         locked = register.eeprom and self.torque
         if locked or not register.writable:
@@ -226,7 +226,7 @@ class XL330(Servo):
             raise RefusalError(Reason.FAILED)
         return value
 
-    def _is_frozen(self, register: Register, value: int) -> bool:
+    def _is_frozen(self, register: EmulatedRegister, value: int) -> bool:
         """Return whether the bus watchdog forbids a value."""
         if register.name == "bus_watchdog":
             return value < 0
@@ -242,7 +242,7 @@ class XL330(Servo):
             return False
         return not self["min_position"] <= value <= self["max_position"]
 
-    def _changed(self, register: Register) -> None:
+    def _changed(self, register: EmulatedRegister) -> None:
         if register.name == "operating_mode":
             if self["operating_mode"] == POSITION_MODE:
                 self.forget_turns()

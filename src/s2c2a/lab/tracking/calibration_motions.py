@@ -41,7 +41,7 @@ OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
 AVERAGING_TIME = 1.0  # s
 MIN_HELD_FRAMES = 10
-Progress = Callable[[int, int], None]
+MotionProgress = Callable[[int, int], None]
 
 
 class FrameClock(Clock):
@@ -217,7 +217,7 @@ def measure_latency(
     robot: Robot,
     tracker: Tracker,
     duration: float = CHIRP_DURATION,
-    progress: Progress = lambda done, total: None,
+    progress: MotionProgress = lambda done, total: None,
 ) -> Latency:
     """Move the base module of an arm in a chirp, and find the latency of a tracker.
 
@@ -301,7 +301,7 @@ def _single_bends(sizes: np.ndarray) -> Float[np.ndarray, "n modules 2"]:
 
 
 def measure_frames(
-    robot: Robot, tracker: Tracker, progress: Progress = lambda done, total: None
+    robot: Robot, tracker: Tracker, progress: MotionProgress = lambda done, total: None
 ) -> Frames:
     """Hold bends of every module, and find the frames of the arm in tracked bodies.
 

@@ -49,7 +49,7 @@ class _BodyMessage(_Strict):
     rotation: list[float] = Field(min_length=4, max_length=4)
 
 
-class _Message(_Strict):
+class _PoseMessage(_Strict):
     time: float
     frame: int = Field(ge=0, le=MAX_FRAME)
     bodies: dict[
@@ -84,14 +84,14 @@ def parse_datagram(content: bytes, arrival: float) -> PoseFrame:
     return PoseFrame(arrival, message.time, message.frame, poses)
 
 
-def _parse_message(content: bytes) -> _Message:
+def _parse_message(content: bytes) -> _PoseMessage:
     if len(content) > MAX_BYTES:
         raise DatagramError(
             f"more than {MAX_BYTES} bytes; send fewer bodies", DropReason.OVERSIZED
         )
     try:
         value = json.loads(content.decode(), object_pairs_hook=_without_duplicates)
-        return _Message.model_validate(value)
+        return _PoseMessage.model_validate(value)
     except ValidationError as error:
         raise DatagramError(_explain(error), DropReason.MALFORMED) from error
     # ValueError: no JSON, no UTF-8, a repeated key, an integer of thousands of digits

@@ -12,13 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.estimation.delayed_response import Motion, Search, identify_response
+from s2c2a.estimation.delayed_response import Motion, SearchRanges, identify_response
 from s2c2a.lab.tracking.poses import TrackingError
 
 GRID_PERIOD = 0.002  # s, of the simulated modes
 LATENCIES = (-0.1, 0.3)  # s, of the search
 MAX_BACKLASH = 0.0025  # m; half-width
-SEARCH = Search(
+SEARCH = SearchRanges(
     low=np.array([LATENCIES[0], 0.0, 0.4, 0.01]),
     high=np.array([LATENCIES[1], MAX_BACKLASH, 15.0, 1.0]),
     starts=np.array([[0.02, 0.00025, 1.2, 6.0, 0.1, 0.1]]),
@@ -78,7 +78,7 @@ def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
 
     Args:
         arm: cable angles and radii.
-        record: of a motion of one module, as `identification.tracking` makes.
+        record: of a motion of one module, as `calibration_motions` makes.
 
     Raises:
         LatencyError: there is too little motion, or too few frames, the tracked ends

@@ -223,7 +223,7 @@ class TrackedRobot(Robot):
 
     Args:
         robot: without these sensors.
-        source: of the poses (`tracking.sources.FORMS`).
+        source: of the poses (`lab.tracking.sources.FORMS`).
         tracker: instead of that of the source.
 
     Raises:

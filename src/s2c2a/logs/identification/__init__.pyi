@@ -1,6 +1,6 @@
 from .fitting import Fit, Posterior, identify
 from .numbers import GROUPS, USUAL, Unknown, arm_at, unknowns_of, with_default_starts
-from .problem import FitOptions, Problem, held_out, options_for
+from .problem import FitProblem, IdentificationOptions, held_out, options_for
 from .replay import Replay, replayed, thinned
 from .report import (
     FittedNumber,
@@ -16,10 +16,10 @@ __all__ = [
     "GROUPS",
     "USUAL",
     "Fit",
-    "FitOptions",
+    "FitProblem",
     "FittedNumber",
+    "IdentificationOptions",
     "Posterior",
-    "Problem",
     "Replay",
     "TipErrors",
     "Unknown",

@@ -22,8 +22,8 @@ from s2c2a.episodes import Episode
 from s2c2a.executors import Serial, in_order
 from s2c2a.logs.identification.numbers import Unknown, arm_at
 from s2c2a.logs.identification.problem import (
-    FitOptions,
-    Problem,
+    FitProblem,
+    IdentificationOptions,
     build_problem,
     coordinate_bounds,
     residuals,
@@ -36,7 +36,7 @@ from s2c2a.progress import Progress, quiet
 from s2c2a.spaces import States
 
 STEP = 0.02  # step of finite differences, in prior standard deviations
-DEFAULT_OPTIONS = FitOptions()
+DEFAULT_OPTIONS = IdentificationOptions()
 MIN_VARIANCE = 1e-12  # a recording of the simulation itself leaves no residual
 TOLERANCE = 1e-4  # relative change of the cost, or of the coordinates, at convergence
 MAX_CORRELATION = 0.99
@@ -71,7 +71,7 @@ class Fit:
         finished: whether the fit converged, before the limit of rounds or an interrupt.
     """
 
-    problem: Problem
+    problem: FitProblem
     coordinates: Float[np.ndarray, " coordinates"]
     posterior: Posterior = field(repr=False)
     finished: bool
@@ -95,7 +95,7 @@ def identify(
     arm: ArmSpec,
     unknowns: Sequence[Unknown],
     episodes: Sequence[Episode],
-    options: FitOptions = DEFAULT_OPTIONS,
+    options: IdentificationOptions = DEFAULT_OPTIONS,
     executor: Executor | None = None,
     progress: Progress = quiet,
 ) -> Fit:
@@ -121,7 +121,7 @@ def identify(
 class _Optimizer:
     """Least-squares search, with the best coordinates and Jacobian so far."""
 
-    def __init__(self, problem: Problem, executor: Executor, progress: Progress):
+    def __init__(self, problem: FitProblem, executor: Executor, progress: Progress):
         self._problem = problem
         self._executor = executor
         self._progress = progress
@@ -178,7 +178,7 @@ class _Optimizer:
         return np.vstack([scaled, np.eye(len(coordinates))])
 
 
-def _start(problem: Problem) -> np.ndarray:
+def _start(problem: FitProblem) -> np.ndarray:
     """Coordinates of the file, with the frame fitted to the recording."""
     count = len(problem.unknowns)
     size = len(problem.names)
@@ -198,7 +198,9 @@ def _start(problem: Problem) -> np.ndarray:
 
 
 def jacobian(
-    problem: Problem, coordinates: Float[np.ndarray, " coordinates"], executor: Executor
+    problem: FitProblem,
+    coordinates: Float[np.ndarray, " coordinates"],
+    executor: Executor,
 ) -> Float[np.ndarray, "measured coordinates"]:
     """Jacobian of the residuals by finite differences, within the bounds."""
     count = len(problem.unknowns)
@@ -219,7 +221,7 @@ def jacobian(
 
 
 def estimate_posterior(
-    problem: Problem,
+    problem: FitProblem,
     residual_jacobian: Float[np.ndarray, "measured coordinates"],
     variance: float,
 ) -> Posterior:
@@ -232,7 +234,7 @@ def estimate_posterior(
 
 
 def estimate_variance(
-    problem: Problem, errors: Float[np.ndarray, " measured"]
+    problem: FitProblem, errors: Float[np.ndarray, " measured"]
 ) -> float:
     """Variance of the residuals, increased for the correlation of successive rows."""
     measured = np.concatenate(problem.measured)

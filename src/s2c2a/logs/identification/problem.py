@@ -32,7 +32,7 @@ BLOCK = 25
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class IdentificationOptions:
     """Options of a fit.
 
     Attributes:
@@ -48,7 +48,7 @@ class FitOptions:
 
 def options_for(
     recording: Recording, settling: float | None, rounds: int, fidelity: str
-) -> FitOptions:
+) -> IdentificationOptions:
     """Options for a recording.
 
     The frame of an imported recording may be wrong, and its episodes are continuous.
@@ -70,11 +70,11 @@ def options_for(
             f"to {MAX_SETTLING:g} s"
         )
     imported = str(recording.options.get("babbling", "")).startswith("imported")
-    return FitOptions(Replay(settling, imported, fidelity), imported, rounds)
+    return IdentificationOptions(Replay(settling, imported, fidelity), imported, rounds)
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class FitProblem:
     """Data and unknowns of a fit; it can be sent to other processes.
 
     Attributes:
@@ -89,7 +89,7 @@ class Problem:
     unknowns: tuple[Unknown, ...]
     episodes: tuple[Episode, ...]
     measured: tuple[States, ...]
-    options: FitOptions
+    options: IdentificationOptions
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,8 +102,8 @@ def build_problem(
     arm: ArmSpec,
     unknowns: Sequence[Unknown],
     episodes: Sequence[Episode],
-    options: FitOptions,
-) -> Problem:
+    options: IdentificationOptions,
+) -> FitProblem:
     """Problem without the rows of `held_out`.
 
     Raises:
@@ -119,7 +119,7 @@ def build_problem(
             "the recording has no measured states, so there is nothing to fit; "
             "record the sensor `states`"
         )
-    return Problem(arm, tuple(unknowns), tuple(episodes), measured, options)
+    return FitProblem(arm, tuple(unknowns), tuple(episodes), measured, options)
 
 
 def held_out(
@@ -149,7 +149,7 @@ def first_rows(
     return masks
 
 
-def coordinate_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+def coordinate_bounds(problem: FitProblem) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest coordinates, widened so that the start is inside."""
     size = len(problem.names)
     low = np.full(size, -np.inf)
@@ -160,7 +160,7 @@ def coordinate_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def residuals(
-    problem: Problem, coordinates: Float[np.ndarray, " coordinates"]
+    problem: FitProblem, coordinates: Float[np.ndarray, " coordinates"]
 ) -> Float[np.ndarray, " measured"]:
     """Differences of states, in typical ones; large values if the simulation fails."""
     states = simulate(problem, coordinates[: len(problem.unknowns)])
@@ -168,7 +168,7 @@ def residuals(
 
 
 def simulate(
-    problem: Problem, coordinates: Float[np.ndarray, " unknowns"]
+    problem: FitProblem, coordinates: Float[np.ndarray, " unknowns"]
 ) -> list[States] | None:
     """States of the arm at these coordinates; None if it is invalid or diverges."""
     try:
@@ -179,7 +179,7 @@ def simulate(
 
 
 def residuals_of(
-    problem: Problem,
+    problem: FitProblem,
     coordinates: Float[np.ndarray, " coordinates"],
     states: list[States] | None,
 ) -> Float[np.ndarray, " measured"]:
@@ -197,7 +197,7 @@ def residuals_of(
 
 
 def to_recording_frame(
-    problem: Problem, coordinates: np.ndarray, states: States
+    problem: FitProblem, coordinates: np.ndarray, states: States
 ) -> States:
     """States in the recording's frame, from those in the base frame."""
     if not problem.options.frame:

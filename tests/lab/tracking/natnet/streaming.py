@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import numpy as np
 
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
-from s2c2a.lab.emulation.plant import Pose
+from s2c2a.lab.emulation.plant import FramePose
 
 PATIENCE = 20.0  # s, on a busy machine
 QUARTER = np.sqrt(0.5)
 POSES = {
-    "base": Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])),
-    "end-1": Pose(
+    "base": FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])),
+    "end-1": FramePose(
         np.array([0.125, -0.25, 0.5]), np.array([QUARTER, 0.0, 0.0, QUARTER])
     ),
 }

@@ -27,8 +27,8 @@ from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError
 from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Version
 from s2c2a.lab.tracking.natnet.messages import (
-    Body,
     MessageKind,
+    RigidBody,
     encode_request,
     parse_definitions,
     parse_frame,
@@ -55,7 +55,7 @@ def definitions(content, version):
 def test_a_frame_by_hand_has_its_tracked_body(version):
     parsed = frame(FRAMES[version], version)
     assert (parsed.number, parsed.time) == (7, 1.5)
-    assert parsed.bodies == (Body(5, (1.0, 2.0, 3.0), IDENTITY),)
+    assert parsed.bodies == (RigidBody(5, (1.0, 2.0, 3.0), IDENTITY),)
     assert parsed.models_changed == (version == (4, 1))
 
 

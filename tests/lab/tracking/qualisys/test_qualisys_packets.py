@@ -11,7 +11,7 @@ from s2c2a.lab.tracking.qualisys.packets import (
     MAX_PACKET,
     PacketKind,
     PacketStream,
-    Parameters,
+    StreamParameters,
     body_pose,
     encode_command,
     parse_frame,
@@ -141,7 +141,9 @@ def parameters(bodies, up="<The_3D><AxisUpwards>+Z</AxisUpwards></The_3D>"):
 
 
 def test_parameters_name_the_bodies_in_order():
-    assert parse_parameters(parameters(["b", "a"])) == Parameters(("b", "a"), "+z")
+    assert parse_parameters(parameters(["b", "a"])) == StreamParameters(
+        ("b", "a"), "+z"
+    )
 
 
 def test_a_name_that_two_bodies_have_is_empty():

@@ -2,15 +2,15 @@
 
 import pytest
 
-from s2c2a.lab.tracking.qualisys.packets import Parameters
-from s2c2a.lab.tracking.qualisys.session import LOST, PERIOD, Session
+from s2c2a.lab.tracking.qualisys.packets import StreamParameters
+from s2c2a.lab.tracking.qualisys.session import LOST, PERIOD, QtmSession
 
-BODIES = Parameters(("base",), "+z")
+BODIES = StreamParameters(("base",), "+z")
 
 
 @pytest.fixture
 def session():
-    one = Session("lab:22223")
+    one = QtmSession("lab:22223")
     one.connect(0.0)
     return one
 
@@ -69,7 +69,7 @@ def test_the_end_of_a_measurement_and_events_outdate_the_names(streaming):
     assert "start a measurement" in streaming.problem
 
 
-@pytest.mark.parametrize("take", [Session.take_command, Session.take_error])
+@pytest.mark.parametrize("take", [QtmSession.take_command, QtmSession.take_error])
 def test_a_version_that_is_missing_is_named(session, take):
     take(session, "Version NOT supported", 0.1)
     assert session.is_refused
@@ -86,8 +86,8 @@ def test_a_refusal_is_reported_in_the_words_of_qtm(session):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        (Parameters((), "+z"), "no 6DOF bodies"),
-        (Parameters(("base",), "-x"), "the axis -x up"),
+        (StreamParameters((), "+z"), "no 6DOF bodies"),
+        (StreamParameters(("base",), "-x"), "the axis -x up"),
     ],
 )
 def test_unusable_parameters_are_reported_and_requested_again(

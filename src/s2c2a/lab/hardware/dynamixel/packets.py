@@ -161,7 +161,6 @@ class DynamixelPackets(ServoPackets):
     overhead = 11
 
     def encode(self, id: int, instruction: int, parameters: bytes = b"") -> bytes:
-        """See `ServoPackets`."""
         return encode(id, instruction, parameters)
 
     def reader(self, ids: Collection[int], size: int) -> StatusReader:

@@ -65,7 +65,7 @@ HARDWARE_ERROR_BITS = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Model:
+class DynamixelModel:
     """What differs between models.
 
     Attributes:
@@ -99,11 +99,11 @@ MODELS = MappingProxyType(
         model.name: model
         for model in (
             # 0.52 N m at 1.47 A and 5 V; firmware 52 moved the indirect data
-            Model("xl330-m288", 1200, 0.001, 1.75, 0.354, 224, 52, 208),
+            DynamixelModel("xl330-m288", 1200, 0.001, 1.75, 0.354, 224, 52, 208),
             # 0.215 N m at 1.47 A and 5 V
-            Model("xl330-m077", 1190, 0.001, 1.75, 0.146, 224, 52, 208),
+            DynamixelModel("xl330-m077", 1190, 0.001, 1.75, 0.146, 224, 52, 208),
             # 4.1 N m at 2.3 A and 12 V
-            Model("xm430-w350", 1020, 0.00269, 3.2, 1.78),
+            DynamixelModel("xm430-w350", 1020, 0.00269, 3.2, 1.78),
         )
     }
 )

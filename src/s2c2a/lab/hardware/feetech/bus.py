@@ -218,7 +218,6 @@ class FeetechBus(SerialBus):
             )
 
     def info(self, id: int) -> ServoInfo:
-        """See `SerialBus`."""
         return _info_of(id, self._read(id, REGISTERS["identity"]))
 
     def _answers(

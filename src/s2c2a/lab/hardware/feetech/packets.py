@@ -109,9 +109,7 @@ class FeetechPackets(ServoPackets):
     overhead = OVERHEAD
 
     def encode(self, id: int, instruction: int, parameters: bytes = b"") -> bytes:
-        """See `ServoPackets`."""
         return encode_packet(id, instruction, parameters)
 
     def reader(self, ids: Collection[int], size: int) -> FeetechReader:
-        """See `ServoPackets`."""
         return FeetechReader(ids, size)

@@ -85,7 +85,7 @@ ERROR_BITS = {
 
 
 @dataclass(frozen=True)
-class Model:
+class FeetechModel:
     """Data of a model.
 
     Attributes:
@@ -110,8 +110,8 @@ class Model:
 
 
 MODELS = {
-    "sts3215": Model(777, 19.5 * KG_CM, 2.4),  # at 7.4 V
-    "sts3215-12v": Model(777, 30.0 * KG_CM, 2.7),
+    "sts3215": FeetechModel(777, 19.5 * KG_CM, 2.4),  # at 7.4 V
+    "sts3215-12v": FeetechModel(777, 30.0 * KG_CM, 2.7),
 }
 MODEL_NAMES = {777: "sts3215"}
 """Names by number; the variants of a model state the same number."""

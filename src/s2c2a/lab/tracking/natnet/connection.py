@@ -6,7 +6,7 @@ Only state and times; `tracker` has the sockets.
 from collections import Counter
 from collections.abc import Mapping
 
-from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Layout, Version
+from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, MessageLayout, Version
 from s2c2a.lab.tracking.natnet.messages import MessageKind, ServerInfo
 from s2c2a.lab.tracking.receiving import FIRST_PAUSE, LONGEST_PAUSE
 
@@ -36,7 +36,7 @@ class Connection:
             address: of Motive, for messages.
         """
         self._address = address
-        self.layout: Layout | None = None
+        self.layout: MessageLayout | None = None
         self.names: Mapping[int, str] | None = None
         self.problem = self._no_answer()
         self._heard = 0.0

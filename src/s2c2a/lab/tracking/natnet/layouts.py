@@ -19,7 +19,7 @@ class Version(NamedTuple):
         return f"{self.major}.{self.minor}"
 
 
-class Text(Enum):
+class ZeroEndedText(Enum):
     """UTF-8 text that a zero byte ends."""
 
     TERMINATED = "terminated"
@@ -39,10 +39,10 @@ class Repeated:
         object.__setattr__(self, "parts", parts)
 
 
-Part: TypeAlias = Union[int, Text, Repeated, "tuple[Part, ...]"]
+Part: TypeAlias = Union[int, ZeroEndedText, Repeated, "tuple[Part, ...]"]
 """Number of bytes, text, a repetition, or a group of parts."""
 
-TEXT = Text.TERMINATED
+TEXT = ZeroEndedText.TERMINATED
 COUNT_SIZE = 4
 POSITION = 12
 ROTATION = 16
@@ -124,7 +124,7 @@ _BODY_4: Part = (TEXT, 4, 4, POSITION, Repeated(POSITION, 4, TEXT))
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """Layout of the messages of one version.
 
     Attributes:
@@ -142,16 +142,16 @@ class Layout:
 
 
 LAYOUTS = {
-    Version(3, 1): Layout(
+    Version(3, 1): MessageLayout(
         _WITHOUT_ASSETS, False, _PLAIN_SUFFIXES, _definitions(_BODY_3)
     ),
-    Version(4, 0): Layout(
+    Version(4, 0): MessageLayout(
         _WITHOUT_ASSETS,
         False,
         _PLAIN_SUFFIXES + _PRECISE_SUFFIXES,
         _definitions(_BODY_4),
     ),
-    Version(4, 1): Layout(
+    Version(4, 1): MessageLayout(
         tuple(Section), True, _PRECISE_SUFFIXES, _definitions(_BODY_4)
     ),
 }

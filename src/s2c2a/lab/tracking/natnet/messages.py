@@ -18,7 +18,7 @@ from s2c2a.lab.tracking.natnet.layouts import (
     RIGID_BODY,
     SUFFIX_TIME,
     TEXT,
-    Layout,
+    MessageLayout,
     Part,
     Repeated,
     Section,
@@ -174,7 +174,7 @@ def parse_server_info(reader: Reader) -> ServerInfo:
     return ServerInfo(version, group)
 
 
-def parse_definitions(reader: Reader, layout: Layout) -> dict[int, str]:
+def parse_definitions(reader: Reader, layout: MessageLayout) -> dict[int, str]:
     """Return the names of rigid bodies by id.
 
     Raises:
@@ -190,7 +190,7 @@ def parse_definitions(reader: Reader, layout: Layout) -> dict[int, str]:
     return names
 
 
-def _definitions(reader: Reader, layout: Layout) -> Iterator[tuple[int, Reader]]:
+def _definitions(reader: Reader, layout: MessageLayout) -> Iterator[tuple[int, Reader]]:
     """Yield types of definitions, each with a reader of its content."""
     for _ in range(reader.count(COUNT_SIZE)):
         (kind,) = reader.unpack(_COUNT)
@@ -201,7 +201,7 @@ def _definitions(reader: Reader, layout: Layout) -> Iterator[tuple[int, Reader]]
         yield kind, reader.section(size)
 
 
-def _measure(reader: Reader, kind: int, layout: Layout) -> int:
+def _measure(reader: Reader, kind: int, layout: MessageLayout) -> int:
     """Return the size of the definition that follows [bytes]."""
     if kind not in layout.definitions:
         raise malformed(f"there is no definition of type {kind}")
@@ -218,7 +218,7 @@ def _decode(text: bytes) -> str:
 
 
 @dataclass(frozen=True)
-class Body:
+class RigidBody:
     """A rigid body that is tracked.
 
     Attributes:
@@ -233,7 +233,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Frame:
+class NatNetFrame:
     """A frame of data.
 
     Attributes:
@@ -245,11 +245,11 @@ class Frame:
 
     number: int
     time: float
-    bodies: tuple[Body, ...]
+    bodies: tuple[RigidBody, ...]
     models_changed: bool
 
 
-def parse_frame(reader: Reader, layout: Layout) -> Frame:
+def parse_frame(reader: Reader, layout: MessageLayout) -> NatNetFrame:
     """Parse a frame of data.
 
     Raises:
@@ -257,17 +257,17 @@ def parse_frame(reader: Reader, layout: Layout) -> Frame:
             the time is not finite.
     """
     (number,) = reader.unpack(_COUNT)
-    bodies: tuple[Body, ...] = ()
+    bodies: tuple[RigidBody, ...] = ()
     for section in layout.sections:
         if section is Section.RIGID_BODIES:
             bodies = _read_bodies(reader, layout)
         else:
             _skip_section(reader, section, layout)
     time, flags = _read_suffix(reader, layout)
-    return Frame(number, time, bodies, bool(flags & _MODELS_CHANGED))
+    return NatNetFrame(number, time, bodies, bool(flags & _MODELS_CHANGED))
 
 
-def _read_bodies(reader: Reader, layout: Layout) -> tuple[Body, ...]:
+def _read_bodies(reader: Reader, layout: MessageLayout) -> tuple[RigidBody, ...]:
     count = reader.count(BODY_SIZE)
     size = count * BODY_SIZE
     if layout.has_sizes and reader.unpack(_COUNT) != (size,):
@@ -276,10 +276,10 @@ def _read_bodies(reader: Reader, layout: Layout) -> tuple[Body, ...]:
     if len({id for id, *_ in values}) < count:
         raise malformed("a rigid body occurs twice")
     tracked = [body for body in values if body[-1] & _TRACKED]
-    return tuple(Body(body[0], body[1:4], body[4:8]) for body in tracked)
+    return tuple(RigidBody(body[0], body[1:4], body[4:8]) for body in tracked)
 
 
-def _skip_section(reader: Reader, section: Section, layout: Layout) -> None:
+def _skip_section(reader: Reader, section: Section, layout: MessageLayout) -> None:
     element = ELEMENTS[section]
     if layout.has_sizes:
         reader.count(minimum_size(element))
@@ -312,7 +312,7 @@ def _skip_repeated(reader: Reader, repeated: Repeated) -> None:
                 _skip(reader, part)
 
 
-def _read_suffix(reader: Reader, layout: Layout) -> tuple[float, int]:
+def _read_suffix(reader: Reader, layout: MessageLayout) -> tuple[float, int]:
     """Return time [s] and flags from the end of a frame."""
     size = reader.remaining
     if size not in layout.suffixes:

@@ -47,7 +47,7 @@ class PacketKind(IntEnum):
     QTM_FILE = 8
 
 
-class Packet(NamedTuple):
+class QtmPacket(NamedTuple):
     """One packet.
 
     Attributes:
@@ -66,7 +66,7 @@ class PacketStream:
         """Begin without bytes."""
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> list[Packet]:
+    def feed(self, data: bytes) -> list[QtmPacket]:
         """Return the packets that bytes complete.
 
         Args:
@@ -84,7 +84,7 @@ class PacketStream:
                 break
             content = bytes(self._buffer[HEADER.size : size])
             del self._buffer[:size]
-            packets.append(Packet(PacketKind(kind), content))
+            packets.append(QtmPacket(PacketKind(kind), content))
         return packets
 
 
@@ -113,7 +113,7 @@ def parse_text(content: bytes) -> str:
 
 
 @dataclass(frozen=True)
-class Parameters:
+class StreamParameters:
     """Parameters of the stream.
 
     Attributes:
@@ -126,7 +126,7 @@ class Parameters:
     up: str
 
 
-def parse_parameters(content: bytes) -> Parameters:
+def parse_parameters(content: bytes) -> StreamParameters:
     """Parse the answer to `GetParameters 3D 6D`.
 
     Raises:
@@ -148,11 +148,11 @@ def parse_parameters(content: bytes) -> Parameters:
     counts = Counter(names)
     unique = tuple(name if counts[name] == 1 else "" for name in names)
     up = (root.findtext("The_3D/AxisUpwards") or "+Z").strip().lower()
-    return Parameters(unique, up)
+    return StreamParameters(unique, up)
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class QtmFrame:
     """A frame of 6DOF bodies.
 
     Attributes:
@@ -167,7 +167,7 @@ class Frame:
     bodies: tuple[tuple[float, ...] | None, ...]
 
 
-def parse_frame(content: bytes) -> Frame:
+def parse_frame(content: bytes) -> QtmFrame:
     """Parse a data packet with one component 6D.
 
     Raises:
@@ -186,7 +186,7 @@ def parse_frame(content: bytes) -> Frame:
         offset += size
     if bodies is None or offset != len(content):
         raise _malformed("a frame without 6D, or with bytes too many,")
-    return Frame(_MICROSECOND * time, number, bodies)
+    return QtmFrame(_MICROSECOND * time, number, bodies)
 
 
 def _unpack(layout: Struct, content: bytes, offset: int) -> tuple:

@@ -3,7 +3,7 @@
 Only state and times; `tracker` has the socket.
 """
 
-from s2c2a.lab.tracking.qualisys.packets import Parameters, is_supported_axis
+from s2c2a.lab.tracking.qualisys.packets import StreamParameters, is_supported_axis
 
 VERSION = "1.20"
 PERIOD = 1.0
@@ -18,7 +18,7 @@ _PARAMETERS = "GetParameters 3D 6D"
 _STREAM = "StreamFrames AllFrames 6D"
 
 
-class Session:
+class QtmSession:
     """What is known of QTM, and which commands are due.
 
     When frames come again after a measurement has stopped, or after a silence, the
@@ -43,7 +43,7 @@ class Session:
 
     def disconnect(self) -> None:
         """Forget what is known; `problem` stays."""
-        self.parameters: Parameters | None = None
+        self.parameters: StreamParameters | None = None
         self.is_outdated = False
         self.is_refused = False
         self._error = ""
@@ -123,7 +123,7 @@ class Session:
         )
         self.problem = self._error
 
-    def take_parameters(self, parameters: Parameters, now: float) -> None:
+    def take_parameters(self, parameters: StreamParameters, now: float) -> None:
         """Use the names of the bodies, if there are any, and the axes."""
         self._last_packet = now
         if not parameters.names:
@@ -141,7 +141,7 @@ class Session:
             return
         self.parameters = None
 
-    def _use(self, parameters: Parameters) -> None:
+    def _use(self, parameters: StreamParameters) -> None:
         if self.parameters is None:
             self._commands.append(_STREAM)
             self._error = ""

@@ -18,7 +18,7 @@ from s2c2a.lab.tracking.qualisys.packets import (
     parse_parameters,
     parse_text,
 )
-from s2c2a.lab.tracking.qualisys.session import Session
+from s2c2a.lab.tracking.qualisys.session import QtmSession
 from s2c2a.lab.tracking.receiving import MocapTracker
 from s2c2a.lab.tracking.tracker import PoseFrame
 
@@ -37,7 +37,7 @@ class QualisysTracker(MocapTracker):
     plausible and newer than all before is counted and dropped.
     """
 
-    _dialog: Session
+    _dialog: QtmSession
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class QualisysTracker(MocapTracker):
 
     def _reset(self) -> None:
         super()._reset()
-        self._dialog = Session(f"{self._host}:{self._port}")
+        self._dialog = QtmSession(f"{self._host}:{self._port}")
 
     @property
     def bodies(self) -> list[str]:

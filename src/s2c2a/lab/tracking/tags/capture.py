@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from s2c2a.lab.tracking.poses import TrackingError
-from s2c2a.lab.tracking.tags.decoding import Decoder, Image
+from s2c2a.lab.tracking.tags.decoding import DecodingProcess, Image
 from s2c2a.lab.tracking.tags.opencv import cv2
 
 MAX_DEVICE = 63
@@ -83,7 +83,7 @@ class VideoFile:
             TrackingError: it is no video.
         """
         self._path = path
-        self._decoder = Decoder("video", [Path(path)])
+        self._decoder = DecodingProcess("video", [Path(path)])
         try:
             self._next = self._decode()
         except TrackingError:

@@ -28,7 +28,7 @@ class Image(NamedTuple):
     rate: float
 
 
-class Decoder:
+class DecodingProcess:
     """A process that decodes files; whatever happens to it is an error here."""
 
     def __init__(self, kind: str, paths: Sequence[Path]):

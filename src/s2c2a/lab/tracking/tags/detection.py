@@ -45,9 +45,6 @@ class TagDropReason(Enum):
     IMPRECISE = "body: too far away or too oblique for a precise pose"
 
 
-PICTURES = (TagDropReason.WRONG_SIZE, TagDropReason.MALFORMED, TagDropReason.FAILED)
-
-
 @dataclass(frozen=True, eq=False)
 class TagView:
     """A tag in a picture.

@@ -49,7 +49,7 @@ class TagPoses:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class PoseCandidate:
     """A pose that may be right.
 
     Attributes:
@@ -150,7 +150,7 @@ def _corners(views: Sequence[TagView], tags: Mapping[int, Tag]) -> np.ndarray:
 
 def _candidates(
     views: Sequence[TagView], tags: Mapping[int, Tag], camera: CameraModel
-) -> list[Candidate]:
+) -> list[PoseCandidate]:
     """Distinct poses from both solutions of every tag, the best first."""
     model = _corners(views, tags)
     pixels = np.concatenate([view.corners for view in views])
@@ -163,7 +163,7 @@ def _candidates(
     usable = [one for one in found if one is not None]
     if not usable:
         raise TagError(TagDropReason.MISFIT)
-    distinct: list[Candidate] = []
+    distinct: list[PoseCandidate] = []
     for candidate in sorted(usable, key=lambda one: one.error):
         if not any(_are_one(candidate.pose, one.pose) for one in distinct):
             distinct.append(candidate)
@@ -194,7 +194,7 @@ def _pose(rotation_vector: np.ndarray, position: np.ndarray) -> Pose:
 
 def _refined(
     start: Pose, model: np.ndarray, pixels: np.ndarray, camera: CameraModel
-) -> Candidate | None:
+) -> PoseCandidate | None:
     """Minimize the distances of all corners; None without a pose before the camera."""
     vector = Rotation.from_quat(start.rotation).as_rotvec()
     vector, position = cv2.solvePnPRefineLM(
@@ -213,7 +213,7 @@ def _refined(
         return None
     projected, _ = _project(pose, model, camera)
     distances = np.linalg.norm(projected - pixels, axis=1)
-    return Candidate(pose, float(np.sqrt(np.mean(distances**2))), distances)
+    return PoseCandidate(pose, float(np.sqrt(np.mean(distances**2))), distances)
 
 
 def _project(
@@ -234,7 +234,7 @@ def _are_one(first: Pose, second: Pose) -> bool:
 
 
 def _choose_by_rough(
-    possible: list[Candidate],
+    possible: list[PoseCandidate],
     rough: list[TagView],
     tags: Mapping[int, Tag],
     camera: CameraModel,
@@ -258,7 +258,7 @@ def _choose_by_rough(
     return None
 
 
-def _choose_by_previous(possible: list[Candidate], before: Pose | None) -> Pose:
+def _choose_by_previous(possible: list[PoseCandidate], before: Pose | None) -> Pose:
     """Choose the pose that is near the previous one.
 
     Raises:

@@ -18,7 +18,7 @@ from s2c2a.lab.tracking.tags.calibration import (
 )
 from s2c2a.lab.tracking.tags.camera import Board, CameraError, CameraModel
 from s2c2a.lab.tracking.tags.capture import PictureSource, open_device
-from s2c2a.lab.tracking.tags.decoding import Decoder
+from s2c2a.lab.tracking.tags.decoding import DecodingProcess
 from s2c2a.progress import Progress
 
 MAX_VIEWS = 100
@@ -56,7 +56,7 @@ def read_pictures(paths: Sequence[Path]) -> list[np.ndarray]:
     for path in paths:
         _check_size(path)
     pictures = []
-    decoder = Decoder("pictures", paths)
+    decoder = DecodingProcess("pictures", paths)
     try:
         for path in paths:
             pictures.append(_decoded(decoder, path))
@@ -74,7 +74,7 @@ def _check_size(path: Path) -> None:
         raise CameraError(f"{path} has more than {MAX_BYTES} bytes; leave it out")
 
 
-def _decoded(decoder: Decoder, path: Path) -> np.ndarray:
+def _decoded(decoder: DecodingProcess, path: Path) -> np.ndarray:
     try:
         image = decoder.read()
     except TrackingError as error:

@@ -1,7 +1,7 @@
 """Pictures of tags by a given camera: for tests, studies and emulation.
 
 An ideal picture has no distortion and is larger than that of the camera. A `Lens` makes
-the camera's picture of it. `paint` needs no graphics; `emulation.tag_camera` renders.
+the camera's picture of it. `paint` needs no graphics; `lab.emulation.tag_camera` renders.
 """
 
 import math
