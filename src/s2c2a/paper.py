@@ -71,7 +71,7 @@ def configurations_from_encoders(arm: ArmSpec, displacements: A) -> C:
 # ------------------------------------------------------------- II-D. Data collection
 
 SPEEDS = (0.03, 0.22)
-"""Slowest and fastest motion of the data, in full bends a step of the paper's arm.
+"""Slowest and fastest motion of the data, in full bends a control step.
 
 Differs: the paper states no speeds; a controller trained at one speed fails at others.
 """
@@ -146,6 +146,7 @@ def collect(arm: ArmSpec, episodes: int, samples: int, seed: int = 0) -> Recordi
         robot_seed = np.random.SeedSequence([seed, episode, 1]).generate_state(1)[0]
         robot = simulated(arm, int(robot_seed))
         robot.open()
+        # babbling happens in bends; each has one action without a common displacement
         for action in ArmGeometry.of(arm).actions_at(bends):
             reading = robot.read()
             rows.append((reading["cables"], reading["states"], action))
@@ -293,6 +294,7 @@ MIN_DISTANCE = 1e-3  # units. Differs: 1 / d grows no further, so that it stays 
 def obstacle_loss(distances: Array, thresholds: Numbers) -> Array:
     """L_ob, eq. (5); obstacles with threshold zero do not exist."""
     inside = (distances <= thresholds) & (thresholds > 0.0)
+    # the inner `where` keeps the gradient finite where the outer one takes no notice
     regular = inside & (distances > MIN_DISTANCE)
     repulsion = 1.0 / jnp.where(regular, distances, MIN_DISTANCE)
     return jnp.where(inside, repulsion, 0.0)
@@ -353,6 +355,7 @@ def plan(arm: ArmSpec, c2s: C2S, last: C, goal: Goal) -> C:
     # fixed target makes the tip jump 17 cm in one step.
     geometry = ArmGeometry.of(arm)
     bends = bends_from_configurations(planned)
+    # bend limits as encoders see them, with lost motion; both limits are of the arm file
     bends = limit_lengths(bends, jnp.asarray(geometry.planned_bends))
     last_bends = bends_from_configurations(last)
     step = limit_lengths(bends - last_bends, geometry.step_limit)
@@ -452,7 +455,8 @@ class Samples(NamedTuple):
     targets: Array
 
 
-PARTS = {"training": (0.0, 0.70), "validation": (0.70, 0.85)}  # of each episode
+# of each episode; the recipe tests with the rest, which is not seen here
+PARTS = {"training": (0.0, 0.70), "validation": (0.70, 0.85)}
 
 
 def stretch(samples: int, part: str) -> slice:
