@@ -5,6 +5,7 @@ import io
 import sys
 import tokenize
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -61,6 +62,7 @@ def function_sizes() -> list[int]:
     return sizes
 
 
+@cache
 def density() -> tuple[int, int]:
     """Syntax nodes and code lines of the package."""
     texts = [file.read_text(encoding="utf-8") for file in FILES]

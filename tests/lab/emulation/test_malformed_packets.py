@@ -26,16 +26,19 @@ def test_any_parameters_are_answered_or_ignored(
 ):
     servos = [kind.make_servo(number, MotorState()) for number in (1, 2)]
     data = protocol.pack(id, instruction, parameters)
-    packets = protocol.Decoder().feed(data, 0.0)
+    packets = kind.decoder().feed(data, 0.0)
     answers = [one for packet in packets for one in kind().answer(packet, servos, 0.0)]
     assert len(packets) == 1
     assert all(one.id in (1, 2) or instruction == 3 for one in answers)
 
 
-@pytest.mark.parametrize("protocol", [dynamixel_protocol, feetech_protocol])
+@pytest.mark.parametrize(
+    ("protocol", "kind"),
+    [(dynamixel_protocol, DynamixelProtocol), (feetech_protocol, FeetechProtocol)],
+)
 @given(noise=st.binary(max_size=60))
-def test_noise_does_not_stop_the_decoder(protocol, noise):
-    decoder = protocol.Decoder()
+def test_noise_does_not_stop_the_decoder(protocol, kind, noise):
+    decoder = kind.decoder()
     decoder.feed(noise, 0.0)
     ping = protocol.pack(1, PING)
     packets = decoder.feed(ping, 1.0)
