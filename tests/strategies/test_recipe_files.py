@@ -2,10 +2,12 @@
 
 import math
 import re
+import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from s2c2a.components import Component, CustomComponent
 from s2c2a.control import C2AOptions
@@ -273,3 +275,15 @@ BEST_PARTS = {
     "terms": Evenness,
     "guides": type(BEST.guides[0]),
 }
+
+
+@pytest.mark.parametrize("estimator", ["KalmanFilter", "EncoderOnly"])
+def test_a_recipe_file_of_version_0_3_sees_what_its_estimator_decided(
+    estimator, tmp_path
+):
+    path = save_recipe(RECIPES["best"], tmp_path / "old.toml")
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    del table["encoders_alone"]
+    table["estimator"] = {"name": estimator}
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    assert load_recipe(path).encoders_alone is (estimator == "KalmanFilter")
