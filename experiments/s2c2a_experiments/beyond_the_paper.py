@@ -13,7 +13,7 @@ from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 ComparedStrategy = Annotated[
-    str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
+    str, tyro.conf.arg(metavar="best|best-long|paper|pcc|pcc-fitted|FILE")
 ]
 
 

@@ -49,7 +49,6 @@ CHANGED = {
     "integral_gain": 0.1,
     "unit_length": not BEST.unit_length,
     "encoders_alone": not BEST.encoders_alone,
-    "active": True,
 }
 """By key of a recipe: another value."""
 IN_THE_TASK = {"name", "axis_weights"}
