@@ -1,6 +1,6 @@
 from .arm_drawing import arm_figure
 from .coverage import coverage_figure, coverage_image
-from .figures import learning_curves, recording_figure, run_figure, trials_figure
+from .figures import learning_curves, recording_figure, run_figure
 from .measured_ends import measured_ends_figure
 from .mesh import center_line
 from .replay import replay_page
@@ -17,5 +17,4 @@ __all__ = [
     "recording_figure",
     "replay_page",
     "run_figure",
-    "trials_figure",
 ]
