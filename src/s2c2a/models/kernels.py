@@ -144,7 +144,6 @@ def fit_kernels(
     targets: Float[np.ndarray, "samples outputs"],
     kinds: Float[np.ndarray, "features kinds"],
     count: int,
-    seed: int = 0,
 ) -> Kernels:
     """Fit a regression on inducing points to samples; unknown outputs are zero.
 
@@ -154,7 +153,6 @@ def fit_kernels(
         kinds: groups of features that share a factor of their length scales: one if a
             feature is in a group, else zero.
         count: number of inducing points.
-        seed: of the subset of samples for the likelihood.
 
     Returns:
         The fitted model; with fewer than `MIN_SAMPLES` samples, one that is not fitted.
@@ -172,7 +170,7 @@ def fit_kernels(
     scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
     scaled = (x - center) * rates
     normalized = (y - mean) / scale
-    subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
+    subset = np.random.default_rng(0).permutation(len(x))[:LIKELIHOOD_SAMPLES]
     fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
     kernels = _solve_weights(x, normalized, center, rates * fitted.rates, fitted, count)
     return _denormalize(kernels, mean, scale, known)
