@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,7 @@ from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
-from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
+from s2c2a.strategies import RECIPES, files, load_recipe, recipe_from, save_recipe
 
 
 @pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
@@ -294,3 +294,9 @@ def test_a_recipe_file_of_version_0_3_may_say_that_its_data_are_not_active(tmp_p
     path.write_text('based_on = "best"\nactive = true\n', encoding="utf-8")
     with pytest.raises(StrategyError, match="active"):
         load_recipe(path)
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_networks_of_version_0_3_are_read_however_their_data_were_collected(active):
+    table = asdict(RECIPES["best"].by_class)
+    assert files._recipe(table | {"active": active}) == files._recipe(table)
