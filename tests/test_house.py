@@ -12,9 +12,9 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live")
-MAX_CORE = 22_350
+MAX_CORE = 20_800
 """Code lines of the core; the aim is 20,000, and nothing may move away from it."""
-MAX_NUMBERS = 606
+MAX_NUMBERS = 570
 """Numbers of the core that decide; the aim is 400."""
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)

@@ -13,7 +13,7 @@ from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 ComparedStrategy = Annotated[
-    str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
+    str, tyro.conf.arg(metavar="best|best-long|paper|pcc|pcc-fitted|FILE")
 ]
 
 
@@ -116,8 +116,8 @@ def sensors(
     """
     from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs import checked_seeds
-    from s2c2a.viz.sensor_comparison import sensor_comparison_figure
     from s2c2a_experiments import sensors as study
+    from s2c2a_experiments.figures.sensors import sensor_comparison_figure
 
     options = {
         "arm": arm,

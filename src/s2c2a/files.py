@@ -52,7 +52,7 @@ def holds(path: str | os.PathLike, text: str) -> bool:
     return False
 
 
-def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse TOML.
 
     Raises:
@@ -67,7 +67,7 @@ def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any
         return tomllib.loads(text)
     # ValueError: invalid TOML, or an integer of thousands of digits
     except (ValueError, RecursionError) as error:
-        raise fault(f"not valid TOML: {error}") from error
+        raise S2C2AError(f"not valid TOML: {error}") from error
 
 
 def toml_comment(text: str) -> str:

@@ -1,7 +1,6 @@
 """Documentation of the keys of an arm file, derived from the description's schema."""
 
-from collections.abc import Iterable, Iterator
-from itertools import groupby
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from s2c2a.arm.spec import ArmSpec
@@ -29,26 +28,6 @@ def file_keys() -> list[Key]:
     """Return all keys, table by table."""
     schema = ArmSpec.model_json_schema()
     return list(_keys_of(schema, schema["$defs"], "", ""))
-
-
-def keys_as_markdown() -> str:
-    """Return a Markdown table for every table of the file."""
-    tables = groupby(file_keys(), key=lambda key: key.table)
-    return "\n".join(_as_markdown(table, rows) for table, rows in tables)
-
-
-def _as_markdown(table: str, rows: Iterable[Key]) -> str:
-    title = f"`{table}`" if table else "The arm itself"
-    lines = [
-        f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |"
-        for key in rows
-    ]
-    header = [
-        f"### {title}\n",
-        "| key | allowed | default | meaning |",
-        "| --- " * 4 + "|",
-    ]
-    return "\n".join([*header, *lines, ""])
 
 
 def _keys_of(

@@ -158,16 +158,6 @@ def _stiffness(arm: LinearizedArm, factor: float) -> Float[np.ndarray, "bends be
     return stiffness + missing * np.eye(len(own))
 
 
-def modes(step: ModalStep, period: float) -> Float[np.ndarray, "modes 2"]:
-    """Frequencies [Hz] and damping ratios, slowest first."""
-    poles = np.log(np.linalg.eigvals(step.transition).astype(complex)) / period
-    poles = poles[np.argsort(np.abs(poles))]
-    poles = poles[poles.imag >= 0]
-    sizes = np.abs(poles)
-    ratios = -poles.real / np.maximum(sizes, 1e-12)
-    return np.stack([sizes / (2.0 * np.pi), ratios], axis=-1)
-
-
 class ModalTable(NamedTuple):
     """The modal model over the payload, and forces for bend biases.
 

@@ -80,8 +80,6 @@ class Recipe(Options):
         babbling: how the data explore the arm (`data.babbling.BABBLING`).
         speeds: slowest and fastest motion of the data, in parts of the full bend a step.
         episodes: number of episodes of the data.
-        active: whether the second half of the episodes goes where a model of the first
-            half is unsure (`models.active`).
         integral_gain: part of the controller's lasting error that is integrated in every
             step; 0 for none.
         axis_weights: beginnings of task names, each with the factor of mu_o, the weight
@@ -107,7 +105,6 @@ class Recipe(Options):
     axis_weights: tuple[tuple[str, float], ...] = ()
     unit_length: bool = False
     encoders_alone: bool = False
-    active: bool = False
 
     limits: ClassVar[Ranges] = {
         "history_noise": (0, 1000),
@@ -159,7 +156,6 @@ class Recipe(Options):
         """All options that training depends on, with the names of all classes."""
         unused = (
             "name",
-            "active",
             "episodes",
             "planner",
             "integral_gain",
@@ -187,7 +183,6 @@ class Recipe(Options):
             self.episodes,
             seed=seed,
             speeds=self.speeds,
-            active=self.active,
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
@@ -254,13 +249,12 @@ _BEST = Recipe(
     encoders_alone=True,
 )
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
-_BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(
     "paper",
     c2s=C2SOptions(layers=4, hidden=64),
     c2a=C2AOptions(layers=2, hidden=32),
 )
-RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
+RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_LONG, _PAPER)}
 """Recipes of the package, by name; docs/concepts/recipe.md measures their parts."""
 
 
@@ -380,6 +374,8 @@ def recipe_in(
     is_kalman = isinstance(estimator, dict) and estimator.get("name") == "KalmanFilter"
     validated = {"encoders_alone": is_kalman} | table
     validated |= {"c2s": model, "c2a": controller}
+    if validated.get("active") is False:  # version 0.3 wrote the key
+        del validated["active"]
     return TypeAdapter(Recipe).validate_python(validated)
 
 

@@ -98,7 +98,8 @@ class Bench:
 
         self.clock.sleepers.append(sleep)
         monkeypatch.setattr(
-            "s2c2a.standstill.time_with_sleep", lambda: self.clock.now + sum(slept)
+            "s2c2a.lab.hardware.motion_watch.time_with_sleep",
+            lambda: self.clock.now + sum(slept),
         )
         return slept
 

@@ -313,7 +313,7 @@ def test_a_way_to_rest_that_takes_too_long_ends_with_an_error(tmp_path, monkeypa
 def test_a_way_to_rest_ends_where_the_program_stood_still(tmp_path, monkeypatch):
     bench = open_bent(tmp_path, monkeypatch)
     monkeypatch.setattr(
-        "s2c2a.standstill.time_with_sleep",
+        "s2c2a.lab.hardware.motion_watch.time_with_sleep",
         lambda: bench.clock.now + (30.0 if bench.clock.now > 100.5 else 0.0),
     )
     with pytest.raises(RobotError, match=r"stood still for 30\.\d s"):
