@@ -35,6 +35,9 @@ CONFIGURATION_HISTORY = 4
 ACTION_HISTORY = 5
 """Number of actions that C2A uses, A_{t-1} to A_{t-5} (Chen et al. 2025, eq. (8))."""
 
+NOISE_LIMIT = 6.0
+"""Standard deviations that Gaussian noise exceeds once in 5e8 numbers, so that what does
+has another cause; every test of sensors and encoders has this limit."""
 CENTER_LINE_POINTS = 5
 """Points of each module's center line that readings record and constraints check; they
 are evenly spaced, the last one at the module's end."""

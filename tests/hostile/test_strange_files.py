@@ -313,7 +313,7 @@ def test_tables_may_have_many_waypoints_up_to_a_limit(tmp_path, monkeypatch):
     )
     tracks = load_waypoints(path)
     assert len(waypoints_task("long", tracks, TWIN).goals) == 100_000
-    monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_LINES", 199_999)
+    monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_COUNT", 199_999)
     with pytest.raises(TargetError, match="more than 199999 lines"):
         load_waypoints(path)
 

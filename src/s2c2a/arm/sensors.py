@@ -27,6 +27,8 @@ RESERVED_NAMES = {
 """Sensor names that the package uses."""
 MAX_NUMBERS = 256
 """Of one raw sensor: every control step processes all of them."""
+MAX_DELAY = 0.7
+"""Of an image [s]; the filter keeps the past of so long, and uses no older image."""
 
 
 class Inertial(Frozen):
@@ -51,7 +53,7 @@ class Camera(Frozen):
     """Camera or motion capture of module ends, with a delay and lost images."""
 
     rate: Number = between(0.1, 1000, "Hz", "images a second", 5.0)
-    delay: Number = between(0, 0.7, "s", "age of an image when it is read", 0.15)
+    delay: Number = between(0, MAX_DELAY, "s", "age of an image when it is read", 0.15)
     lost: Number = between(0, 0.99, "1", "share of lost images", 0.1)
     noise: Number = between(0, 0.1, "m", "standard deviation of a position", 0.001)
     sees: Literal["tip", "ends"] = Field(
@@ -66,7 +68,7 @@ class Flex(Frozen):
     every opening.
     """
 
-    angles_deg: tuple[Annotated[Number, Field(ge=-360, le=360)], ...] = Field(
+    angles_deg: tuple[Number, ...] = Field(
         default=(0.0, 120.0, 240.0),
         min_length=1,
         max_length=12,
@@ -120,7 +122,6 @@ class Raw(Frozen):
     )
     model: str = Field(
         default="",
-        max_length=200,
         description="class with a formula, file.py:Class; learned from data if empty",
     )
 
@@ -157,8 +158,6 @@ class Sensors(Frozen):
     )
     raw: tuple[Raw, ...] = Field(
         default=(),
-        min_length=0,
-        max_length=8,
         description="additional sensors of a robot",
     )
 

@@ -22,7 +22,6 @@ class Tracking(Frozen):
     source: str = Field(
         default="udp",
         min_length=1,
-        max_length=400,
         description="source, such as udp:9763 or natnet:192.168.1.10",
     )
     base: BodyName = Field(
@@ -31,8 +30,6 @@ class Tracking(Frozen):
     )
     ends: tuple[BodyName, ...] | None = Field(
         default=None,
-        min_length=1,
-        max_length=20,
         description=(
             "body at the end of every module, empty where none is tracked; default: "
             "end-1, end-2, ..."
@@ -41,7 +38,6 @@ class Tracking(Frozen):
     )
     calibration: str = Field(
         default="",
-        max_length=400,
         description=(
             "file of `s2c2a tracking latency` and `frames`; default: "
             "NAME.tracking.json in the current folder, if it exists"

@@ -24,7 +24,6 @@ UNUSUAL = 3.0
 
 _USUAL = 30  # steps before
 _FEWEST = 8
-_SHORTEST = 1e-6  # s
 _AROUND = 3  # rows on either side of a jump
 
 
@@ -67,7 +66,7 @@ def find_frame_jumps(
 
 
 def _durations(times: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " steps"]:
-    return np.maximum(np.diff(times), _SHORTEST)
+    return np.maximum(np.diff(times), np.finfo(float).eps)
 
 
 def _sudden(

@@ -20,6 +20,9 @@ from matplotlib.gridspec import SubplotSpec
 from s2c2a.episodes import Episode
 from s2c2a.evaluation.coverage import NEAR_BEND, NEAR_TIP, Coverage
 from s2c2a.viz.charts import (
+    COLUMNS,
+    DOTS_PER_INCH,
+    LETTERS_PER_INCH,
     headline,
     label_log_axis,
     new_axes,
@@ -30,14 +33,11 @@ from s2c2a.viz.charts import (
 )
 from s2c2a.viz.colors import DESIRED, INK, MUTED, REAL
 
-COLUMNS = 3
 PANEL = (3.7, 3.1)  # width and height of a panel, inches
 TEXT_HEIGHT = 0.7  # inches
-LETTERS_PER_INCH = 13.5
 CELL_COLUMNS = 44
 SPEED_BINS = 36
 SLOWEST_SHOWN = 0.6  # of the hold speed: the left edge of the bar of holds
-IMAGE_DOTS_PER_INCH = 110
 LIMIT_LINE: dict[str, Any] = {
     "color": MUTED,
     "linewidth": 0.9,
@@ -75,7 +75,7 @@ def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height wid
         S2C2AError: the episodes lack a sensor that configurations need.
     """
     figure = _coverage(Coverage.of(episodes), 1)
-    figure.dpi = IMAGE_DOTS_PER_INCH
+    figure.dpi = DOTS_PER_INCH
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return np.array(canvas.buffer_rgba())[..., :3]

@@ -16,13 +16,12 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import States
 from s2c2a.viz import charts, predictions
-from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
+from s2c2a.viz.charts import COLUMNS, headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colors import DESIRED, INK, MUTED, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
 MAX_SAMPLES = 60_000
-COLUMNS = 3  # axes in a row of a search's parameters
 DOT: dict[str, Any] = {
     "marker": "o",
     "linestyle": "none",

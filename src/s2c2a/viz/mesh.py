@@ -100,7 +100,7 @@ class Piece:
     color: str
     tubes: Sequence[tuple[int, int]]
     outlines: PlanePoints
-    lift: float = 0.0
+    lift: float
 
     @cached_property
     def faces(self) -> Faces:
@@ -230,13 +230,13 @@ def _pieces(
         centers = CABLE_DISTANCE * _circle(np.deg2rad(module.cable_angles_deg))
         outlines = centers[:, None] + CABLE_RADIUS * _TRIANGLE
         lift = CABLE_LIFT * radius
-        modules.append(Piece("module", color, [tube], _CIRCLE))
+        modules.append(Piece("module", color, [tube], _CIRCLE, 0.0))
         cables.append(Piece("cables", darker(color), [tube], outlines, lift))
     pieces = modules + cables
     if count > 1:
-        pieces.append(Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE))
+        pieces.append(Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE, 0.0))
     pieces.append(Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]))
-    pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE))
+    pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE, 0.0))
     return tuple(pieces)
 
 
