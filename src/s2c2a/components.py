@@ -16,7 +16,7 @@ from pydantic import ConfigDict, TypeAdapter
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
 from s2c2a.plugins import installed, resolve, trust_code, trusted_as
 
-MAX_VALUES = 100  # of one option; chosen: a file may be a stranger's
+MAX_VALUES = 100  # of one option, each of which makes programs larger; a file may be a stranger's
 Ranges = Mapping[str, tuple[float, float]]
 """Smallest and largest value of options, by name."""
 COMPONENT_LIMITS: Ranges = {

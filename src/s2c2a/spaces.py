@@ -26,8 +26,8 @@ from jaxtyping import Float
 from s2c2a.errors import ReadingError, did_you_mean
 from s2c2a.immutable import immutable_table, immutable_value, rebuilt
 
-POSITION = slice(0, 3)
-AXIS = slice(3, 6)
+POSITION = slice(0, 3)  # of a state, as above
+AXIS = slice(3, 6)  # likewise
 
 CONFIGURATION_HISTORY = 4
 """Number of sensed configurations that C2A uses, C_t to C_{t-3} (Chen et al. 2025, eq.

@@ -42,7 +42,8 @@ class Cable(Frozen):
 
     Each cable pulls and never pushes. Between motor and module it loses motion by
     backlash, by capstan friction in its housing tube and by creep of the material. All
-    three are zero by default and can be combined.
+    three are zero by default and can be combined. The default stiffness hardly yields:
+    0.1 mm under 10 N.
     """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("viscous_friction",))
@@ -156,7 +157,10 @@ class Module(Frozen):
 
 
 class Motor(Frozen):
-    """The motors and their encoders, the same for every cable."""
+    """The motors and their encoders, the same for every cable.
+
+    The default encoder is that of the servos of `MODEL_NUMBERS`, 4096 ticks a turn.
+    """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(
         ("homing_error", "current_friction")

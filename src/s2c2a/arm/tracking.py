@@ -8,11 +8,11 @@ from s2c2a.arm.fields import Frozen
 from s2c2a.errors import MAX_NAME_LENGTH
 
 STRETCH = 0.1
-"""Share by which a module may be longer than its length, or its chord shorter;
-chosen: well above the shortening of real arms, 2 to 4 % (`randomized_arm`)."""
+"""Share by which a module may be longer than its length, or its chord shorter: well
+above the shortening of real arms, 2 to 4 % (`randomized_arm`)."""
 MOUNTING = 0.02
-"""Largest distance of a tracked body from where it should be [m]; chosen: the size of
-a cluster of markers."""
+"""Largest distance of a tracked body from where it should be [m]: the size of a cluster
+of markers."""
 BodyName = Annotated[str, Field(max_length=MAX_NAME_LENGTH)]
 
 

@@ -22,8 +22,8 @@ In 7200 steps of fast simulated motion of three arms, none is below it that is l
 UNUSUAL = 3.0
 """Ratio of a jump to the largest common shift before: the base body's noise is one."""
 
-_USUAL = 30  # steps before
-_FEWEST = 8
+_USUAL = 30  # steps before that are compared: 1 to 3 s of a tracker
+_FEWEST = 8  # of them; the largest of fewer is no measure of the noise
 _AROUND = 3  # rows on either side of a jump
 
 

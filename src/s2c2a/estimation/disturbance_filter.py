@@ -47,7 +47,8 @@ class FilterOptions:
 
     The payload is estimated more slowly than the first bending mode of the arm moves:
     faster estimates follow the vibration, and the plan follows them
-    (docs/concepts/estimation.md).
+    (docs/concepts/estimation.md). `s2c2a reproduce sensors` and `payloads` measure the
+    defaults together.
 
     Attributes:
         initial_payload_std: standard deviation of the initial payload, in parts of the

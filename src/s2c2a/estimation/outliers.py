@@ -18,13 +18,13 @@ from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
 from s2c2a.files import LARGEST
 from s2c2a.spaces import NOISE_LIMIT
 
-# s, of a sensor after an outlier; chosen: several measurements of every sensor, so that
+# s, of a sensor after an outlier: several measurements of every sensor, so that
 # one good measurement among wrong ones is not used
 REJECTION_TIME = 0.5
-# s, time constant of the usual residual; chosen: longer than vibrations of the arm, and
+# s, time constant of the usual residual: longer than vibrations of the arm, and
 # shorter than an external force lasts, which the average must follow
 SLOW_AVERAGING_TIME = 2.0
-# s, time constant of an offset, after which it counts as true; chosen: long compared with
+# s, time constant of an offset, after which it counts as true: long compared with
 # a motion, for bend biases then take over what the offset held
 OFFSET_MEMORY = 60.0
 

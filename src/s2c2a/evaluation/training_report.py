@@ -6,6 +6,7 @@ from s2c2a.estimation import MODAL_MODEL
 from s2c2a.models import calibration
 from s2c2a.strategies import TrainedNetworks
 
+MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
 DATA_TO_RECORD = {
     calibration.SLOWER: "slow motion and holds",
     calibration.FASTER: "fast motion",
@@ -78,7 +79,7 @@ def describe_modal_model(networks: TrainedNetworks) -> str:
             f"the vibration is unknown; {nominal}"
         )
     # also true for NaN
-    if not percent < 100.0:
+    if not percent < 100.0 - MIN_REDUCTION:
         return f"modal model: the recording does not show the vibration; {nominal}"
     return (
         f"modal model: it reduces the fast part of the C2S error by "

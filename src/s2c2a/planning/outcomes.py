@@ -21,8 +21,8 @@ from s2c2a.spaces import POSITION
 
 SIGNIFICANT = 0.01
 """Of the arm's length: a smaller distance from the goal is not reported."""
-STILL = 0.05  # of the step limit: a plan that moves less is still; chosen, for reports
-DESCENT_ITERATIONS = 30  # chosen: few variables, and only a sign is asked for
+STILL = 0.05  # of the step limit: a plan that moves less is still, in reports
+DESCENT_ITERATIONS = 30  # few variables, and only a sign is asked for
 
 Count = Int[Array, ""]
 

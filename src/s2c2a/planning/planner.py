@@ -52,7 +52,7 @@ AXES_WEIGHT = 0.5
 Where an arm cannot reach position and axis, as one that is shorter than its arm file
 states, its ends stay near their positions.
 """
-# rad, of payload and biases; chosen: 5 mm at 0.2 m; smaller effects are ignored
+# rad, of payload and biases: 5 mm at 0.2 m; smaller effects are ignored
 DISTURBED = np.deg2rad(1.5)
 
 AnySolver = Annotated[

@@ -234,10 +234,12 @@ def _named(options: Any, registry: Registry) -> Any:
     return replace(options, model=registry.name_of(type(options)))
 
 
+# compared with the paper's training in docs/concepts/recipe.md
 _DECAYING = FitOptions(
     learning_rate=2e-3, max_epochs=60, patience=60, epochs_per_call=10, decay=True
 )
 
+# docs/concepts/recipe.md measures what each difference to the paper brings
 _BEST = Recipe(
     "best",
     c2s=LocalOptions(),
@@ -253,6 +255,7 @@ _BEST = Recipe(
     unit_length=True,
     encoders_alone=True,
 )
+# an hour of data, for arms with slack cables
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
 _BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(

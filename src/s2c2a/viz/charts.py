@@ -30,11 +30,9 @@ from s2c2a.viz.mounting import View
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
-DOTS_PER_INCH = 160
-FRONT = 50  # zorder of the first trace; the others lie behind it
+DOTS_PER_INCH = 160  # sharp on the screens of the docs, at a tenth of a megabyte
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
-STATIONARY = 1e-6  # m; a target that moves less is drawn as a point
-MIN_SPAN = 0.02  # m; smallest range of an axis
+MIN_SPAN = 0.02  # m; smallest range of an axis: millimeters remain small in it
 COLUMNS = 3
 """Of panels: each is then 9 cm wide on an A4 page in landscape."""
 LETTERS_PER_INCH = 13.5
@@ -188,7 +186,7 @@ def draw_desired(axes: Axes, path: Points, view: View) -> None:
     finite = path[np.isfinite(path).all(axis=-1)]
     if not len(finite):
         return
-    stationary = np.ptp(finite, axis=0).max() < STATIONARY
+    stationary = np.allclose(finite, finite[0])
     marker = "o" if stationary else ""
     style = {"label": "desired", "marker": marker, "markersize": 9, **DESIRED_LINE}
     axes.plot(*seen(path, view), **style)
@@ -261,7 +259,7 @@ def draw_lines(
         style: dict[str, Any] = {
             "color": colors[trace.label],
             "linewidth": 1.4,
-            "zorder": FRONT - rank,
+            "zorder": 2 + len(traces) - rank,
         }
         axes.plot(*shown(trace), label=name(trace), **style)
 

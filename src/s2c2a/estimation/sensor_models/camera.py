@@ -19,9 +19,9 @@ from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.forward_model import ForwardModel
 
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
-# of the length from the base to the end: chosen; a picture of something else
+# of the length from the base to the end; a picture of something else
 MAX_RESIDUAL = 0.5
-# of the arm's length, in some seconds: chosen; drift, wrong latency or a jump
+# of the arm's length, in some seconds; drift, wrong latency or a jump
 MAX_CHANGE = 0.06
 
 

@@ -15,7 +15,7 @@ from s2c2a.estimation.sensor_models.base import (
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.spaces import NOISE_LIMIT
 
-MIN_NOISE = 0.05  # N; chosen: a sensor that claims less is not better than the model
+MIN_NOISE = 0.05  # N; a sensor that claims less is not better than the model
 MODEL_STD = 0.1  # rad; friction between motor and module hides most of the tension
 
 

@@ -17,6 +17,7 @@ from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, fit, quiet
 from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error
 
+# shorter than the training of networks of motion: the errors of sensors are static
 FIT = FitOptions(
     learning_rate=3e-3,
     batch_size=64,
@@ -26,14 +27,14 @@ FIT = FitOptions(
     decay=True,
 )
 BLOCK = 50  # samples in a row, of which every fifth block is held out
-BLOCKS_PER_TEST = 5
+BLOCKS_PER_TEST = 5  # a fifth of the samples
 # half-widths of the hysteresis to compare, in parts of the half range of the values
 BACKLASHES = np.array(
     [0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1]
 )
-SHORT_LAG = 5.0  # s; chosen: after it, short-term errors are independent
+SHORT_LAG = 5.0  # s; after it, short-term errors are independent
 LONG_LAG = 25.0  # s; over which drift is measured: half of a recorded episode of 50 s
-# smallest errors, chosen: a short recording may show none; in parts of the half range of the values
+# smallest errors, since a short recording may show none; in parts of the half range of the values
 MIN_NOISE = 0.005
 MIN_BIAS = 0.05
 MIN_DRIFT = 3e-3
