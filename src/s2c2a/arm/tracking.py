@@ -21,7 +21,6 @@ class Tracking(Frozen):
 
     source: str = Field(
         default="udp",
-        min_length=1,
         description="source, such as udp:9763 or natnet:192.168.1.10",
     )
     base: BodyName = Field(

@@ -15,6 +15,7 @@ from s2c2a.errors import S2C2AError, TargetError, did_you_mean
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
+# the protocol (docs/results/protocol.md)
 LAST_STEPS = 10  # whose mean is the end distance
 REACH_THRESHOLDS = {"paper": 5.0}  # cm of end distance, by recipe
 DEFAULT_REACH_THRESHOLD = 3.0  # cm, of all other recipes
