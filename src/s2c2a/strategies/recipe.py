@@ -260,7 +260,7 @@ _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
 _BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(
     "paper",
-    c2s=C2SOptions(**C2S_SIZE),
+    c2s=C2SOptions(layers=C2S_SIZE["layers"], hidden=C2S_SIZE["hidden"]),
     c2a=C2AOptions(),
 )
 RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}

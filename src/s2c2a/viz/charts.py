@@ -31,6 +31,7 @@ from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 DOTS_PER_INCH = 160  # sharp on the screens of the docs, at a tenth of a megabyte
+FRONT = 50  # zorder of the first trace; the others lie behind it
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
 MIN_SPAN = 0.02  # m; smallest range of an axis: millimeters remain small in it
 COLUMNS = 3
@@ -259,7 +260,7 @@ def draw_lines(
         style: dict[str, Any] = {
             "color": colors[trace.label],
             "linewidth": 1.4,
-            "zorder": 2 + len(traces) - rank,
+            "zorder": FRONT - rank,
         }
         axes.plot(*shown(trace), label=name(trace), **style)
 
