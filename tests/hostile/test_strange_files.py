@@ -255,7 +255,7 @@ def test_episodes_too_large_to_read_are_not_written(tmp_path, episode, monkeypat
         "s2c2a.episodes.blocks.MAX_BYTES", (tmp_path / "x.episodes").stat().st_size
     )
     with pytest.raises(
-        RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"
+        RecordingError, match=r"at most .* bytes a file.*1 whole ones are kept"
     ):
         writer.append(episode)
     writer.close()

@@ -83,10 +83,7 @@ class Flex(Frozen):
         description="angles of the strips around every module, from x to y [deg]",
     )
     strips: int = Field(
-        default=0,
-        ge=0,
-        le=2**31,
-        description="seed of the strips' own errors",
+        default=0, ge=0, le=2**31, description="seed of the strips' own errors"
     )
     gain_error: Number = between(
         0, 1, "1", "standard deviation of the gain between strips", 0.2
@@ -101,11 +98,7 @@ class Flex(Frozen):
         0, 1, "1", "standard deviation of the gain from other modules' bends", 0.05
     )
     hysteresis: Number = between(
-        0,
-        1,
-        "rad",
-        "half-width of the hysteresis between bend and reading",
-        0.02,
+        0, 1, "rad", "half-width of the hysteresis between bend and reading", 0.02
     )
     noise: Number = between(0, 1, "rad", "standard deviation of a reading", 0.01)
     zero_error: Number = between(
@@ -165,8 +158,7 @@ class Sensors(Frozen):
         default=None, description="flex sensors along the modules"
     )
     raw: tuple[Raw, ...] = Field(
-        default=(),
-        description="additional sensors of a robot",
+        default=(), description="additional sensors of a robot"
     )
 
     @model_validator(mode="after")

@@ -20,8 +20,7 @@ class Tracking(Frozen):
     """Source and bodies of a pose tracker."""
 
     source: str = Field(
-        default="udp",
-        description="source, such as udp:9763 or natnet:192.168.1.10",
+        default="udp", description="source, such as udp:9763 or natnet:192.168.1.10"
     )
     base: BodyName = Field(
         default="base",
