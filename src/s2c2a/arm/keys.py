@@ -42,7 +42,9 @@ def _keys_of(
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
             if "items" in form:
-                allowed = f"{form['minItems']} to {form['maxItems']} tables"
+                allowed = "tables"
+                if "maxItems" in form:
+                    allowed = f"{form['minItems']} to {form['maxItems']} tables"
                 default = "required" if name in schema["required"] else "none"
                 yield Key(table, name, allowed, default, value["description"])
             inner.append((name, "items" in form, kinds[kind.rsplit("/", 1)[-1]]))
@@ -80,6 +82,8 @@ def _allowed(form: dict) -> str:
         if least is None:
             return "rows of numbers"
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"
+    if form["type"] == "number":
+        return "any number"
     if form["type"] == "boolean":
         return "true or false"
     if form["type"] != "string":

@@ -27,8 +27,8 @@ from s2c2a.cli.execution import (
 )
 
 NewFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
-USUAL_FREQUENCIES = (0.2, 20.0)  # Hz; chosen, for a remark alone
-USUAL_DAMPING = 0.03  # chosen, for a remark alone: 1 Hz then fades in 5 s
+USUAL_FREQUENCIES = (0.2, 20.0)  # Hz, for a remark alone: periods of 0.05 to 5 s
+USUAL_DAMPING = 0.03  # for a remark alone: 1 Hz then fades in 5 s
 
 app = SubcommandApp()
 robot_app = SubcommandApp()

@@ -23,7 +23,7 @@ from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
-from s2c2a.files import check_replaceable
+from s2c2a.files import MAX_COUNT, check_replaceable
 from s2c2a.paper import SPEEDS
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
@@ -34,11 +34,10 @@ from s2c2a.runtime import (
     StepRequest,
     build_episode,
 )
+from s2c2a.runtime.readings import MAX_SILENCE
 from s2c2a.spaces import AXIS, POSITION, Stage
 
-MAX_COUNT = 100_000  # of episodes, and of samples in one; files hold fewer
 MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
-MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
@@ -328,7 +327,7 @@ def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:
     """Do the steps of an episode.
 
     Raises:
-        RecordingError: a sensor failed for longer than `MAX_GAP`.
+        RecordingError: a sensor failed for longer than `MAX_SILENCE`.
     """
     steps: list[StepRecord] = []
     gap = 0
@@ -336,7 +335,7 @@ def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:
         step = loop.tick(StepRequest())
         steps.append(step)
         gap = gap + 1 if step.stage is Stage.HOLD else 0
-        if gap > MAX_GAP or step.stage not in (Stage.RUN, Stage.HOLD):
+        if gap > MAX_SILENCE or step.stage not in (Stage.RUN, Stage.HOLD):
             raise RecordingError(
                 f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
                 "correct that, then continue (--resume)"

@@ -20,7 +20,7 @@ from s2c2a.viz.colors import INK, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
-MAX_SAMPLES = 60_000
+MAX_SAMPLES = 60_000  # more than the 36,000 of `best-long`
 DOT: dict[str, Any] = {
     "marker": "o",
     "linestyle": "none",
@@ -28,7 +28,8 @@ DOT: dict[str, Any] = {
     "alpha": 0.75,
     "markeredgewidth": 0,
 }
-CLOUD: dict[str, Any] = DOT | {
+CLOUD: dict[str, Any] = {
+    **DOT,
     "marker": ".",
     "markersize": 1.6,
     "alpha": 0.55,
