@@ -23,7 +23,6 @@ from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
 MAX_SAMPLES = 60_000
-PANEL_HEIGHT = 1.65  # of a quantity over time, inches
 COLUMNS = 3  # axes in a row of a search's parameters
 DOT: dict[str, Any] = {
     "marker": "o",
@@ -73,7 +72,7 @@ def run_figure(
     labels = ["x [m]", "y [m]", "z [m]", "error [cm]"]
     if np.isfinite(traces[0].desired_axes).any():
         labels.append("axis error [deg]")
-    figure = new_figure(11.0, PANEL_HEIGHT * len(labels))
+    figure = new_figure(11.0, 1.65 * len(labels))
     grid = figure.add_gridspec(len(labels), 2, width_ratios=(1.25, 1.0))
     colors = colors_by_label(trace.label for trace in traces)
     panels = charts.new_time_axes(figure, grid, labels)
