@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -111,7 +111,6 @@ def sensors(
             repeat the option for several (docs/guides/sensors.md).
         work: run directory and parallel execution.
     """
-    from s2c2a.viz.sensor_comparison import sensor_comparison_figure
     from s2c2a_experiments import sensors as study
 
     options = {
@@ -135,14 +134,7 @@ def sensors(
     )
     title = f"sensors, {seeds} seeds"
     with _study(study.EXPERIMENT, options, work, title) as results:
-        rows = study.sensor_rows(compared, results.make)
-        results.keep(rows)
-        for name, task in dict.fromkeys((row.arm, row.task) for row in rows):
-            if errors := study.errors_by_set(rows, name, task):
-                path = results.directory / f"{name}-{task}.png"
-                results.figures.append(
-                    sensor_comparison_figure(errors, path, f"{task} with {name}")
-                )
+        results.keep(study.sensor_rows(compared, results.make))
 
 
 @beside("random_arms", "strengths")
@@ -420,21 +412,19 @@ def plans(
 
 @dataclass
 class _Results:
-    """Rows and figures of a study in its run directory.
+    """Rows of a study in its run directory.
 
     Attributes:
         directory: the run directory.
         make: loads or makes runs, networks and recordings.
         table: name of the table's files; of `results.json` alone if empty.
         rows: that are kept.
-        figures: that are drawn.
     """
 
     directory: Path
     make: "Make"
     table: str
     rows: "Sequence[Row]" = ()
-    figures: list[Path] = field(default_factory=list)
 
     def keep(self, rows: "Sequence[Row]") -> None:
         """Save all rows so far, so that an interruption loses none."""
@@ -467,7 +457,7 @@ def _study(
         yield results
     rows = results.rows
     averages = [row for row in rows if " arms at " in row.arm]
-    print_results(title or name, averages or rows, results.figures, directory)
+    print_results(title or name, averages or rows, [], directory)
     if as_table:
         print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
 

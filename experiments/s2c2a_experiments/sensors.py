@@ -153,19 +153,6 @@ def sensor_rows(study: SensorStudy, make: jobs.Make) -> list[Row]:
     return over_arms(list(rows_of_arms.values()), study.strength) + rows
 
 
-def errors_by_set(
-    rows: Sequence[Row], arm: str, task: str
-) -> dict[str, dict[str, float]]:
-    """Mean position errors [cm], by set of sensors, then by payload and events."""
-    errors: dict[str, dict[str, float]] = {}
-    for row in rows:
-        is_error = row.experiment == EXPERIMENT and row.metric == "position"
-        if is_error and row.arm == arm and row.task == task:
-            name, condition = row.strategy.split(", ", 1)
-            errors.setdefault(name, {})[condition] = row.mean
-    return errors
-
-
 def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
     """Scores, relative path length of the tip, and both in the last quarter."""
     rows = labeled(jobs.score_rows(EXPERIMENT, runs), label)

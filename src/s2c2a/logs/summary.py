@@ -90,8 +90,8 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
         f"{read.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
-    if read.excluded.count:
-        lines.append(str(read.excluded))
+    if excluded := str(read.excluded):
+        lines.append(excluded)
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 
 
