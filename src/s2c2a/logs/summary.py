@@ -48,7 +48,7 @@ def session_summary(session: ImportedSession) -> list[str]:
         *_describe_episodes(session),
         "frame and cables: as in the first recording",
         _describe_offset(session.similar, session.episodes[0].arm.actuation),
-        *([describe_change(session.change)] if session.change.is_known else []),
+        *([describe_change(session.change)] if session.change else []),
     ]
 
 
