@@ -17,6 +17,7 @@ from s2c2a.planning import Goal
 from s2c2a.spaces import POSITION
 from s2c2a.tasks import Task
 from s2c2a.tasks.lines import still
+from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.sensors import (
     KNOWN_PAYLOAD,
     Case,
