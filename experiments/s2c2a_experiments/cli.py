@@ -102,7 +102,7 @@ for _name, _summary in TABLES.items():
     _add_table_command(_name, _summary, (_name,))
 _add_table_command(
     "all",
-    "All tables of the paper, with a figure and a replay page of every task.",
+    "All tables and figures of the paper.",
     tuple(name for name in TABLES if name != "paths"),
 )
 

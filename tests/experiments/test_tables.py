@@ -19,7 +19,6 @@ from s2c2a.jobs.rows import score_rows
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.tasks import TASKS
-from s2c2a_experiments import tables
 from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
@@ -97,7 +96,7 @@ def test_coupled_cables_leave_an_arm_without_tensions_as_it_is(make_arm):
 
 
 def test_every_task_strategy_and_arm_of_a_table_exists():
-    blocks = [block for blocks in TABLES.values() for block in blocks]
+    blocks = [block for table in TABLES.values() for block in table.blocks]
     assert {task for block in blocks for task in block.tasks} <= set(TASKS)
     for strategy in {name for block in blocks for name in block.strategies}:
         assert STRATEGIES.find(strategy)
@@ -106,10 +105,10 @@ def test_every_task_strategy_and_arm_of_a_table_exists():
 
 def test_rows_of_a_table_can_be_told_apart():
     """No task of a strategy stands twice on one arm under one heading."""
-    for blocks in TABLES.values():
+    for table in TABLES.values():
         runs = [
             (block.arm().name, block.label, task, strategy)
-            for block in blocks
+            for block in table.blocks
             for task in block.tasks
             for strategy in block.strategies
         ]
@@ -133,28 +132,8 @@ def test_further_strategies_run_in_every_block_of_a_table(tmp_path, table):
 
     with pytest.raises(RequestedError) as asked:
         make_table(table, tmp_path, [0], make, recipe_named("best"), ["lstm"])
-    expected = {"lstm"}.union(*(block.strategies for block in TABLES[table]))
+    expected = {"lstm"}.union(*(block.strategies for block in TABLES[table].blocks))
     assert asked.value.args[0] == expected
-
-
-def test_every_task_of_a_block_has_a_figure_and_a_replay_page(
-    tmp_path, monkeypatch, traces
-):
-    monkeypatch.setattr(tables, "trace_of", lambda run: run.trace)
-    monkeypatch.setattr(tables, "summary_of", lambda job: {})
-    job = SimpleNamespace(arm=traces[0].episode.arm)
-    runs = [
-        SimpleNamespace(task=task, trace=trace, job=job)
-        for task in ("circle", "tilt-50")
-        for trace in traces
-    ]
-    paths = tables._draw_block("50 g at the tip", runs, tmp_path)
-    assert {path.name for path in paths} == {
-        f"{task}-{job.arm.name}-50-g-at-the-tip.{ending}"
-        for task in ("circle", "tilt-50")
-        for ending in ("png", "html")
-    }
-    assert all(path.stat().st_size > 10_000 for path in paths)
 
 
 def test_a_table_without_strategies_refuses_further_ones(tmp_path):

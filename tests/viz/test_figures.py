@@ -230,28 +230,3 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     above = drawn_figures[-1].axes[-1]
     assert len(above.patches) == 1
     assert "from 0.5 s" in [text.get_text() for text in above.texts]
-
-
-@pytest.mark.parametrize("is_tilted", [True, False])
-def test_a_desired_end_axis_adds_a_panel_with_its_error(
-    make_trace, arm, tmp_path, drawn_figures, is_tilted
-):
-    axes = make_trace().desired_axes
-    trace = make_trace(desired_axes=axes if is_tilted else np.full_like(axes, np.nan))
-    run_figure([trace], arm, tmp_path / "run.png")
-    labels = [panel.get_ylabel() for panel in drawn_figures[0].axes]
-    assert ("axis error [deg]" in labels) == is_tilted
-
-
-@pytest.mark.parametrize("width", [5.0, 7.6])
-def test_a_legend_of_many_names_stays_within_its_figure(width):
-    figure = charts.new_figure(width, 4.0)
-    axes = charts.new_axes(figure, figure.add_gridspec(1, 1)[0], "", "")
-    for number in range(9):
-        axes.plot([0, 1], label=f"strategy {number}   {number}.00 ± 0.00 cm")
-    charts.legend(figure)
-    figure.draw_without_rendering()
-    box = figure.legends[0].get_window_extent()
-    assert box.x0 >= 0
-    assert box.x1 <= figure.bbox.x1
-    assert box.y0 >= axes.get_window_extent().y1

@@ -16,7 +16,7 @@ from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.viz.arrays import Points
+from s2c2a.viz.arrays import Points, Series, Spheres
 from s2c2a.viz.colors import (
     DESIRED,
     FAINT,
@@ -24,6 +24,7 @@ from s2c2a.viz.colors import (
     MUTED,
     OBSTACLE,
     UNCOUNTED,
+    colors_by_label,
 )
 from s2c2a.viz.mounting import View
 from s2c2a.viz.trace import Trace
@@ -101,15 +102,17 @@ def label_log_axis(axes: Axes) -> None:
     axes.set_xticks([tick for tick in LOG_TICKS if low <= tick <= high])
 
 
-def padded_limits(values: np.ndarray) -> tuple[float, float]:
-    """Axis limits [m] around all finite values, at least `MIN_SPAN` apart."""
+def padded_limits(
+    values: np.ndarray, min_span: float = MIN_SPAN
+) -> tuple[float, float]:
+    """Axis limits around all finite values, at least `min_span` apart."""
     low, high = 0.0, 0.0
     finite = values[np.isfinite(values)]
     if finite.size:
         low = finite.min()
         high = finite.max()
     middle = (low + high) / 2
-    half = max(high - low, MIN_SPAN) / 2
+    half = max(high - low, min_span) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
@@ -189,12 +192,22 @@ def draw_desired(axes: Axes, path: Points, view: View) -> None:
     axes.plot(*seen(path, view), **style)
 
 
+def draw_obstacles(axes: Axes, spheres: Spheres, view: View, **style) -> None:
+    """Draw obstacles as discs with the radii of `Trace.spheres`."""
+    look = {
+        "facecolor": OBSTACLE + "33",
+        "edgecolor": OBSTACLE,
+        "linewidth": 1,
+        **style,
+    }
+    for sphere in spheres:
+        axes.add_patch(Circle(seen(sphere, view), sphere[3], **look))
+
+
 def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
     """Draw every obstacle of a run with the time when it appears or has moved."""
-    look = {"facecolor": OBSTACLE + "33", "edgecolor": OBSTACLE, "linewidth": 1}
     for sphere, note in trace.drawn_obstacles():
-        disc = Circle(seen(sphere, view), sphere[3], label="obstacle", **look)
-        axes.add_patch(disc)
+        draw_obstacles(axes, sphere[None], view, label="obstacle")
         style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
         axes.text(*seen(sphere, view), note, ha="center", va="center", **style)
 
@@ -211,12 +224,19 @@ def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:
     return f"{title}; {', '.join(notes)}" if notes else title
 
 
+def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
+    """Label with the mean and standard deviation of the finite errors."""
+    finite = errors[np.isfinite(errors)]
+    if not finite.size:
+        return label
+    mean = f"{finite.mean():.{digits}f}"
+    deviation = f"{finite.std():.{digits}f}"
+    return f"{label}   {mean} ± {deviation}{unit}"
+
+
 def named_error(trace: Trace) -> str:
-    """Label of a trace with mean and deviation of the error over its counted steps."""
-    errors = 100 * trace.counted_errors
-    if not errors.size:
-        return trace.label
-    return f"{trace.label}   {errors.mean():.2f} ± {errors.std():.2f} cm"
+    """Label of a trace with the error over its counted steps."""
+    return named(trace.label, 100 * trace.counted_errors, " cm", 2)
 
 
 def draw_lines(
@@ -224,6 +244,7 @@ def draw_lines(
     traces: Sequence[Trace],
     colors: Colors,
     shown: Callable,
+    name=named_error,
 ) -> None:
     """Draw a line for each trace, the first in front.
 
@@ -232,6 +253,7 @@ def draw_lines(
         traces: runs of the same task.
         colors: color of each label.
         shown: maps a trace to the x and y of its line.
+        name: maps a trace to its label.
     """
     for rank, trace in enumerate(traces):
         style: dict[str, Any] = {
@@ -239,33 +261,44 @@ def draw_lines(
             "linewidth": 1.4,
             "zorder": FRONT - rank,
         }
-        axes.plot(*shown(trace), label=named_error(trace), **style)
+        axes.plot(*shown(trace), label=name(trace), **style)
 
 
-def draw_coordinate(
-    axes: Axes, traces: Sequence[Trace], colors: Colors, axis: int
+def draw_over_time(
+    axes: Axes,
+    traces: Sequence[Trace],
+    desired: Series,
+    values: Callable,
+    name=named_error,
+    min_span=MIN_SPAN,
 ) -> None:
-    """Draw one coordinate of the followed end over time, above its desired value."""
-    desired = traces[0].desired_path[:, axis]
+    """Draw a quantity of each trace over time, above its desired value.
+
+    Args:
+        axes: axes to draw in; its limits are set.
+        traces: runs of the same task, the first in front.
+        desired: desired values of the first trace.
+        values: maps a trace to its values, shape (time,).
+        name: maps a trace to its label.
+        min_span: smallest range of the values' axis.
+    """
     label = "desired" if np.isfinite(desired).any() else None
     axes.plot(traces[0].times, desired, label=label, **DESIRED_LINE)
-    draw_lines(
-        axes,
-        traces,
-        colors,
-        lambda trace: (trace.times, trace.followed_path[:, axis]),
-    )
-    actual = [trace.followed_path[:, axis] for trace in traces]
-    axes.set_ylim(*padded_limits(np.concatenate([desired, *actual])))
+    colors = colors_by_label(trace.label for trace in traces)
+    draw_lines(axes, traces, colors, lambda trace: (trace.times, values(trace)), name)
+    shown = np.concatenate([desired, *map(values, traces)])
+    axes.set_ylim(*padded_limits(shown, min_span))
 
 
-def draw_errors(axes: Axes, traces: Sequence[Trace], colors: Colors) -> None:
+def draw_errors(
+    axes: Axes, traces: Sequence[Trace], colors: Colors, name=named_error
+) -> None:
     """Draw position errors [cm] over time and shade the uncounted steps."""
 
     def errors_over_time(trace: Trace):
         return trace.times, 100 * trace.position_errors
 
-    draw_lines(axes, traces, colors, errors_over_time)
+    draw_lines(axes, traces, colors, errors_over_time, name)
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=UNCOUNTED, linewidth=0, label="not counted")

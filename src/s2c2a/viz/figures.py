@@ -16,7 +16,6 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.spaces import States
 from s2c2a.viz import charts, predictions
-from s2c2a.viz.arrays import Series
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colors import DESIRED, INK, MUTED, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
@@ -50,10 +49,9 @@ def run_figure(
 ) -> Path:
     """Draw the actual and desired path of the followed module's end, and the error.
 
-    The figure shows each coordinate and the error [cm] over time, the error of the end
-    axis [deg] if one is desired, and the path from above. Colors are those of figure 6
-    of the paper. A band, and a tube in the view, show twice the predictive standard
-    deviation around the predicted path.
+    The figure shows each coordinate and the error [cm] over time, and the path from
+    above. Colors are those of figure 6 of the paper. A band, and a tube in the view,
+    show twice the predictive standard deviation around the predicted path.
 
     Args:
         traces: runs of the same task, base frame.
@@ -69,22 +67,16 @@ def run_figure(
             written.
     """
     check_same_arm(traces, arm)
-    labels = ["x [m]", "y [m]", "z [m]", "error [cm]"]
-    if np.isfinite(traces[0].desired_axes).any():
-        labels.append("axis error [deg]")
-    figure = new_figure(11.0, 1.65 * len(labels))
-    grid = figure.add_gridspec(len(labels), 2, width_ratios=(1.25, 1.0))
+    figure = new_figure(11.0, 6.6)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.25, 1.0))
     colors = colors_by_label(trace.label for trace in traces)
-    panels = charts.new_time_axes(figure, grid, labels)
-    coordinates = panels[:3]
-    error = panels[3]
+    labels = ["x [m]", "y [m]", "z [m]", "error [cm]"]
+    *coordinates, error = charts.new_time_axes(figure, grid, labels)
     view, backward = Mounting.of(arm).flat(ABOVE)
     above = charts.view_axes(figure, grid[:, 1], view, backward)
     for axis, axes in enumerate(coordinates):
-        charts.draw_coordinate(axes, traces, colors, axis)
+        draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
-    for axes in panels[4:]:
-        charts.draw_lines(axes, traces, colors, _axis_errors_over_time)
     if (predicted := predictions.trace_with_band(traces)) is not None:
         color = colors[predicted.label]
         predictions.draw_bands(coordinates, error, predicted, color)
@@ -101,8 +93,14 @@ def run_figure(
     return save_figure(figure, path)
 
 
-def _axis_errors_over_time(trace: Trace) -> tuple[Series, Series]:
-    return trace.times, np.rad2deg(trace.axis_errors)
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
+    """Draw one coordinate of the followed end over time, above its desired value."""
+    charts.draw_over_time(
+        axes,
+        traces,
+        traces[0].desired_path[:, axis],
+        lambda trace: trace.followed_path[:, axis],
+    )
 
 
 def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:

@@ -221,14 +221,39 @@ def _outermost_module(desired: np.ndarray) -> int:
     return int(modules[-1]) if modules.size else desired.shape[1] - 1
 
 
+def check_not_empty(traces: Collection) -> None:
+    """Check that there is at least one trace.
+
+    Raises:
+        S2C2AError: there is no trace.
+    """
+    if not traces:
+        raise S2C2AError("there is no trace to draw; give at least one")
+
+
+def check_unique_labels(traces: Collection[Trace]) -> None:
+    """Check that there is at least one trace and that all labels differ.
+
+    Raises:
+        S2C2AError: there is no trace, or two have the same label.
+    """
+    check_not_empty(traces)
+    labels = set()
+    for trace in traces:
+        if trace.label in labels:
+            raise S2C2AError(
+                f"several traces are labeled '{trace.label}'; give each its own label"
+            )
+        labels.add(trace.label)
+
+
 def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """Check that there is a trace and that all have as many modules as the arm.
 
     Raises:
         S2C2AError: there is no trace, or one does not fit the arm.
     """
-    if not traces:
-        raise S2C2AError("there is no trace to draw; give at least one")
+    check_not_empty(traces)
     for trace in traces:
         count = trace.episode.arm.module_count
         if count != arm.module_count:

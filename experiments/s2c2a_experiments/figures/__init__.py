@@ -1,0 +1,1 @@
+"""Figures like the paper's: paths and poses (`space`), plots over time (`time`)."""
