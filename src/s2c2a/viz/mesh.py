@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import center_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import PlanePoints, Points
@@ -64,24 +63,6 @@ def frames_of(states: States) -> ModuleFrames:
         frames[..., module + 1, 1, :] = x - share[..., None] * (start + end)
     frames[..., 1:, 2, :] = np.cross(frames[..., 1:, 3, :], frames[..., 1:, 1, :])
     return frames
-
-
-def center_line(
-    states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
-) -> Points:
-    """Center line of the arm from the base [m], for drawing and not for kinematics.
-
-    Args:
-        states: end positions [m] and end axes, shape (*batch, modules, 6), base frame.
-        lengths: module lengths [m], shape (modules,).
-        points_per_module: points on each module after its first.
-
-    Returns:
-        Points in the base frame; the first is the base.
-    """
-    states = np.asarray(states, dtype=float)
-    points = line_to_tip(states, np.asarray(lengths, dtype=float), points_per_module)
-    return np.concatenate([np.zeros((*states.shape[:-2], 1, 3)), points], axis=-2)
 
 
 @dataclass(frozen=True, eq=False)
