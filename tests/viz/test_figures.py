@@ -76,7 +76,7 @@ def test_a_run_figure_shows_twice_the_deviation_of_the_prediction(
 ):
     trace = predicted(make_trace, "s2c2a", std=0.01)
     run_figure([make_trace("pcc"), trace], arm, tmp_path / "run.png")
-    *coordinates, error, _axis_error, above = drawn_figures[0].axes
+    *coordinates, error, above = drawn_figures[0].axes
     for axes in (*coordinates, error):
         assert labels_of(axes).count("predicted ± 2 std") == 1
     band = error.collections[0].get_paths()[0].get_extents()
