@@ -37,6 +37,7 @@ LAYOUT = {
 }
 
 
+@cache
 def code_lines(text: str) -> set[int]:
     """Numbers of the lines that hold code: no blanks, comments or docstrings."""
     lines = set()

@@ -420,7 +420,7 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-options = CollectOptions(episodes=60, samples=40)
+options = CollectOptions(episodes=30, samples=40)
 collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
@@ -440,8 +440,8 @@ def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tm
         assert running.returncode == -signal.SIGKILL
         episodes.append(len(load_recording(path).episodes))
     assert np.min(np.diff(episodes)) > 0
-    assert episodes[-1] < 60
-    options = CollectOptions(episodes=60, samples=40)
+    assert episodes[-1] < 30
+    options = CollectOptions(episodes=30, samples=40)
     whole, resumed = (
         collect(
             tmp_path / name,
