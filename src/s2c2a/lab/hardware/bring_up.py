@@ -14,7 +14,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
+from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoState
 from s2c2a.lab.hardware.cable_range import check_plausible
 from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
@@ -323,7 +323,7 @@ class BringUp:
     def _switched_on(self, ids: list[int], current: float) -> Iterator[None]:
         EMERGENCY_STOP.check()
         speed = HOME_SPEED / self._arm.motor.pulley_radius
-        self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
+        self._bus.prepare(ids, current, speed)
         states = self._states(ids)
         self._bus.send_goals({id: states[id].position for id in ids})
         try:

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from s2c2a.lab.hardware.bus import (
     BusError,
     HardwareError,
-    Mode,
     ServoInfo,
     ServoRefusalError,
     ServoState,
@@ -138,7 +137,6 @@ class DynamixelBus(SerialBus):
         self,
         info: ServoInfo,
         changes: Sequence[StoredChange],
-        mode: Mode,
         current: float,
         speed: float,
     ) -> None:
@@ -152,8 +150,7 @@ class DynamixelBus(SerialBus):
         self.write(id, "status_return_level", ANSWER_ALL)
         self.write(id, "profile_acceleration", 0)
         self.write(id, "profile_velocity", max(round(speed / tables.VELOCITY_UNIT), 1))
-        if mode is Mode.CURRENT_LIMITED_POSITION:
-            self.set_current([id], current)
+        self.set_current([id], current)
         self._join_state(info)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
@@ -240,13 +237,10 @@ class DynamixelBus(SerialBus):
         for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
-    def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
-        is_limited = mode is Mode.CURRENT_LIMITED_POSITION
+    def _stored_changes(self, id: int) -> list[StoredChange]:
         required = {
             "drive_mode": 0,
-            "operating_mode": tables.CURRENT_LIMITED_POSITION
-            if is_limited
-            else tables.EXTENDED_POSITION,
+            "operating_mode": tables.CURRENT_LIMITED_POSITION,
             "homing_offset": 0,
         }
         names = (*required, "return_delay", "current_limit")
