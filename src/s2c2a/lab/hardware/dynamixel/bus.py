@@ -15,7 +15,6 @@ from s2c2a.lab.hardware.dynamixel.packets import (
     FAST_SYNC_READ,
     REBOOT,
     DynamixelPackets,
-    StatusReader,
     unstuffed,
 )
 from s2c2a.lab.hardware.dynamixel.tables import REGISTERS
@@ -112,7 +111,7 @@ class DynamixelBus(SerialBus):
         """Return the servos that answer; see `ServoBus`."""
         wanted = set(ids)
         self._line.write(self.packets.encode(BROADCAST, PING))
-        reader = StatusReader()
+        reader = self.packets.reader()
         found = list(self._receive(reader, BROADCAST * SCAN_TIME, wanted))
         return [
             self._info_of(packet)
@@ -234,7 +233,7 @@ class DynamixelBus(SerialBus):
             ServoRefusalError: the servo refuses the value.
         """
         self._line.write(self.packets.write(id, REGISTERS[name], value))
-        for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
+        for answer in self._receive(self.packets.reader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
     def _stored_changes(self, id: int) -> list[StoredChange]:
@@ -302,7 +301,8 @@ class DynamixelBus(SerialBus):
         parameters = self.packets.span(Register(address, STATE_SIZE)) + bytes(ids)
         packet = self.packets.encode(BROADCAST, instruction, parameters)
         expected = len(ids) * (self.packets.overhead + STATE_SIZE)
-        reader = StatusReader(expected if is_joint else 2 * STATE_SIZE)
+        longest = expected if is_joint else 2 * STATE_SIZE
+        reader = self.packets.reader(max_length=longest)
         found: dict[int, bytes] = {}
         awaited = {BROADCAST} if is_joint else set(ids)
         answers = self._exchange(
