@@ -14,7 +14,7 @@ from s2c2a.lab.tracking.tags.live_calibration import (
     take_views,
 )
 from s2c2a.lab.tracking.tags.opencv import cv2
-from s2c2a.lab.tracking.tags.pictures import BACKGROUND, Effects, Lens, paint_sheet
+from s2c2a.lab.tracking.tags.pictures import Canvas, Effects, Lens
 
 BOARD = Board()
 CAMERA = CameraModel(
@@ -46,9 +46,11 @@ def pictures(count: int = 14) -> list[np.ndarray]:
         facing = Rotation.from_euler("x", np.pi)
         rotation = Rotation.from_rotvec(tilt) * facing
         pose = Pose(np.array([*place, depth]), rotation.as_quat())
-        ideal = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
-        paint_sheet(ideal, lens, board_corners(pose), texture)
-        images.append(lens.picture(ideal, Effects(noise=1.5, blur=0.5, seed=number)))
+        canvas = Canvas(lens)
+        canvas.paint(board_corners(pose), texture)
+        images.append(
+            lens.picture(canvas.image, Effects(noise=1.5, blur=0.5, seed=number))
+        )
     return images
 
 

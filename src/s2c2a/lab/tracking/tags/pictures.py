@@ -6,7 +6,7 @@ the camera's picture of it. Painting needs no graphics.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from s2c2a.lab.tracking.poses import Pose
 from s2c2a.lab.tracking.tags.camera import CameraModel
 from s2c2a.lab.tracking.tags.detection import tag_dictionary
-from s2c2a.lab.tracking.tags.layout import CELLS, SHEET, Tag, TagLayout, square
+from s2c2a.lab.tracking.tags.layout import CELLS, SHEET, TagLayout, square
 from s2c2a.lab.tracking.tags.opencv import cv2
 
 OVERSAMPLING = 2
@@ -23,7 +23,7 @@ BACKGROUND = 130  # gray value
 WHITE = 225  # gray value of printed paper
 BLACK = 25
 ARM = 75
-CELL_PIXELS = 16  # of a texture
+CELL_PIXELS = 8  # of a texture
 _ARM_POINTS = 9  # of a module
 _NEAREST = 0.01  # m; what is nearer to the camera is not painted
 
@@ -143,69 +143,87 @@ def paint(
             are not painted.
         arm_radius: of the arm [m]; 0 for none.
     """
-    image = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
-    parts = []
+    canvas = Canvas(lens)
     for tag in layout.tags:
         if tag.body in poses:
             pose = poses[tag.body] @ tag.pose
-            parts.append((pose.position, partial(_paint_tag, image, lens, tag, pose)))
+            is_seen = pose.z_axis @ pose.position < 0
+            corners = square(SHEET * tag.size) @ pose.matrix.T + pose.position
+            canvas.paint(corners, tag_texture(tag.id) if is_seen else _plain(WHITE))
     if arm_radius:
-        for ends in pairwise(_center_line(list(poses.values()))):
-            draw = partial(_paint_segment, image, lens, np.stack(ends), arm_radius)
-            parts.append((np.mean(ends, axis=0), draw))
-    # the farthest first, so that what is nearer hides it
-    for _, draw in sorted(parts, key=lambda part: -float(np.linalg.norm(part[0]))):
-        draw()
-    return image
+        for start, end in pairwise(_center_line(list(poses.values()))):
+            canvas.paint(_strip(start, end, arm_radius), _plain(ARM))
+    return canvas.image
 
 
-def _paint_tag(image: np.ndarray, lens: Lens, tag: Tag, pose: Pose) -> None:
-    """Paint a sheet of paper; its back is white."""
-    corners = square(SHEET * tag.size) @ pose.matrix.T + pose.position
-    if pose.z_axis @ pose.position < 0:
-        paint_sheet(image, lens, corners, tag_texture(tag.id))
-    elif (pixels := lens.project(corners)) is not None:
-        cv2.fillConvexPoly(image, np.rint(pixels).astype(np.int32), WHITE)
+class Canvas:
+    """An ideal picture on which what is nearer hides what is farther.
 
-
-def paint_sheet(
-    image: np.ndarray, lens: Lens, corners: np.ndarray, texture: np.ndarray
-) -> None:
-    """Paint a picture onto a quadrilateral, unless it is behind the camera.
-
-    Args:
-        image: ideal picture.
-        lens: of the camera.
-        corners: from the upper left one clockwise, camera frame [m], shape (4, 3).
-        texture: the picture, 8 bit.
+    Attributes:
+        image: 8 bit, shape (height, width).
     """
-    pixels = lens.project(corners)
-    if pixels is None:
-        return
-    right = texture.shape[1] - 0.5
-    bottom = texture.shape[0] - 0.5
-    source = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
-    warp = cv2.getPerspectiveTransform(
-        source.astype(np.float32), pixels.astype(np.float32)
-    )
-    cv2.warpPerspective(
-        texture,
-        warp,
-        (image.shape[1], image.shape[0]),
-        dst=image,
-        flags=cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_TRANSPARENT,
-    )
+
+    def __init__(self, lens: Lens):
+        """A picture of nothing.
+
+        Args:
+            lens: of the camera.
+        """
+        self._lens = lens
+        self.image = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
+        self._depths = np.full(self.image.shape, np.inf)
+
+    def paint(self, corners: Float[np.ndarray, "4 3"], texture: np.ndarray) -> None:
+        """Paint a picture onto a flat quadrilateral, unless it is behind the camera.
+
+        Args:
+            corners: from the upper left one clockwise, camera frame [m].
+            texture: the picture, 8 bit.
+        """
+        pixels = self._lens.project(corners)
+        if pixels is None:
+            return
+        left, top = np.maximum(np.floor(pixels.min(axis=0)).astype(int), 0)
+        right, bottom = np.ceil(pixels.max(axis=0)).astype(int) + 1
+        image = self.image[top : max(bottom, 0), left : max(right, 0)]
+        if not image.size:
+            return
+        depths = self._depths[top : max(bottom, 0), left : max(right, 0)]
+        shifted = (pixels - (left, top)).astype(np.float32)
+        height, width = texture.shape
+        source = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+        warp = cv2.getPerspectiveTransform(source.astype(np.float32), shifted)
+        size = (image.shape[1], image.shape[0])
+        edge = cv2.BORDER_REPLICATE
+        painted = cv2.warpPerspective(texture, warp, size, borderMode=edge)
+        inside = np.zeros(image.shape, np.uint8)
+        cv2.fillConvexPoly(inside, np.rint(shifted).astype(np.int32), 1)
+        distances = self._plane(corners, left, top, image.shape)
+        nearer = (inside > 0) & (distances < depths)
+        image[nearer] = painted[nearer]
+        depths[nearer] = distances[nearer]
+
+    def _plane(
+        self, corners: np.ndarray, left: int, top: int, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Depths of a plane [m] in a part of the picture."""
+        first, second, _, last = corners
+        normal = np.cross(second - first, last - first)
+        rows, columns = np.indices(shape) + np.array([top, left])[:, None, None]
+        rays = np.stack([columns, rows, np.ones(shape)], axis=-1)
+        slopes = rays @ np.linalg.inv(self._lens.matrix).T @ normal
+        return normal @ first / np.where(slopes == 0, np.inf, slopes)
 
 
-def _paint_segment(
-    image: np.ndarray, lens: Lens, ends: np.ndarray, radius: float
-) -> None:
-    pixels = lens.project(ends)
-    if pixels is not None:
-        width = max(round(2 * radius * lens.focal / ends[:, 2].mean()), 1)
-        start, end = np.rint(pixels).astype(int).tolist()
-        cv2.line(image, start, end, ARM, width)
+def _plain(gray: int) -> np.ndarray:
+    return np.full((2, 2), gray, np.uint8)
+
+
+def _strip(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
+    """Corners of a strip along a line that faces the camera."""
+    side = np.cross(end - start, start)
+    side = radius * side / np.linalg.norm(side)
+    return np.array([start - side, start + side, end + side, end - side])
 
 
 def _center_line(poses: list[Pose]) -> np.ndarray:
@@ -213,12 +231,12 @@ def _center_line(poses: list[Pose]) -> np.ndarray:
     if len(poses) < 2:
         return np.empty((0, 3))
     shares = np.linspace(0, 1, _ARM_POINTS)[:, None]
-    curves = []
+    curves = [poses[0].position[None]]
     for start, end in pairwise(poses):
         length = np.linalg.norm(end.position - start.position)
         difference = end.position - start.position
         cubic = shares**2 * (3 - 2 * shares) * difference
         outgoing = shares * (1 - shares) ** 2 * length * start.z_axis
         incoming = shares**2 * (shares - 1) * length * end.z_axis
-        curves.append(start.position + cubic + outgoing + incoming)
+        curves.append((start.position + cubic + outgoing + incoming)[1:])
     return np.concatenate(curves)
