@@ -94,7 +94,7 @@ def measure_accuracy(
     tags = TagCamera(camera, layout, arm)
     random = np.random.default_rng([seed, _STREAM])
     arms = _random_poses(arm, random)
-    results = []
+    results: list[TagAccuracy] = []
     for distance in distances:
         result = TagAccuracy(
             distance, np.full((pictures, 3), np.nan), np.zeros(pictures), Counter()
