@@ -109,7 +109,7 @@ def test_no_command_on_the_wire_exceeds_a_limit(tmp_path_factory, limits, steps)
     excess = ahead - np.minimum.accumulate(ahead, axis=0)
     assert excess.max() <= 2 * limits["speed"] * arm.control_period + 2 * tick
     assert max(bench.bus.currents) <= limits["current"]
-    assert [speed for _, _, speed in bench.bus.prepared] == [
+    assert [speed for _, speed in bench.bus.prepared] == [
         pytest.approx(limits["speed"] / arm.motor.pulley_radius)
     ]
 
