@@ -81,13 +81,18 @@ def delete_large(programs: Path) -> None:
         rmtree(programs)
 
 
+def pytest_collection_finish():
+    """Keep what collection made out of the garbage collection: it stays to the end."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _few_programs():
     """Drop compiled programs before they fill the memory."""
     yield
-    forget_programs(MAX_MAPS)
-    gc.collect()
-    return_memory()
+    if forget_programs(MAX_MAPS):
+        gc.collect()
+        return_memory()
 
 
 def return_memory() -> None:

@@ -7,7 +7,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FILES = [*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")]
-TREES = {path: ast.parse(path.read_text("utf-8")) for path in FILES}
+
+
+@pytest.fixture(scope="module")
+def trees():
+    """Syntax trees of all files; not kept for other tests, being a million objects."""
+    return {path: ast.parse(path.read_text("utf-8")) for path in FILES}
+
+
+@pytest.fixture(scope="module")
+def classes(trees):
+    """Fields of all frozen classes."""
+    return frozen_fields(trees.values())
 
 
 def frozen_fields(trees):
@@ -68,14 +79,11 @@ def is_of(name, name_of_class, known):
     return (name, name_of_class) in known or name == name_of_class.lower()
 
 
-CLASSES = frozen_fields(TREES.values())
-
-
-def test_no_value_is_rebuilt_from_a_part_of_another():
+def test_no_value_is_rebuilt_from_a_part_of_another(trees, classes):
     found = [
         f"{path.relative_to(ROOT)}:{call}"
-        for path, tree in TREES.items()
-        for call in partial_copies(tree, CLASSES)
+        for path, tree in trees.items()
+        for call in partial_copies(tree, classes)
     ]
     assert not found, "\n".join(found)
 
@@ -87,13 +95,13 @@ def test_no_value_is_rebuilt_from_a_part_of_another():
         "spaces.Reading(time=reading.time, sensors={})",
     ],
 )
-def test_a_partial_copy_is_found(code):
-    assert list(partial_copies(ast.parse(code), CLASSES))
+def test_a_partial_copy_is_found(code, classes):
+    assert list(partial_copies(ast.parse(code), classes))
 
 
 @pytest.mark.parametrize(
     "code",
     ["replace(reading, sensors=sensors)", "Reading(self.data.time, values)"],
 )
-def test_a_whole_copy_is_not(code):
-    assert not list(partial_copies(ast.parse(code), CLASSES))
+def test_a_whole_copy_is_not(code, classes):
+    assert not list(partial_copies(ast.parse(code), classes))

@@ -2,20 +2,29 @@
 
 import ast
 import io
+import re
 import sys
 import tokenize
 from collections import defaultdict
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 from statistics import median, quantiles
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live")
-MAX_CORE = 22_350
+MAX_CORE = 20_760
 """Code lines of the core; the aim is 20,000, and nothing may move away from it."""
-MAX_NUMBERS = 606
+MAX_NUMBERS = 490
 """Numbers of the core that decide; the aim is 400."""
+WITHOUT_SOURCES = {
+    "models/kernels.py",
+    "models/local_training.py",
+    "models/prior.py",
+    "planning/guides.py",
+}
+"""Files of the core with numbers that do not say where they come from; no new ones."""
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 LAYOUT = {
@@ -28,6 +37,7 @@ LAYOUT = {
 }
 
 
+@cache
 def code_lines(text: str) -> set[int]:
     """Numbers of the lines that hold code: no blanks, comments or docstrings."""
     lines = set()
@@ -123,6 +133,60 @@ def is_number(value: ast.expr) -> bool:
 def test_few_numbers_decide_in_the_core():
     trees = [ast.parse(file.read_text("utf-8")) for file in FILES if is_core(file)]
     assert sum(map(deciding_numbers, trees)) <= MAX_NUMBERS
+
+
+def has_source(statement: ast.stmt, following: ast.stmt | None, text: str) -> bool:
+    """Whether a docstring or comment says where a constant comes from.
+
+    A comment is at the constant, or above it and others without a blank line between.
+    """
+    match following:
+        case ast.Expr(ast.Constant(str())):
+            return True
+    lines = text.splitlines()
+    own = "\n".join(lines[statement.lineno - 1 : statement.end_lineno])
+    if "#" in own:
+        return True
+    for line in reversed(lines[: statement.lineno - 1]):
+        if line.startswith("#"):
+            return True
+        if not re.match(r"[A-Z_]+\b.* = ", line):
+            return False
+    return False
+
+
+def numbers_without_source(text: str) -> list[str]:
+    """Module constants that are numbers, and do not say where they come from."""
+    body = ast.parse(text).body
+    return [
+        ast.unparse(statement)
+        for statement, following in zip_longest(body, body[1:])
+        if isinstance(statement, ast.Assign | ast.AnnAssign)
+        if statement.value is not None and is_number(statement.value)
+        if not has_source(statement, following, text)
+    ]
+
+
+def test_a_number_without_a_source_is_found():
+    assert numbers_without_source("A = 1.0\nB = 2 * A  # twice\n") == ["A = 1.0"]
+    assert (
+        numbers_without_source('# of both\nA = 1\nB = 2\n\nC = 3\n"""Why."""\n') == []
+    )
+    assert numbers_without_source("# of others\n\nA = 1\n") == ["A = 1"]
+
+
+def test_a_number_of_a_module_says_where_it_comes_from():
+    package = ROOT / "src" / "s2c2a"
+    found = {
+        str(file.relative_to(package)): numbers_without_source(file.read_text("utf-8"))
+        for file in FILES
+        if is_core(file)
+    }
+    assert not {
+        name: numbers
+        for name, numbers in found.items()
+        if numbers and name not in WITHOUT_SOURCES
+    }
 
 
 def is_core(file: Path) -> bool:

@@ -296,16 +296,13 @@ def paces_table() -> str:
     lines = []
     for strength in ("0.5", "1.0"):
         file = f"randomised-arms/paths-strength-{strength}.json"
-        for strategy in ("best", "best-active"):
-            for metric, unit in (
-                ("position", " [cm]"),
-                ("errors within twice the std", ""),
-            ):
-                cells = [
-                    number(_mean_value(file, task, metric, strategy)) for task in PACES
-                ]
-                label = f"strength {strength}, `{strategy}`: {metric}{unit}"
-                lines.append([label, *cells])
+        for metric, unit in (
+            ("position", " [cm]"),
+            ("errors within twice the std", ""),
+        ):
+            cells = [number(_mean_value(file, task, metric, "best")) for task in PACES]
+            label = f"strength {strength}, `best`: {metric}{unit}"
+            lines.append([label, *cells])
     return table(["", *(f"`{task}`" for task in PACES)], lines)
 
 
@@ -326,7 +323,6 @@ def other_data_table() -> str:
     for label, strategy, file in (
         ("`coverage` (`best`)", "best", of_best),
         ("`coverage`, speeds 0.02 to 0.06", "cov_slow.toml", first),
-        ("`best-active`", "best-active", of_best),
         ("`motor`: independent paths, speeds 0.03 to 0.1", "uniform.toml", first),
         ("`mixed`, speeds 0.02 to 0.06", "mixed.toml", first),
     ):

@@ -18,7 +18,7 @@ GROUPS = {
     "Training": ("train", "pretrain", "identify", "sweep"),
     "Control": ("demo", "run", "live", "view"),
     "Arms": ("arm", "robot"),
-    "Real arms": ("motors", "tracking", "emulate"),
+    "Real arms": ("motors", "tracking", "response", "emulate"),
     "Results and installation": ("reproduce", "bench", "doctor", "completion"),
 }
 """Order of the commands."""

@@ -1,9 +1,10 @@
 """Experiments of `s2c2a reproduce` beyond the paper's tables."""
 
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -12,8 +13,12 @@ from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
+if TYPE_CHECKING:
+    from s2c2a.evaluation.report import Row
+    from s2c2a.jobs import Make
+
 ComparedStrategy = Annotated[
-    str, tyro.conf.arg(metavar="best|best-active|best-long|paper|pcc|pcc-fitted|FILE")
+    str, tyro.conf.arg(metavar="best|best-long|paper|pcc|pcc-fitted|FILE")
 ]
 
 
@@ -50,29 +55,21 @@ def randomized_arms(
             randomized arm.
         work: run directory and parallel execution.
     """
-    from s2c2a_experiments.randomized_arms import (
-        EXPERIMENT,
-        TASKS,
-        RandomizedArmsStudy,
-        randomized_arms_rows,
-    )
+    from s2c2a_experiments import randomized_arms as study
 
-    study = RandomizedArmsStudy(
+    compared = study.RandomizedArmsStudy(
         load_arm(base),
         arms,
         strengths,
         strategies,
-        tasks or TASKS,
+        tasks or study.TASKS,
         targets,
         seed,
         reachable_from,
     )
-    options = asdict(study) | {"base": base}
-    with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):
-        rows = randomized_arms_rows(study, make)
-        table = _save_table(EXPERIMENT, rows, directory)
-    print_results(EXPERIMENT, _summary_rows(rows), [], directory)
-    print(table)
+    options = asdict(compared) | {"base": base}
+    with _study(study.EXPERIMENT, options, work, as_table=True) as results:
+        results.keep(study.randomized_arms_rows(compared, results.make))
 
 
 @beside("random_arms", "strength")
@@ -114,9 +111,6 @@ def sensors(
             repeat the option for several (docs/guides/sensors.md).
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs import checked_seeds
-    from s2c2a.viz.sensor_comparison import sensor_comparison_figure
     from s2c2a_experiments import sensors as study
 
     options = {
@@ -132,26 +126,15 @@ def sensors(
     compared = study.SensorStudy(
         arms=study.randomized_arms(load_arm(arm), random_arms, strength),
         sets=sets,
-        payloads=tuple(payload / 1000 for payload in payloads_g),
+        payloads=_kilograms(payloads_g),
         tasks=tasks,
-        seeds=tuple(checked_seeds(0, seeds)),
+        seeds=_seeds(seeds),
         strength=strength,
         events="; ".join(event),
     )
-    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
-        directory,
-        make,
-    ):
-        rows = study.sensor_rows(compared, make)
-        save_rows(rows, directory / "results.json")
-        figures = []
-        for name, task in dict.fromkeys((row.arm, row.task) for row in rows):
-            if errors := study.errors_by_set(rows, name, task):
-                path = directory / f"{name}-{task}.png"
-                figures.append(
-                    sensor_comparison_figure(errors, path, f"{task} with {name}")
-                )
-    print_results(f"sensors, {seeds} seeds", rows, figures, directory)
+    title = f"sensors, {seeds} seeds"
+    with _study(study.EXPERIMENT, options, work, title) as results:
+        results.keep(study.sensor_rows(compared, results.make))
 
 
 @beside("random_arms", "strengths")
@@ -180,8 +163,6 @@ def stability(
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs import checked_seeds
     from s2c2a_experiments import stability as study
     from s2c2a_experiments.sensors import randomized_arms
 
@@ -190,17 +171,13 @@ def stability(
     if random_arms:
         for strength in strengths:
             arms += randomized_arms(base, random_arms, strength)
-    payloads = tuple(payload / 1000 for payload in payloads_g)
-    numbers = tuple(checked_seeds(0, seeds))
-    compared = study.StabilityStudy(tuple(arms), sets, payloads, numbers, seconds)
+    compared = study.StabilityStudy(
+        tuple(arms), sets, _kilograms(payloads_g), _seeds(seeds), seconds
+    )
     options = asdict(compared) | {"arms": [one.name for one in arms]}
-    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
-        directory,
-        make,
-    ):
-        rows = study.stability_rows(compared, make)
-        save_rows(rows, directory / "results.json")
-    print_results(study.EXPERIMENT, rows, [], directory)
+    with _study(study.EXPERIMENT, options, work) as results:
+        rows = study.stability_rows(compared, results.make)
+        results.keep(rows)
     vibrating = study.vibrating(rows)
     print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
 
@@ -229,22 +206,14 @@ def repetition(
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs import checked_seeds
     from s2c2a_experiments import repetition as study
     from s2c2a_experiments.sensors import randomized_arms
 
     arms = randomized_arms(load_arm(arm), random_arms, strength)
-    numbers = tuple(checked_seeds(0, seeds))
-    repeated = study.RepetitionStudy(arms, tasks, repetitions, numbers)
+    repeated = study.RepetitionStudy(arms, tasks, repetitions, _seeds(seeds))
     options = asdict(repeated) | {"arms": [one.name for one in arms]}
-    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
-        directory,
-        make,
-    ):
-        rows = study.repetition_rows(repeated, make)
-        save_rows(rows, directory / "results.json")
-    print_results(study.EXPERIMENT, rows, [], directory)
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.repetition_rows(repeated, results.make))
 
 
 def sensor_faults(
@@ -279,23 +248,15 @@ def sensor_faults(
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs import checked_seeds
     from s2c2a_experiments import sensor_faults as study
 
-    numbers = tuple(checked_seeds(0, seeds))
     durations = (*seconds, float("inf"))
     compared = study.SensorFaultStudy(
-        load_arm(arm), sets, faults, durations, payload_g / 1000, numbers
+        load_arm(arm), sets, faults, durations, payload_g / 1000, _seeds(seeds)
     )
     options = asdict(compared) | {"arm": arm}
-    with run_directory(study.EXPERIMENT, options, work, resume=True) as (
-        directory,
-        make,
-    ):
-        rows = study.sensor_fault_rows(compared, make)
-        save_rows(rows, directory / "results.json")
-    print_results(study.EXPERIMENT, rows, [], directory)
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.sensor_fault_rows(compared, results.make))
 
 
 def transfer(
@@ -329,17 +290,14 @@ def transfer(
             prior.
         work: run directory and parallel execution.
     """
-    from s2c2a.evaluation.report import save_rows
     from s2c2a_experiments.transfer import EXPERIMENT, Transfer, transfer_rows
 
     study = Transfer(
         load_arm(base), arm_seeds, counts, halves, strength, tasks, samples, seed, prior
     )
     options = asdict(study) | {"base": base}
-    with run_directory(EXPERIMENT, options, work, resume=True) as (directory, make):
-        rows = transfer_rows(study, make)
-        save_rows(rows, directory / "results.json")
-    print_results(EXPERIMENT, _summary_rows(rows), [], directory)
+    with _study(EXPERIMENT, options, work) as results:
+        results.keep(transfer_rows(study, results.make))
 
 
 def real(
@@ -383,14 +341,10 @@ def real(
         "seeds": seeds,
     }
     with (
-        run_directory(EXPERIMENT, options, folder) as (directory, _),
+        _study(EXPERIMENT, options, folder, resume=False, as_table=True) as results,
         progress_bar() as progress,
     ):
-        keep = partial(_save_table, EXPERIMENT, directory=directory)
-        rows = real_rows(study, range(seeds), progress, keep)
-        table = keep(rows)
-    print_results(EXPERIMENT, rows, [], directory)
-    print(table)
+        results.keep(real_rows(study, range(seeds), progress, results.keep))
 
 
 def payloads(
@@ -412,7 +366,6 @@ def payloads(
         folder: run directory.
     """
     from s2c2a.data import load_recording
-    from s2c2a.evaluation.report import save_rows
     from s2c2a.strategies import load_networks
     from s2c2a_experiments.payloads import EXPERIMENT, payload_rows
 
@@ -422,10 +375,10 @@ def payloads(
         "recordings": [str(path) for path in recordings],
         "seen": seen,
     }
-    with run_directory(EXPERIMENT, options, folder) as (directory, _):
-        keep = partial(save_rows, path=directory / "results.json")
-        rows = payload_rows(load_networks(weights), loaded, seen, keep)
-    print_results(f"payloads, tip measured for {seen:g} s", rows, [], directory)
+    title = f"payloads, tip measured for {seen:g} s"
+    networks = load_networks(weights)
+    with _study(EXPERIMENT, options, folder, title, resume=False) as results:
+        results.keep(payload_rows(networks, loaded, seen, results.keep))
 
 
 def plans(
@@ -445,7 +398,6 @@ def plans(
         folder: run directory.
     """
     from s2c2a import strategies
-    from s2c2a.evaluation.report import save_rows
     from s2c2a.jobs.circle import ARMS
     from s2c2a_experiments.plans import plan_rows
 
@@ -453,20 +405,68 @@ def plans(
     if not networks:
         networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
     options = {"weights": weights, "count": count, "seed": seed}
-    with run_directory("plans", options, folder) as (directory, _):
-        keep = partial(save_rows, path=directory / "results.json")
-        rows = plan_rows(networks, count, seed, keep)
-    print_results(f"{count} plans compared with a long search", rows, [], directory)
+    title = f"{count} plans compared with a long search"
+    with _study("plans", options, folder, title, resume=False) as results:
+        results.keep(plan_rows(networks, count, seed, results.keep))
 
 
-def _summary_rows(rows: list) -> list:
-    """Rows of averages over arms."""
-    return [row for row in rows if " arms at " in row.arm]
+@dataclass
+class _Results:
+    """Rows of a study in its run directory.
+
+    Attributes:
+        directory: the run directory.
+        make: loads or makes runs, networks and recordings.
+        table: name of the table's files; of `results.json` alone if empty.
+        rows: that are kept.
+    """
+
+    directory: Path
+    make: "Make"
+    table: str
+    rows: "Sequence[Row]" = ()
+
+    def keep(self, rows: "Sequence[Row]") -> None:
+        """Save all rows so far, so that an interruption loses none."""
+        from s2c2a.evaluation.report import save_rows
+        from s2c2a_experiments.table_files import save_table
+
+        self.rows = rows
+        if self.table:
+            save_table(self.table, rows, self.directory)
+        else:
+            save_rows(rows, self.directory / "results.json")
 
 
-def _save_table(name: str, rows: list, directory: Path) -> str:
-    """Save a table and return a message with its path."""
-    from s2c2a_experiments.table_files import save_table
+@contextmanager
+def _study(
+    name: str,
+    options: Mapping[str, Any],
+    folder: Folder,
+    title: str = "",
+    *,
+    resume: bool = True,
+    as_table: bool = False,
+) -> Iterator[_Results]:
+    """Open the run directory of a study, and print the rows that are kept in it.
 
-    path = save_table(name, rows, directory)
-    return f"table: {path} (.csv, .tex, .json next to it)"
+    Of several arms, their means and the worst are printed; the files have all rows.
+    """
+    with run_directory(name, dict(options), folder, resume=resume) as (directory, make):
+        results = _Results(directory, make, name if as_table else "")
+        yield results
+    rows = results.rows
+    averages = [row for row in rows if " arms at " in row.arm]
+    print_results(title or name, averages or rows, [], directory)
+    if as_table:
+        print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
+
+
+def _seeds(count: int) -> tuple[int, ...]:
+    from s2c2a.jobs import checked_seeds
+
+    return tuple(checked_seeds(0, count))
+
+
+def _kilograms(payloads_g: Sequence[float]) -> tuple[float, ...]:
+    return tuple(payload / 1000 for payload in payloads_g)

@@ -8,6 +8,7 @@ slopes: after one step, within the step limit and with guided goals; and after
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -40,7 +41,7 @@ ITERATIONS = 30  # of the long search from each start, with either slopes
 OPTIMAL_RATIO = 1.05  # largest ratio of an optimal plan's cost to the long search's
 LIMITED = 0.999  # of the step limit; a longer step counts as limited
 STUCK_COST = 1.5e-4  # excess cost of a stuck plan; 3 mm at the tip
-CHUNK = 250  # problems in one call
+CHUNK = 250  # problems at once
 
 
 class PlanningProblems(NamedTuple):
@@ -254,7 +255,7 @@ def compare_with_long_search(
     planners = _Planners.of(arm, model, options)
     programs = {"one step": _after_one_step, "settled": _after_settling}
     return {
-        name: _in_chunks(compiled(_for_each, compare, planners), problems)
+        name: compiled(_for_each, compare, planners)(problems)
         for name, compare in programs.items()
     }
 
@@ -264,21 +265,7 @@ def _for_each(
     planners: _Planners,
     problems: PlanningProblems,
 ) -> Comparison:
-    return jax.vmap(lambda problem: compare(planners, problem))(problems)
-
-
-def _in_chunks(
-    program: Callable[[PlanningProblems], Comparison], problems: PlanningProblems
-) -> Comparison:
-    count = len(problems.histories)
-    chunks = []
-    for begin in range(0, count, CHUNK):
-        # all chunks have the same size, so that the program compiles once
-        rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
-        chunk = jax.tree.map(lambda values, rows=rows: values[rows], problems)
-        chunks.append(program(chunk))
-    columns = zip(*chunks, strict=True)
-    return Comparison(*(np.concatenate(column)[:count] for column in columns))
+    return jax.lax.map(partial(compare, planners), problems, batch_size=CHUNK)
 
 
 def plan_rows(

@@ -19,7 +19,7 @@ from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, recipe_from, recipe_named
 from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
-from s2c2a_experiments.run_rows import prediction_rows
+from s2c2a_experiments.run_rows import labeled, prediction_rows
 from s2c2a_experiments.tables import mean_rows
 from s2c2a_experiments.targets import RandomTargets, ReachableTask, TargetSequence
 
@@ -112,10 +112,7 @@ class ArmTrial:
         rows += prediction_rows(EXPERIMENT, runs[:count]) if count else []
         for run, targets in zip(runs[count:], self.targets, strict=True):
             rows += target_rows(run, targets)
-        return [
-            replace(row, strategy=self.strategy, paper_mean=None, paper_std=None)
-            for row in rows
-        ]
+        return labeled(rows, self.strategy)
 
 
 def _strategy_and_recipe(name: str) -> tuple[str, Recipe]:

@@ -1,7 +1,7 @@
 """Repetition: how well a slow camera corrects the model, within a run and over runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.strategies import recipe_named
+from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.sensors import last_quarter, with_sensors
 
 EXPERIMENT = "repetition"
 SENSORS = "camera"
-Errors = Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,17 @@ def _jobs(study: RepetitionStudy, arm: ArmSpec, task: str) -> list[jobs.Job]:
 
 def rows_of(runs: Sequence[jobs.Run]) -> list[Row]:
     """Rows of the runs of one arm and task; runs differ in their seed."""
-    heading = jobs.Heading.of(EXPERIMENT, runs)
     rows = []
+    late = last_quarter(runs[0])
     for number in range(runs[0].job.repetitions):
+        metrics = {
+            ("position", "cm"): [_mean_error(run, number, 0) for run in runs],
+            ("position, last quarter", "cm"): [
+                _mean_error(run, number, late) for run in runs
+            ],
+        }
         label = f"{SENSORS}, repetition {number + 1}"
-        for metric, first in (
-            ("position", 0),
-            ("position, last quarter", last_quarter(runs[0])),
-        ):
-            errors = [_mean_error(run, number, first) for run in runs]
-            row = heading.row(runs[0].task, "s2c2a", metric, "cm", errors, [])
-            rows.append(replace(row, strategy=label, paper_mean=None, paper_std=None))
+        rows += metric_rows(EXPERIMENT, runs, label, metrics)
     return rows
 
 

@@ -1,6 +1,7 @@
 """Rows of runs beside their scores: predictions of the forward model, computing time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,34 @@ PREDICTION = (
     ("errors within twice the std", "of steps"),
 )
 """Metrics of `prediction_rows` and their units."""
+
+
+def labeled(rows: Iterable[Row], label: str) -> list[Row]:
+    """Rows with a label in place of the strategy, without the numbers of the paper."""
+    return [
+        replace(row, strategy=label, paper_mean=None, paper_std=None) for row in rows
+    ]
+
+
+def metric_rows(
+    experiment: str,
+    runs: Sequence[Run],
+    label: str,
+    metrics: Mapping[tuple[str, str], Sequence[float]],
+) -> list[Row]:
+    """Make a row of every metric of one task's runs.
+
+    Args:
+        experiment: its name.
+        runs: under one set of conditions, one for each seed.
+        label: in place of the strategy.
+        metrics: name and unit -> a value for each run.
+    """
+    heading = Heading.of(experiment, runs)
+    return [
+        heading.row(runs[0].task, label, *names, [float(value) for value in values])
+        for names, values in metrics.items()
+    ]
 
 
 def prediction_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:

@@ -1,7 +1,7 @@
 """Sensor faults: how far a faulty sensor drives the arm, and when it is rejected."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +14,7 @@ from s2c2a.evaluation.estimates import REJECTED
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import Stage
 from s2c2a.strategies import recipe_named
+from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.sensors import with_sensors
 
 EXPERIMENT = "sensor-faults"
@@ -188,13 +189,7 @@ def _rows(case: _Case, runs: Sequence[jobs.Run]) -> list[Row]:
     rejected = [_rejection_time(run, start) for run in runs]
     if case.fault != HEALTHY and np.isfinite(rejected).all():
         metrics["time to rejection", "s"] = rejected
-    heading = jobs.Heading.of(EXPERIMENT, runs)
-    rows = []
-    for (metric, unit), values in metrics.items():
-        numbers = [float(value) for value in values]
-        row = heading.row("circle", "s2c2a", metric, unit, numbers, [])
-        rows.append(replace(row, strategy=str(case), paper_mean=None, paper_std=None))
-    return rows
+    return metric_rows(EXPERIMENT, runs, str(case), metrics)
 
 
 def _errors(run: jobs.Run) -> Float[np.ndarray, " steps"]:

@@ -1,7 +1,7 @@
 """Sensors compared: sets of them beside encoders, under unknown payloads."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation.events import parse_events
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RunOptions, recipe_named
+from s2c2a.tasks import Task
 from s2c2a_experiments.randomized_arms import over_arms
+from s2c2a_experiments.run_rows import labeled, metric_rows
 
 EXPERIMENT = "sensors"
 CURRENT = {"current_noise": 0.15, "current_friction": 0.2}
@@ -92,6 +94,26 @@ class Case:
     sensors: str
     payload: float
 
+    def __str__(self) -> str:
+        """What stands in place of the strategy's name."""
+        return f"{self.sensors}, {1000 * self.payload:g} g"
+
+    def make_jobs(
+        self, tasks: Sequence[str | Task], seeds: Sequence[int], events: str = ""
+    ) -> list[jobs.Job]:
+        """Runs of tasks, once a seed."""
+        known = self.payload if self.sensors == KNOWN_PAYLOAD else 0.0
+        robot = RobotFactory.simulation(payload=self.payload, events=events)
+        run = RunOptions(estimation=EstimationSettings(known_payload=known))
+        return jobs.jobs_for(
+            tasks,
+            with_sensors(self.arm, self.sensors),
+            ["s2c2a"],
+            seeds,
+            recipe_named("best"),
+            jobs.Conditions(robot, run),
+        )
+
 
 def randomized_arms(base: ArmSpec, count: int, strength: float) -> tuple[ArmSpec, ...]:
     """So many randomized arms; the given arm for none."""
@@ -120,73 +142,41 @@ def sensor_rows(study: SensorStudy, make: jobs.Make) -> list[Row]:
         for name in study.sets
         for payload in study.payloads
     ]
-    runs_of_cases = jobs.in_groups(make, [_jobs(study, case) for case in cases])
+    groups = [case.make_jobs(study.tasks, study.seeds, study.events) for case in cases]
     rows_of_arms: dict[str, list[Row]] = {}
-    for case, runs in zip(cases, runs_of_cases, strict=True):
-        rows = _rows(runs, _label(study, case))
-        rows_of_arms.setdefault(case.arm.name, []).extend(rows)
+    for case, runs in zip(cases, jobs.in_groups(make, groups), strict=True):
+        label = f"{case}, {study.events}" if study.events else str(case)
+        rows_of_arms.setdefault(case.arm.name, []).extend(_rows(runs, label))
     rows = [row for group in rows_of_arms.values() for row in group]
     if len(study.arms) == 1:
         return rows
     return over_arms(list(rows_of_arms.values()), study.strength) + rows
 
 
-def errors_by_set(
-    rows: Sequence[Row], arm: str, task: str
-) -> dict[str, dict[str, float]]:
-    """Mean position errors [cm], by set of sensors, then by payload and events."""
-    errors: dict[str, dict[str, float]] = {}
-    for row in rows:
-        is_error = row.experiment == EXPERIMENT and row.metric == "position"
-        if is_error and row.arm == arm and row.task == task:
-            name, condition = row.strategy.split(", ", 1)
-            errors.setdefault(name, {})[condition] = row.mean
-    return errors
-
-
-def _jobs(study: SensorStudy, case: Case) -> list[jobs.Job]:
-    known = case.payload if case.sensors == KNOWN_PAYLOAD else 0.0
-    robot = RobotFactory.simulation(payload=case.payload, events=study.events)
-    run = RunOptions(estimation=EstimationSettings(known_payload=known))
-    return jobs.jobs_for(
-        study.tasks,
-        with_sensors(case.arm, case.sensors),
-        ["s2c2a"],
-        study.seeds,
-        recipe_named("best"),
-        jobs.Conditions(robot, run),
-    )
-
-
-def _label(study: SensorStudy, case: Case) -> str:
-    """What stands in place of the strategy's name."""
-    label = f"{case.sensors}, {1000 * case.payload:g} g"
-    return f"{label}, {study.events}" if study.events else label
-
-
 def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:
     """Scores, relative path length of the tip, and both in the last quarter."""
-    rows = jobs.score_rows(EXPERIMENT, runs)
+    rows = labeled(jobs.score_rows(EXPERIMENT, runs), label)
     for task in dict.fromkeys(run.task for run in runs):
-        task_runs = [run for run in runs if run.task == task]
-        heading = jobs.Heading.of(EXPERIMENT, task_runs)
+        of_task = [run for run in runs if run.task == task]
+        late = last_quarter(of_task[0])
         metrics = {
             ("path length", "times"): [
-                relative_path_length(run, SETTLING_STEPS) for run in task_runs
+                relative_path_length(run, SETTLING_STEPS) for run in of_task
             ],
             ("path length, last quarter", "times"): [
-                relative_path_length(run, last_quarter(run)) for run in task_runs
+                relative_path_length(run, late) for run in of_task
             ],
             ("position, last quarter", "cm"): [
-                mean_error(run, last_quarter(run)) for run in task_runs
+                mean_error(run, late) for run in of_task
             ],
         }
-        for (metric, unit), values in metrics.items():
-            if np.isfinite(values).all():
-                rows.append(heading.row(task, "s2c2a", metric, unit, values, []))
-    return [
-        replace(row, strategy=label, paper_mean=None, paper_std=None) for row in rows
-    ]
+        known = {
+            names: values
+            for names, values in metrics.items()
+            if np.isfinite(values).all()
+        }
+        rows += metric_rows(EXPERIMENT, of_task, label, known)
+    return rows
 
 
 def last_quarter(run: jobs.Run) -> int:

@@ -6,27 +6,24 @@ encoders alone that know it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import Row
 from s2c2a.planning import Goal
-from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import RunOptions, recipe_named
-from s2c2a.tasks import Task, load_task
+from s2c2a.tasks import Task
 from s2c2a.tasks.lines import still
+from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.sensors import (
     KNOWN_PAYLOAD,
     Case,
     last_quarter,
     mean_error,
     relative_path_length,
-    with_sensors,
 )
 
 EXPERIMENT = "stability"
@@ -79,12 +76,12 @@ def stability_rows(study: StabilityStudy, make: jobs.Make) -> list[Row]:
     ]
     groups = []
     for case in cases:
-        groups.append(_jobs(study, case, hold_task(case.arm, study.hold_time), ""))
-        groups.append(_jobs(study, case, load_task("circle", case.arm), PUSH))
+        hold = hold_task(case.arm, study.hold_time)
+        groups.append(case.make_jobs([hold], study.seeds))
+        groups.append(case.make_jobs(["circle"], study.seeds, PUSH))
     rows = []
-    labels = [f"{case.sensors}, {1000 * case.payload:g} g" for case in cases]
     for number, runs in enumerate(jobs.in_groups(make, groups)):
-        rows += rows_of(runs, labels[number // 2])
+        rows += rows_of(runs, str(cases[number // 2]))
     return rows
 
 
@@ -97,19 +94,8 @@ def vibrating(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.mean > limits.get(row.metric, np.inf)]
 
 
-def _jobs(study: StabilityStudy, case: Case, task: Task, events: str) -> list[jobs.Job]:
-    known = case.payload if case.sensors == KNOWN_PAYLOAD else 0.0
-    robot = RobotFactory.simulation(payload=case.payload, events=events)
-    run = RunOptions(estimation=EstimationSettings(known_payload=known))
-    arm = with_sensors(case.arm, case.sensors)
-    conditions = jobs.Conditions(robot, run)
-    recipe = recipe_named("best")
-    return jobs.jobs_for([task], arm, ["s2c2a"], study.seeds, recipe, conditions)
-
-
 def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
     """Error, vibrations, and motion of the tip in the runs of one case."""
-    heading = jobs.Heading.of(EXPERIMENT, runs)
     task = runs[0].task
     errors = [mean_error(run, last_quarter(run)) for run in runs]
     found = [float(len(run.episode.options.get("vibrations", ()))) for run in runs]
@@ -123,11 +109,7 @@ def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
     else:
         spans = [_peak_to_peak(run) for run in runs]
         metrics["peak to peak, last 20 s", "cm"] = spans
-    rows = []
-    for (metric, unit), values in metrics.items():
-        row = heading.row(task, "s2c2a", metric, unit, values, [])
-        rows.append(replace(row, strategy=label, paper_mean=None, paper_std=None))
-    return rows
+    return metric_rows(EXPERIMENT, runs, label, metrics)
 
 
 def _peak_to_peak(run: jobs.Run) -> float:

@@ -37,7 +37,7 @@ from s2c2a_experiments.figures.time import (
     interaction_figure,
     orientation_figure,
 )
-from s2c2a_experiments.run_rows import tick_rows
+from s2c2a_experiments.run_rows import labeled, tick_rows
 
 PAYLOAD = 0.05  # kg
 SIBLINGS = ("twin_capstan", "twin_creep", "twin_both")
@@ -80,14 +80,7 @@ class Block:
         """Scores, their means over tilt tasks, and the times of control steps."""
         experiment = f"{table}, {self.label}" if self.label else table
         scores = jobs.score_rows(experiment, runs)
-        # the paper's arm carries no payload
-        if "payload" in dict(self.conditions.robot.options):
-            scores = _without_paper(scores)
         return scores + mean_rows(scores) + tick_rows(experiment, runs)
-
-
-def _without_paper(rows: Sequence[Row]) -> list[Row]:
-    return [replace(row, paper_mean=None, paper_std=None) for row in rows]
 
 
 @dataclass(frozen=True)
@@ -444,6 +437,5 @@ def ablation_rows(
     ]
     rows = []
     for name, runs in zip(VARIANTS, jobs.in_groups(make, groups), strict=True):
-        scores = _without_paper(jobs.score_rows("ingredients", runs))
-        rows += [replace(row, strategy=name) for row in scores]
+        rows += labeled(jobs.score_rows("ingredients", runs), name)
     return rows

@@ -18,6 +18,7 @@ from s2c2a.evaluation import Row
 from s2c2a.models.transfer import interpolation_weights
 from s2c2a.strategies import recipe_named
 from s2c2a_experiments.randomized_arms import AGED, over_arms
+from s2c2a_experiments.run_rows import labeled
 from s2c2a_experiments.transferred_networks import TransferredNetworks
 
 EXPERIMENT = "transfer"
@@ -213,16 +214,8 @@ def _rows_of_arms(
             if method.start != SCRATCH:
                 raise
             continue  # too few samples to train from scratch
-        rows.append(_score_rows(method, runs))
+        rows.append(labeled(jobs.score_rows(EXPERIMENT, runs), method.name))
     return rows
-
-
-def _score_rows(method: Method, runs: Sequence[jobs.Run]) -> list[Row]:
-    """Scores of the runs of a method, without the numbers of the paper."""
-    return [
-        replace(row, strategy=method.name, paper_mean=None, paper_std=None)
-        for row in jobs.score_rows(EXPERIMENT, runs)
-    ]
 
 
 def ratios(rows: Sequence[Row]) -> list[Row]:

@@ -31,7 +31,6 @@ def collect(
     seed: int = 0,
     recipe: Recipe | str | os.PathLike = "best",
     babbling: str | None = None,
-    active: bool = False,
     robot: RobotFactory = RobotFactory.simulation(),  # noqa: B008  # frozen
     resume: bool = True,
     overwrite: bool = False,
@@ -50,8 +49,6 @@ def collect(
         recipe: sets kind of babbling, speeds and episodes; a name, a file or a recipe.
             Use the same one in `train`.
         babbling: "staged", "motor", "mixed" or "coverage", in place of the recipe's.
-        active: whether the second half of the episodes goes where a model of the first
-            half is unsure.
         robot: class of the robot and its options, such as
             `RobotFactory("my_arm.py:MyArm")`. A real arm is driven by one thread.
         resume: whether a file of the same arm and options is completed, or read if it is
@@ -69,7 +66,6 @@ def collect(
     defaults = chosen.collect_options(seed)
     options = replace(
         defaults,
-        active=active or defaults.active,
         babbling=babbling or defaults.babbling,
         episodes=defaults.episodes if episodes is None else episodes,
         samples=samples,
@@ -85,7 +81,6 @@ def collect(
         resume=resume,
         overwrite=overwrite,
         progress=progress,
-        choose_targets=strategies.target_choice(chosen),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import platformdirs
 
-MAX_PROGRAM_BYTES = 500_000_000  # chosen; JAX evicts older programs
+MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk; JAX evicts older programs
 
 
 def cache_folder() -> Path:

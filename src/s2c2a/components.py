@@ -14,14 +14,15 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.files import LARGEST
 from s2c2a.plugins import installed, resolve, trust_code, trusted_as
 
-MAX_VALUES = 100  # of one option; chosen: a file may be a stranger's
+MAX_VALUES = 100  # of one option, each of which makes programs larger; a file may be a stranger's
 Ranges = Mapping[str, tuple[float, float]]
 """Smallest and largest value of options, by name."""
 COMPONENT_LIMITS: Ranges = {
-    "unit": (1e-6, 1e6),
-    "learning_rate": (1e-9, 1e6),
+    "unit": (1e-6, LARGEST),
+    "learning_rate": (1e-9, LARGEST),
     "iterations": (1, 10_000),
 }
 """Limits of components by field name; all other numbers are 0 to 1 000 000."""
@@ -83,7 +84,7 @@ class Component(Options):
         """Name the class and check all numbers."""
         object.__setattr__(self, "name", type(self).__name__)
         limits = {
-            each.name: COMPONENT_LIMITS.get(each.name, (0, 1e6))
+            each.name: COMPONENT_LIMITS.get(each.name, (0, LARGEST))
             for each in fields(self)
             if isinstance(getattr(self, each.name), int | float)
         }

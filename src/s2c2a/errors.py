@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 MAX_NAME_LENGTH = 64  # of a name from a user, which may be a whole file
+MAX_SHOWN = 5  # names or faults in a sentence; a reader counts no further
 
 
 class S2C2AError(Exception):

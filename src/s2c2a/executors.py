@@ -59,7 +59,7 @@ def limit_jax_to_one_thread() -> None:
     os.environ.update(PJRT_NPROC="1", NPROC="1")
 
 
-def forget_programs(max_maps: int = MAX_MAPS) -> None:
+def forget_programs(max_maps: int = MAX_MAPS) -> bool:
     """Forget all compiled programs if they occupy too much of a limited resource.
 
     Every program occupies several memory maps, and Linux allows 65,530 for each process
@@ -67,12 +67,16 @@ def forget_programs(max_maps: int = MAX_MAPS) -> None:
 
     Args:
         max_maps: number of memory maps from which programs are forgotten.
+
+    Returns:
+        Whether they were forgotten.
     """
     if not MAPS.exists() or MAPS.read_bytes().count(b"\n") < max_maps:
-        return
+        return False
     import jax  # noqa: PLC0415  # heavy
 
     jax.clear_caches()
+    return True
 
 
 class Serial(Executor):

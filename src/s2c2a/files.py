@@ -12,10 +12,17 @@ from typing import Any
 from s2c2a.errors import S2C2AError
 
 MAX_TEXT = 1_000_000
-"""Default maximum size of a text file [bytes]; chosen: a thousand times an arm file."""
-MAX_DOTS = (
-    1000  # per line of TOML: parsing time grows with the square of the key's parts
-)
+"""Largest text file and header [bytes]: a thousand times an arm file, and parsed in
+less than a second. A file may be a stranger's."""
+MAX_BYTES = 500_000_000
+"""Largest binary file [bytes]: more than an hour of any arm, less than the memory."""
+MAX_COUNT = 1_000_000
+"""Largest count that a file or an option states: a day of control steps at 10 Hz."""
+LARGEST = 1e6
+"""Largest number from a file, an option or a sensor, in any unit: larger ones are
+mistakes, and the squares of these are far from overflow in single precision."""
+MAX_DOTS = 1000
+"""In a line of TOML: parsing time grows with the square of the key's parts."""
 
 
 def read_text(
@@ -52,7 +59,7 @@ def holds(path: str | os.PathLike, text: str) -> bool:
     return False
 
 
-def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse TOML.
 
     Raises:
@@ -67,7 +74,7 @@ def parse_toml(text: str, fault: type[S2C2AError] = S2C2AError) -> dict[str, Any
         return tomllib.loads(text)
     # ValueError: invalid TOML, or an integer of thousands of digits
     except (ValueError, RecursionError) as error:
-        raise fault(f"not valid TOML: {error}") from error
+        raise S2C2AError(f"not valid TOML: {error}") from error
 
 
 def toml_comment(text: str) -> str:

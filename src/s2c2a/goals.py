@@ -10,12 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import TargetError
+from s2c2a.files import LARGEST
 from s2c2a.immutable import immutable
 
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
-LARGEST = 1e6
-"""Largest position [m], weight or threshold. Larger values are mistakes, and their
-squares would not be finite in single precision."""
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
 
 
@@ -80,7 +78,7 @@ class Goal(NamedTuple):
         vector = _vector(axis, "the target axis")
         mu = _weight(weight)
         length = np.linalg.norm(vector)
-        if length < 1e-9:
+        if length == 0:
             raise TargetError(
                 "the target axis is zero; give a direction such as [0, 0, 1]"
             )

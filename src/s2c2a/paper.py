@@ -436,6 +436,7 @@ def action_unit(arm: ArmSpec) -> np.ndarray:
 
 # ------------------------------------------------------------- III-B. Training, table II
 
+# of Adam, and of its batches and epochs
 LEARNING_RATE = 1e-3
 BATCH_SIZE = 64
 EPOCHS = 100  # the weights of the best validation loss are kept

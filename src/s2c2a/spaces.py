@@ -26,8 +26,8 @@ from jaxtyping import Float
 from s2c2a.errors import ReadingError, did_you_mean
 from s2c2a.immutable import immutable_table, immutable_value, rebuilt
 
-POSITION = slice(0, 3)
-AXIS = slice(3, 6)
+POSITION = slice(0, 3)  # of a state, as above
+AXIS = slice(3, 6)  # likewise
 
 CONFIGURATION_HISTORY = 4
 """Number of sensed configurations that C2A uses, C_t to C_{t-3} (Chen et al. 2025, eq.
@@ -35,6 +35,9 @@ CONFIGURATION_HISTORY = 4
 ACTION_HISTORY = 5
 """Number of actions that C2A uses, A_{t-1} to A_{t-5} (Chen et al. 2025, eq. (8))."""
 
+NOISE_LIMIT = 6.0
+"""Standard deviations that Gaussian noise exceeds once in 5e8 numbers, so that what does
+has another cause; every test of sensors and encoders has this limit."""
 CENTER_LINE_POINTS = 5
 """Points of each module's center line that readings record and constraints check; they
 are evenly spaced, the last one at the module's end."""

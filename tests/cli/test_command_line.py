@@ -22,6 +22,7 @@ COMMANDS = [
     "collect",
     "train",
     "run",
+    "response",
     "sweep",
     "bench",
     "doctor",

@@ -8,13 +8,15 @@ import signal
 
 import pytest
 
+import s2c2a_experiments
 from s2c2a import cli, data, jobs, lab, live, logs
 from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
-from s2c2a.cli.sweep import sweep
 from s2c2a.lab.cli import tracking_calibration
+from s2c2a.lab.cli.response import response
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
+from s2c2a_experiments.sweep_command import sweep
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
 
@@ -49,6 +51,12 @@ def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
         check_contract()
 
 
+def test_a_signal_stops_the_measurement_of_a_response(monkeypatch):
+    monkeypatch.setattr("s2c2a.lab.response.excitation.excite", signal_this_process)
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+        response()
+
+
 @pytest.mark.parametrize("verb", ["latency", "frames"])
 def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb):
     monkeypatch.chdir(tmp_path)
@@ -62,7 +70,7 @@ def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb
 
 def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
     pytest.importorskip("optuna")
-    monkeypatch.setattr("s2c2a.jobs.sweep.search", signal_this_process)
+    monkeypatch.setattr("s2c2a_experiments.sweep.search", signal_this_process)
     vary = ("planner.solver.iterations=5,10",)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
@@ -72,7 +80,7 @@ def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
 def test_no_command_that_moves_an_arm_is_forgotten_here():
     modules = [
         importlib.import_module(f"{package.__name__}.{module.name}")
-        for package in (cli, lab.cli, logs.cli, live.cli)
+        for package in (cli, lab.cli, logs.cli, live.cli, s2c2a_experiments)
         for module in pkgutil.iter_modules(package.__path__)
     ]
     moving = {
@@ -82,7 +90,15 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         if function.__module__ == module.__name__
         and "robot_option" in inspect.signature(function).parameters
     }
-    here = {"collect", "run", "check_contract", "latency", "frames", "sweep"}
+    here = {
+        "collect",
+        "run",
+        "check_contract",
+        "latency",
+        "frames",
+        "sweep",
+        "response",
+    }
     # `live` obeys the signal in its control process; `motors` has its own tests
     # (hardware/test_motors_in_memory.py)
     assert moving == here | {"live"}

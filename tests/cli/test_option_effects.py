@@ -23,8 +23,6 @@ REFUSED = {
     ],
     "run circle --strategy lstm --recipe paper": ["recipe"],
     "live --robot dynamixel --seed 3": ["seed"],
-    "robot check --out x.json": ["out"],
-    "robot check --weights x.safetensors": ["weights"],
     "reproduce sensors --strength 0.9": ["strength"],
     "reproduce stability --random-arms 0 --strengths 2.0": ["strengths"],
     "reproduce repetition --random-arms 0 --strength 0.5": ["strength"],

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import BABBLING, episode_actions
-from s2c2a.data.babbling import SPEEDS, fastest
+from s2c2a.data.babbling import SPEEDS, Exploration, fastest, motion_through
 from s2c2a.data.nominal_plans import nominal_plans
 from s2c2a.kinematics import states_from_bends
 from s2c2a.paper import bend_path, disc_points
@@ -241,15 +241,12 @@ def test_coverage_has_slow_stretches_and_holds(twin):
     assert 0.02 < np.mean((speeds > 1e-9) & (speeds < 0.5 * SPEEDS[0])) < 0.4
 
 
-def test_chosen_targets_are_visited_one_after_the_other(twin):
-    geometry = ArmGeometry.of(twin)
-    targets = disc_points(np.random.default_rng(3), (3, 3))
-    actions = episode_actions(
-        geometry, "coverage", 0, 1, SAMPLES, 0, (0.2, 0.3), targets
-    )
-    wanted = geometry.actions_at(targets)
-    distances = np.abs(actions[:, None] - wanted).max(axis=(-2, -1))
-    assert distances.min(axis=0).max() < 1e-9
+def test_targets_are_visited_one_after_the_other(twin):
+    random = np.random.default_rng(3)
+    targets = disc_points(random, (3, 3))
+    motion = Exploration(ArmGeometry.of(twin), 0.0, SAMPLES, random, (0.2, 0.3))
+    distances = np.abs(motion_through(targets, motion)[:, None] - targets)
+    assert distances.max(axis=(-2, -1)).min(axis=0).max() < 1e-9
 
 
 @pytest.mark.parametrize("modules", [1, 2, 4])

@@ -76,7 +76,6 @@ def test_a_recording_keeps_its_options(gather, twin):
         "seed": 3,
         "slowest": 0.03,
         "fastest": 0.22,
-        "active": False,
     }
     assert made.options == chosen | {"robot": "simulation fast"}
 
@@ -421,7 +420,7 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-options = CollectOptions(episodes=60, samples=40)
+options = CollectOptions(episodes=30, samples=40)
 collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
@@ -441,8 +440,8 @@ def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tm
         assert running.returncode == -signal.SIGKILL
         episodes.append(len(load_recording(path).episodes))
     assert np.min(np.diff(episodes)) > 0
-    assert episodes[-1] < 60
-    options = CollectOptions(episodes=60, samples=40)
+    assert episodes[-1] < 30
+    options = CollectOptions(episodes=30, samples=40)
     whole, resumed = (
         collect(
             tmp_path / name,
@@ -454,30 +453,6 @@ def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tm
         for name in ("whole.episodes", "killed.episodes")
     )
     assert_same(resumed, whole)
-
-
-def test_an_active_collection_moves_through_the_chosen_targets(gather, twin):
-    seen = []
-
-    def choose(recording, options):
-        seen.append(len(recording.episodes))
-        return [np.full((1, 3, 2), share) for share in (0.2, -0.3)]
-
-    made = gather(
-        "active.episodes", options=replace(SMALL, active=True), choose_targets=choose
-    )
-    assert seen == [2]
-    last = made.actions[2:, -1]
-    geometry = ArmGeometry.of(twin)
-    assert len(made.episodes) == 4
-    towards = geometry.actions_at(np.full((3, 2), 0.2))
-    assert np.sum(last[0] * towards) > 0.0
-    assert np.sum(last[1] * towards) < 0.0
-
-
-def test_an_active_collection_without_a_choice_is_refused(gather):
-    with pytest.raises(RecordingError, match="choose_targets"):
-        gather("unchosen.episodes", options=replace(SMALL, active=True))
 
 
 def test_a_changed_source_of_poses_is_named_when_resuming(gather, twin):

@@ -12,6 +12,7 @@ from tools import ROOT
 from tools.make_reference import pages
 from tools.markdown import page_titles
 from tools.page_blocks import PAGES
+from tools.reference_arm import arm_keys
 
 REFERENCE = ROOT / "docs" / "reference"
 API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
@@ -34,6 +35,11 @@ def test_pages_are_what_the_tool_makes(made):
         if not path.is_file() or path.read_text(encoding="utf-8") != text
     ]
     assert not old, "run `python -m tools.make_reference`"
+
+
+def test_the_page_of_the_arm_file_ends_with_the_table_of_keys():
+    page = (REFERENCE / "arm-file.md").read_text(encoding="utf-8")
+    assert page.endswith(arm_keys())
 
 
 def test_every_package_has_a_page_or_belongs_to_a_command():

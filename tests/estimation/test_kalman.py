@@ -1,5 +1,7 @@
 """The steps of the Kalman filter against direct computations."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,15 +13,22 @@ Q = np.array([1e-4, 4e-3])
 R_STD = np.array([0.2])
 
 
-def step(mean, covariance, measurement, present=True):
-    """One predict and update of the linear system above."""
+@jax.jit
+def filter_step(mean, covariance, measurement, present):
+    """Mean, covariance, residual and its covariance after a predict and an update."""
     mean = F @ mean
     covariance = kalman.predict(covariance, F, Q)
-    residual = np.where(present, measurement - H @ mean, 0.0)
-    jacobian = np.where(present, H, 0.0)
+    residual = jnp.where(present, measurement - H @ mean, 0.0)
+    jacobian = jnp.where(present, H, 0.0)
     innovation_cov = kalman.innovation_covariance(covariance, jacobian, R_STD)
     updated = kalman.update(mean, covariance, residual, jacobian, innovation_cov)
-    return *(np.asarray(value, float) for value in updated), residual, innovation_cov
+    return *updated, residual, innovation_cov
+
+
+def step(mean, covariance, measurement, present=True):
+    """One predict and update of the linear system above."""
+    values = filter_step(mean, covariance, measurement, present)
+    return tuple(np.asarray(value, float) for value in values)
 
 
 def direct(mean, covariance, measurement):

@@ -11,9 +11,9 @@ from s2c2a.estimation.modal_model import (
     ModalTable,
     identify_modal_factors,
     modal_step,
-    modes,
     simulate,
 )
+from s2c2a.lab.response.expected_response import modes
 from s2c2a.robots.simulation import SimulatedRobot
 
 PERIOD = 0.1

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from s2c2a.estimation.outliers import (
-    GATE,
-    MAX_VALUE,
     OFFSET_MEMORY,
     REJECTION_TIME,
     SLOW_AVERAGING_TIME,
@@ -20,6 +18,8 @@ from s2c2a.estimation.outliers import (
     remaining_rejection,
 )
 from s2c2a.estimation.sensor_models import Innovation
+from s2c2a.files import LARGEST
+from s2c2a.spaces import NOISE_LIMIT
 
 PERIOD = 0.1
 PRESENT = jnp.array([True, True])
@@ -37,12 +37,12 @@ def compared(residual, by_biases=(0.0, 0.0), present=PRESENT, **limits):
 @pytest.mark.parametrize(("factor", "is_outlier"), [(0.99, False), (1.01, True)])
 def test_rule_1_an_innovation_beyond_the_gate_is_an_outlier(factor, is_outlier):
     std = np.array([0.5, 2.0])
-    residual = jnp.asarray(factor * GATE * std)
+    residual = jnp.asarray(factor * NOISE_LIMIT * std)
     assert bool(is_beyond_gate(residual, jnp.diag(std**2), PRESENT)) is is_outlier
 
 
 def test_rule_1_missing_values_do_not_dilute_an_outlier():
-    residual = jnp.array([1.01 * GATE, 0.0])
+    residual = jnp.array([1.01 * NOISE_LIMIT, 0.0])
     one = jnp.array([True, False])
     assert is_beyond_gate(residual, jnp.eye(2), one)
     assert not is_beyond_gate(residual, jnp.eye(2), PRESENT)
@@ -107,6 +107,6 @@ def test_the_average_follows_a_lasting_residual_by_the_time_since_the_last_one()
 def test_a_missing_measurement_changes_nothing_but_the_time_without_it():
     missing = compared([0.0, 0.0], present=~PRESENT, max_change=0.3)
     history = judged(SensorHistory.none(2), missing, FALSE, PERIOD)
-    np.testing.assert_array_equal(history.usual, MAX_VALUE)
+    np.testing.assert_array_equal(history.usual, LARGEST)
     assert float(history.unseen_for) == pytest.approx(PERIOD)
     assert float(history.rejected_for) == 0.0

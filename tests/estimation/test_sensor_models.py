@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.arm.sensors import Camera, Inertial, Raw, Sensors
+from s2c2a.arm.sensors import MAX_DELAY, Camera, Inertial, Raw, Sensors
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation.measurements import MeasurementReader
 from s2c2a.estimation.sensor_models import (
@@ -14,7 +14,6 @@ from s2c2a.estimation.sensor_models import (
     ExpectedState,
     sensor_models_of,
 )
-from s2c2a.estimation.sensor_models.camera import MAX_AGE
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.plugins import trust_code
@@ -115,7 +114,7 @@ def test_pictures_that_are_too_old_are_not_used(arm, at_rest):
     (camera,) = (sensor for sensor in sensors_of(arm) if sensor.name == "camera")
     expected = at_rest(arm, jnp.zeros((3, 2)))
     usable = []
-    for age in (0.0, MAX_AGE, MAX_AGE + 0.2, -0.1):
+    for age in (0.0, MAX_DELAY, MAX_DELAY + 0.2, -0.1):
         measured = {
             "camera_positions": jnp.zeros((3, 3)),
             "camera_age": jnp.asarray(age),

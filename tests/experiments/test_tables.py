@@ -20,7 +20,7 @@ from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.tasks import TASKS
 from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
-from s2c2a_experiments.run_rows import tick_rows
+from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
     load_comparison,
     load_rows,
@@ -300,6 +300,12 @@ def test_rows_hold_means_over_seeds_and_the_papers_numbers_beside():
     )
     assert (row.paper_mean, row.recipe, row.fidelity) == (2.2, "best", "fast")
     assert row.first_mode_hz > 0
+    (labeled,) = metric_rows("mine", runs, "imu, 50 g", {("position", "cm"): [1, 2]})
+    assert (labeled.strategy, labeled.mean, labeled.paper_mean) == (
+        "imu, 50 g",
+        1.5,
+        None,
+    )
     assert [(row.metric, row.mean) for row in tick_rows("mine", runs)] == [
         ("tick, median", pytest.approx(2.0)),
         ("tick, 99th percentile", pytest.approx(3.0)),

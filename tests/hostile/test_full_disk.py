@@ -27,7 +27,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
 collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed),
-        CollectOptions(episodes=60, samples=40),
+        CollectOptions(episodes=30, samples=40),
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
 
@@ -151,7 +151,7 @@ def test_collecting_resumes_after_a_kill(gather, tmp_path):
     with open(path, "ab") as file:
         file.write(path.read_bytes()[-3000:-2000])  # as a kill within a write leaves it
         file.truncate(path.stat().st_size)
-    whole = CollectOptions(episodes=60, samples=40)
+    whole = CollectOptions(episodes=30, samples=40)
     gather(path, whole, resume=True)
     gather(tmp_path / "whole.episodes", whole)
     assert_same(path, tmp_path / "whole.episodes")

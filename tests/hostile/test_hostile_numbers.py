@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import RecordingError, S2C2AError, TargetError
+from s2c2a.files import MAX_COUNT
 from s2c2a.goals import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.stages import Patience
@@ -31,8 +32,8 @@ VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size
 def test_collect_options_are_bounded_integers_or_rejected(episodes, samples, seed):
     with contextlib.suppress(RecordingError):
         options = CollectOptions(episodes=episodes, samples=samples, seed=seed)
-        assert 1 <= options.episodes <= 100_000
-        assert 1 <= options.samples <= 100_000
+        assert 1 <= options.episodes <= MAX_COUNT
+        assert 1 <= options.samples <= MAX_COUNT
         assert options.seed % 1 == 0
 
 

@@ -255,7 +255,7 @@ def test_episodes_too_large_to_read_are_not_written(tmp_path, episode, monkeypat
         "s2c2a.episodes.blocks.MAX_BYTES", (tmp_path / "x.episodes").stat().st_size
     )
     with pytest.raises(
-        RecordingError, match=r"at most .* bytes an episode.*1 whole ones are kept"
+        RecordingError, match=r"at most .* bytes a file.*1 whole ones are kept"
     ):
         writer.append(episode)
     writer.close()
@@ -309,12 +309,12 @@ def test_tables_may_have_many_waypoints_up_to_a_limit(tmp_path, monkeypatch):
     path = tmp_path / "long.csv"
     path.write_text(
         "time,x,y,z\n"
-        + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 200_001))
+        + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 40_001))
     )
     tracks = load_waypoints(path)
-    assert len(waypoints_task("long", tracks, TWIN).goals) == 100_000
-    monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_LINES", 199_999)
-    with pytest.raises(TargetError, match="more than 199999 lines"):
+    assert len(waypoints_task("long", tracks, TWIN).goals) == 20_000
+    monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_COUNT", 39_999)
+    with pytest.raises(TargetError, match="more than 39999 lines"):
         load_waypoints(path)
 
 

@@ -25,12 +25,12 @@ from s2c2a.executors import Processes, Serial, in_order
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
-from s2c2a.jobs.search_space import varied_from
-from s2c2a.jobs.sweep import Sweep, best_recipe, save_trials, search
 from s2c2a.progress import quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
 from s2c2a.training import FitOptions
+from s2c2a_experiments.search_space import varied_from
+from s2c2a_experiments.sweep import Sweep, best_recipe, save_trials, search
 
 TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=8, samples=30, seed=3)

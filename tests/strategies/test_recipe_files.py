@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,7 @@ from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
-from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
+from s2c2a.strategies import RECIPES, files, load_recipe, recipe_from, save_recipe
 
 
 @pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
@@ -52,9 +52,7 @@ def test_names_and_files_are_told_apart(tmp_path):
     )
     with pytest.raises(StrategyError, match="rename the file"):
         recipe_from(save_recipe(RECIPES["paper"], tmp_path / "best.toml"))
-    with pytest.raises(
-        StrategyError, match="choose one of best, best-active, best-long, paper"
-    ):
+    with pytest.raises(StrategyError, match="choose one of best, best-long, paper"):
         recipe_from("worst")
 
 
@@ -124,7 +122,7 @@ def test_a_file_that_is_no_recipe_is_refused(change, said, tmp_path):
 def test_a_file_that_is_missing_names_the_recipes(tmp_path):
     with pytest.raises(
         StrategyError,
-        match=r"no recipe at .*; choose best, best-active, best-long, paper",
+        match=r"no recipe at .*; choose best, best-long, paper",
     ):
         recipe_from(tmp_path / "none.toml")
 
@@ -287,3 +285,18 @@ def test_a_recipe_file_of_version_0_3_sees_what_its_estimator_decided(
     table["estimator"] = {"name": estimator}
     path.write_text(tomli_w.dumps(table), encoding="utf-8")
     assert load_recipe(path).encoders_alone is (estimator == "KalmanFilter")
+
+
+def test_a_recipe_file_of_version_0_3_may_say_that_its_data_are_not_active(tmp_path):
+    path = tmp_path / "old.toml"
+    path.write_text('based_on = "best"\nactive = false\n', encoding="utf-8")
+    assert replace(load_recipe(path), name="best") == RECIPES["best"]
+    path.write_text('based_on = "best"\nactive = true\n', encoding="utf-8")
+    with pytest.raises(StrategyError, match="active"):
+        load_recipe(path)
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_networks_of_version_0_3_are_read_however_their_data_were_collected(active):
+    table = asdict(RECIPES["best"].by_class)
+    assert files._recipe(table | {"active": active}) == files._recipe(table)

@@ -403,18 +403,18 @@ def test_a_file_with_bytes_more_than_it_says_is_refused(strategy_file, tmp_path)
 def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
     with open(tmp_path / "large", "wb") as file:
         file.truncate(10**12)  # holds nothing: a hole on the disk
-    with pytest.raises(StrategyError, match="larger than 200 MB"):
+    with pytest.raises(StrategyError, match="larger than 500 MB"):
         load_networks(tmp_path / "large")
 
 
-def test_a_header_too_large_and_arrays_too_many_are_refused(rewrite, tmp_path):
+def test_a_header_too_large_or_of_too_many_arrays_is_refused(rewrite, tmp_path):
     (tmp_path / "header").write_bytes((10**8).to_bytes(8, "little") + b" " * 100)
     with pytest.raises(StrategyError, match="header"):
         load_networks(tmp_path / "header")
-    with pytest.raises(StrategyError, match="arrays"):
+    with pytest.raises(StrategyError, match="header"):
         load_networks(
             rewrite(
-                **{f"more{number}": np.zeros(1, np.float32) for number in range(10_001)}
+                **{f"more{number}": np.zeros(1, np.float32) for number in range(20_000)}
             )
         )
 

@@ -7,7 +7,6 @@ from s2c2a.viz import (
     learning_curves,
     recording_figure,
     run_figure,
-    trials_figure,
 )
 
 PNG = b"\x89PNG\r\n"
@@ -191,28 +190,6 @@ def test_learning_curves_are_drawn_from_rows_of_numbers_or_of_text(tmp_path):
 def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
     with pytest.raises(S2C2AError, match="curve"):
         learning_curves(curves, tmp_path / "curves.png")
-
-
-@pytest.mark.parametrize("rises", [False, True])
-def test_scores_are_drawn_over_trials_and_parameters(rises, tmp_path):
-    scores = np.array([3.0, 0.1, 2.0])
-    values = {"a.b": np.array([1.0, 10.0, 3.0]), "c": np.array([True, False, True])}
-    assert is_png(
-        trials_figure(
-            [0, 1, 3],
-            scores,
-            values,
-            "error [cm]",
-            ["a.b"],
-            tmp_path / "trials.png",
-            rises,
-        )
-    )
-
-
-def test_a_search_without_finished_trials_is_refused(tmp_path):
-    with pytest.raises(S2C2AError, match="no finished trial"):
-        trials_figure([], np.array([]), {}, "error [cm]", [], tmp_path / "trials.png")
 
 
 def test_the_title_of_a_view_says_which_axes_run_backward():

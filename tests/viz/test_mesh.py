@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from s2c2a.viz import center_line
+from s2c2a.arm.geometry import center_line as line_beyond_the_base
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 
 LENGTHS = np.full(3, 0.2)
+
+
+def center_line(states, lengths, points_per_module):
+    """Points of the center line, from the base on."""
+    points = line_beyond_the_base(states, lengths, points_per_module)
+    return np.concatenate([np.zeros((*states.shape[:-2], 1, 3)), points], axis=-2)
 
 
 def volume(corners, faces) -> float:

@@ -204,7 +204,6 @@ def test_every_public_name_of_viz_can_be_imported():
         "learning_curves",
         "recording_figure",
         "run_figure",
-        "trials_figure",
     )
     assert all(callable(getattr(viz, name)) for name in names)
     with pytest.raises(AttributeError, match="nothing_like_it"):

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from s2c2a.kinematics import center_line
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.viz import center_line, charts
+from s2c2a.viz import charts
 from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colors import DESIRED, INK, POINTING, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
@@ -137,7 +138,9 @@ def _draw_poses(axes: Axes, trace: Trace, view: View) -> None:
     arm = trace.episode.arm
     lengths = np.array([module.length for module in arm.modules])
     states = trace.states[_evenly_spread(known, POSES_SHOWN)]
-    lines = center_line(states, lengths, POINTS_PER_MODULE)
+    to_ends = center_line(states, lengths, POINTS_PER_MODULE)
+    base = np.zeros((len(states), 1, 3))
+    lines = np.concatenate([base, to_ends], axis=1)
     for line, alpha in zip(lines, np.linspace(0.25, 0.95, len(lines)), strict=True):
         for module, color in enumerate(module_colors(arm.module_count)):
             start = module * POINTS_PER_MODULE

@@ -1,6 +1,6 @@
 from .files import arm_from_toml, arm_to_toml, load_arm, preset_names, save_arm
 from .geometry import ArmGeometry
-from .keys import Key, file_keys, keys_as_markdown
+from .keys import Key, file_keys
 from .mismatch import Mismatch
 from .randomized import randomized_arm
 from .servos import ServoLimits, Servos, servos_of
@@ -21,7 +21,6 @@ __all__ = [
     "arm_from_toml",
     "arm_to_toml",
     "file_keys",
-    "keys_as_markdown",
     "load_arm",
     "preset_names",
     "randomized_arm",

@@ -32,6 +32,44 @@ def between(
     return Field(default, ge=low, le=high, description=f"{meaning} [{unit}]")
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """Unit of several keys, and the range of plausible arms."""
+
+    unit: str
+    low: float
+    high: float
+
+    def key(self, meaning: str, default: Any = ...) -> Any:
+        """Declare a number in this range."""
+        return between(self.low, self.high, self.unit, meaning, default)
+
+    def effect(self, meaning: str, default: Any = 0.0) -> Any:
+        """Declare the size of an effect, which may be zero and is so by default."""
+        return between(0, self.high, self.unit, meaning, default)
+
+
+def absent(meaning: str) -> Any:
+    """Declare a number that is zero unless the file states it."""
+    return Field(0.0, description=meaning)
+
+
+LENGTH = Quantity("m", 0.0005, 2)
+"""A radius of half a millimeter to a module of two meters."""
+LOST_MOTION = Quantity("m", 0, 0.02)
+"""More would be seen: the diameter of a thumb."""
+FORCE = Quantity("N", 0.05, 500)
+"""From the weight of a coin, above the noise of load cells, to what steel cables of
+1 mm bear."""
+RIGIDITY = Quantity("N m2", 0.0005, 50)
+"""The arms of the package have 0.125 and 0.4, and a bending stiffness in N mm2 exceeds
+it."""
+SHARE = Quantity("1", 0, 1)
+"""Of a whole, by definition."""
+ERROR = Quantity("1", -0.9, 9)
+"""Of a nominal value: the true one is a tenth to ten times as large."""
+
+
 def _reject_text_and_bool(value):
     if isinstance(value, str | bool):
         raise ValueError(f"a number is needed, without quotes, got {value!r}")

@@ -1,7 +1,6 @@
 """Documentation of the keys of an arm file, derived from the description's schema."""
 
-from collections.abc import Iterable, Iterator
-from itertools import groupby
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from s2c2a.arm.spec import ArmSpec
@@ -31,26 +30,6 @@ def file_keys() -> list[Key]:
     return list(_keys_of(schema, schema["$defs"], "", ""))
 
 
-def keys_as_markdown() -> str:
-    """Return a Markdown table for every table of the file."""
-    tables = groupby(file_keys(), key=lambda key: key.table)
-    return "\n".join(_as_markdown(table, rows) for table, rows in tables)
-
-
-def _as_markdown(table: str, rows: Iterable[Key]) -> str:
-    title = f"`{table}`" if table else "The arm itself"
-    lines = [
-        f"| `{key.name}` | {key.allowed} | {key.otherwise} | {key.meaning} |"
-        for key in rows
-    ]
-    header = [
-        f"### {title}\n",
-        "| key | allowed | default | meaning |",
-        "| --- " * 4 + "|",
-    ]
-    return "\n".join([*header, *lines, ""])
-
-
 def _keys_of(
     schema: dict, kinds: dict[str, dict], path: str, table: str
 ) -> Iterator[Key]:
@@ -63,7 +42,9 @@ def _keys_of(
         kind = form.get("$ref") or form.get("items", {}).get("$ref")
         if kind:
             if "items" in form:
-                allowed = f"{form['minItems']} to {form['maxItems']} tables"
+                allowed = "tables"
+                if "maxItems" in form:
+                    allowed = f"{form['minItems']} to {form['maxItems']} tables"
                 default = "required" if name in schema["required"] else "none"
                 yield Key(table, name, allowed, default, value["description"])
             inner.append((name, "items" in form, kinds[kind.rsplit("/", 1)[-1]]))
@@ -101,6 +82,8 @@ def _allowed(form: dict) -> str:
         if least is None:
             return "rows of numbers"
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"
+    if form["type"] == "number":
+        return "any number"
     if form["type"] == "boolean":
         return "true or false"
     if form["type"] != "string":

@@ -27,10 +27,16 @@ RESERVED_NAMES = {
 """Sensor names that the package uses."""
 MAX_NUMBERS = 256
 """Of one raw sensor: every control step processes all of them."""
+MAX_DELAY = 0.7
+"""Of an image [s]; the filter keeps the past of so long, and uses no older image."""
 
 
 class Inertial(Frozen):
-    """Inertial sensors at the module ends, aligned with the frames there."""
+    """Inertial sensors at the module ends, aligned with the frames there.
+
+    The defaults have the size of cheap sensors (InvenSense MPU-6050, product
+    specification: 400 ug / sqrt(Hz), 0.05 deg/s) with biases left by a calibration.
+    """
 
     rate: Number = between(10, 2000, "Hz", "samples a second", 100.0)
     acceleration_noise: Number = between(
@@ -48,10 +54,13 @@ class Inertial(Frozen):
 
 
 class Camera(Frozen):
-    """Camera or motion capture of module ends, with a delay and lost images."""
+    """Camera or motion capture of module ends, with a delay and lost images.
+
+    The defaults are an assumption on the poor side: motion capture is better in all.
+    """
 
     rate: Number = between(0.1, 1000, "Hz", "images a second", 5.0)
-    delay: Number = between(0, 0.7, "s", "age of an image when it is read", 0.15)
+    delay: Number = between(0, MAX_DELAY, "s", "age of an image when it is read", 0.15)
     lost: Number = between(0, 0.99, "1", "share of lost images", 0.1)
     noise: Number = between(0, 0.1, "m", "standard deviation of a position", 0.001)
     sees: Literal["tip", "ends"] = Field(
@@ -63,20 +72,18 @@ class Flex(Frozen):
     """Resistive flex sensors along every module; their model is learned from data.
 
     Every strip has its own errors. They depend on `strips` only and stay the same at
-    every opening.
+    every opening. The defaults are assumptions; no data sheet states them for strips
+    in a soft arm.
     """
 
-    angles_deg: tuple[Annotated[Number, Field(ge=-360, le=360)], ...] = Field(
+    angles_deg: tuple[Number, ...] = Field(
         default=(0.0, 120.0, 240.0),
         min_length=1,
         max_length=12,
         description="angles of the strips around every module, from x to y [deg]",
     )
     strips: int = Field(
-        default=0,
-        ge=0,
-        le=2**31,
-        description="seed of the strips' own errors",
+        default=0, ge=0, le=2**31, description="seed of the strips' own errors"
     )
     gain_error: Number = between(
         0, 1, "1", "standard deviation of the gain between strips", 0.2
@@ -91,11 +98,7 @@ class Flex(Frozen):
         0, 1, "1", "standard deviation of the gain from other modules' bends", 0.05
     )
     hysteresis: Number = between(
-        0,
-        1,
-        "rad",
-        "half-width of the hysteresis between bend and reading",
-        0.02,
+        0, 1, "rad", "half-width of the hysteresis between bend and reading", 0.02
     )
     noise: Number = between(0, 1, "rad", "standard deviation of a reading", 0.01)
     zero_error: Number = between(
@@ -120,7 +123,6 @@ class Raw(Frozen):
     )
     model: str = Field(
         default="",
-        max_length=200,
         description="class with a formula, file.py:Class; learned from data if empty",
     )
 
@@ -156,10 +158,7 @@ class Sensors(Frozen):
         default=None, description="flex sensors along the modules"
     )
     raw: tuple[Raw, ...] = Field(
-        default=(),
-        min_length=0,
-        max_length=8,
-        description="additional sensors of a robot",
+        default=(), description="additional sensors of a robot"
     )
 
     @model_validator(mode="after")

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import Frozen, Number, between
+from s2c2a.arm.fields import LENGTH, LOST_MOTION, Frozen, Number, between
 
 if TYPE_CHECKING:
     from s2c2a.arm.spec import ArmSpec
@@ -21,12 +21,13 @@ ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
 
 
 class ServoLimits(Frozen):
-    """Limits of every servo; exceeding one is a fault, except of displacement."""
+    """Limits of every servo; exceeding one is a fault, except of displacement.
 
-    displacement: Number | None = between(
-        0.0001,
-        2,
-        "m",
+    The defaults suit ROBOTIS XL330-M288 at 5 V (e-manual: 3.7 to 6.0 V, 70 deg C, 104
+    turns a minute, which are 0.11 m/s at the default pulley).
+    """
+
+    displacement: Number | None = LENGTH.key(
         "largest displacement from rest; default: the range of the modules' cables",
         None,
     )
@@ -51,7 +52,9 @@ class ServoLimits(Frozen):
 class Servos(Frozen):
     """Bus servos with one pulley for each cable.
 
-    The pulley's radius and the ticks of a turn are keys of `[motor]`.
+    The pulley's radius and the ticks of a turn are keys of `[motor]`. The default baud
+    rate is the fastest that both protocols' default models share; the home current is a
+    tenth of the default limit, and the watchdog four default control periods.
     """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits",))
@@ -69,15 +72,12 @@ class Servos(Frozen):
     )
     port: str = Field(
         default="",
-        max_length=200,
         description="serial port, such as /dev/ttyUSB0; empty: an option names it",
     )
     baud_rate: int = Field(
         default=1_000_000, ge=9600, le=4_500_000, description="speed of the bus [bit/s]"
     )
     ids: tuple[tuple[ServoId, ...], ...] = Field(
-        min_length=1,
-        max_length=20,
         description="servo of every cable, one row a module",
         json_schema_extra={"allowed": "rows of whole numbers, 0 to 252"},
     )
@@ -92,8 +92,8 @@ class Servos(Frozen):
     torque_constant: Number | None = between(
         0.001, 20, "N m/A", "torque per current; default: of the model", None
     )
-    layer_growth: Number = between(
-        0, 0.01, "m", "growth of the pulley's radius with every turn wound on", 0.0
+    layer_growth: Number = LOST_MOTION.effect(
+        "growth of the pulley's radius with every turn wound on"
     )
     home_current: Number = between(
         0.005, 5, "A", "current that takes up the slack of a cable", 0.06

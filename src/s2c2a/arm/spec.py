@@ -6,7 +6,20 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import Frozen, Number, Numbers, Within, between, largest_gap_deg
+from s2c2a.arm.fields import (
+    FORCE,
+    LENGTH,
+    LOST_MOTION,
+    RIGIDITY,
+    SHARE,
+    Frozen,
+    Number,
+    Numbers,
+    Within,
+    absent,
+    between,
+    largest_gap_deg,
+)
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.servos import Servos
@@ -14,7 +27,9 @@ from s2c2a.arm.tracking import Tracking
 
 MAX_MODULES = 20  # as many as the benchmarks cover
 MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
-GRAVITY = 9.81  # m/s2
+GRAVITY = 9.81  # m/s2, at sea level in middle latitudes
+MAX_GAP_DEG = 179.0
+"""Between cables that pull every way; at 180 one direction has no pull at all."""
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = (
     r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}"
@@ -27,19 +42,15 @@ class Cable(Frozen):
 
     Each cable pulls and never pushes. Between motor and module it loses motion by
     backlash, by capstan friction in its housing tube and by creep of the material. All
-    three are zero by default and can be combined.
+    three are zero by default and can be combined. The default stiffness hardly yields:
+    0.1 mm under 10 N.
     """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("viscous_friction",))
 
-    travel: Number | None = between(
-        0.0001,
-        2,
-        "m",
-        (
-            "largest displacement from rest in either direction; default: "
-            "cable_radius times full bend"
-        ),
+    travel: Number | None = LENGTH.key(
+        "largest displacement from rest in either direction; default: "
+        "cable_radius times full bend",
         None,
     )
     stiffness: Number = between(
@@ -49,15 +60,10 @@ class Cable(Frozen):
         "stiffness between motor and module end; longer cables have less",
         1e5,
     )
-    backlash: Annotated[Numbers, Within(0, 0.02)] = Field(
-        default=0.0,
-        description=(
-            "half-width of the backlash between motor and module; displacement arms [m]"
-        ),
+    backlash: Annotated[Numbers, Within(0, 0.02)] = absent(
+        "half-width of the backlash between motor and module; displacement arms [m]"
     )
-    friction: Number = between(
-        0, 1, "1", "capstan friction coefficient of cable in tube", 0.0
-    )
+    friction: Number = SHARE.effect("capstan friction coefficient of cable in tube")
     friction_angle_deg: Number = between(
         0, 1440, "deg", "bend of the tube with the arm straight", 90.0
     )
@@ -85,14 +91,11 @@ class Module(Frozen):
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("mismatch",))
 
-    length: Number = between(0.005, 2, "m", "length of the center line")
-    cable_radius: Number = between(
-        0.0015,
-        0.3,
-        "m",
-        "distance of the cables from the center line; at most the length",
+    length: Number = LENGTH.key("length of the center line")
+    cable_radius: Number = LENGTH.key(
+        "distance of the cables from the center line; at most the length"
     )
-    cable_angles_deg: tuple[Annotated[Number, Field(ge=-3600, le=3600)], ...] = Field(
+    cable_angles_deg: tuple[Number, ...] = Field(
         min_length=3,
         max_length=8,
         description=(
@@ -100,15 +103,13 @@ class Module(Frozen):
         ),
     )
     mass: Number = between(0.0005, 10, "kg", "mass")
-    bending_stiffness: Number = between(0.0005, 50, "N m2", "EI")
-    torsional_stiffness: Number | None = between(
-        0.0005, 50, "N m2", "GJ; default: EI", None
-    )
+    bending_stiffness: Number = RIGIDITY.key("EI")
+    torsional_stiffness: Number | None = RIGIDITY.key("GJ; default: EI", None)
     damping_time: Number = between(0.005, 2, "s", "damping divided by stiffness", 0.05)
     bend_limit_deg: Number = between(1, 150, "deg", "largest planned bend", 50.0)
-    pretension: Number = between(0, 500, "N", "tension of every cable at rest", 0.0)
-    tension_range: Number | None = between(
-        0.05, 500, "N", "tension added at full bend; required for tension arms", None
+    pretension: Number = FORCE.effect("tension of every cable at rest")
+    tension_range: Number | None = FORCE.key(
+        "tension added at full bend; required for tension arms", None
     )
     cable: Cable = Cable()
     mismatch: Mismatch = Mismatch()
@@ -123,11 +124,11 @@ class Module(Frozen):
     @model_validator(mode="after")
     def _validate(self):
         gap = largest_gap_deg(self.cable_angles_deg)
-        if gap >= 179.0:
+        if gap >= MAX_GAP_DEG:
             raise ValueError(
                 f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
                 f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
-                "every direction; spread them so that no gap reaches 179 deg"
+                f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} deg"
             )
         if self.cable_radius > self.length:
             raise ValueError(
@@ -148,7 +149,7 @@ class Module(Frozen):
                 )
         true_angles = np.add(self.cable_angles_deg, self.mismatch.angle_errors_deg)
         gap = largest_gap_deg(true_angles)
-        if gap >= 180.0:
+        if gap >= MAX_GAP_DEG:
             raise ValueError(
                 "with mismatch.angle_errors_deg the cables leave a gap of "
                 f"{gap:.0f} deg; give smaller errors"
@@ -156,7 +157,10 @@ class Module(Frozen):
 
 
 class Motor(Frozen):
-    """The motors and their encoders, the same for every cable."""
+    """The motors and their encoders, the same for every cable.
+
+    The default encoder is that of the servos of `MODEL_NUMBERS`, 4096 ticks a turn.
+    """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(
         ("homing_error", "current_friction")
@@ -170,30 +174,23 @@ class Motor(Frozen):
         "largest rate of change; displacement arms at most 5",
         None,
     )
-    pulley_radius: Number = between(0.001, 0.2, "m", "radius of the pulley", 0.01)
+    pulley_radius: Number = LENGTH.key("radius of the pulley", 0.01)
     ticks_per_turn: int = between(16, 2**24, "1", "encoder ticks in one turn", 4096)
     noise_ticks: Number = between(
         0, 1000, "ticks", "standard deviation of the encoder's noise", 1.0
     )
-    noise_tension: Number = between(
-        0, 50, "N", "standard deviation of the tension sensor's noise", 0.0
+    noise_tension: Number = FORCE.effect(
+        "standard deviation of the tension sensor's noise"
     )
-    homing_error: Number = between(
-        0,
-        0.02,
-        "m",
-        "standard deviation of the zero, new at every opening; displacement arms",
-        0.0,
+    homing_error: Number = LOST_MOTION.effect(
+        "standard deviation of the zero, new at every opening; displacement arms"
     )
-    current_noise: Number | None = between(
-        0,
-        500,
-        "N",
+    current_noise: Number | None = FORCE.effect(
         "standard deviation of the tension from motor current; default: no such sensor",
         None,
     )
-    current_friction: Number = between(
-        0, 500, "N", "friction of the gear, which the current contains", 0.0
+    current_friction: Number = FORCE.effect(
+        "friction of the gear, which the current contains"
     )
 
     @property
@@ -244,9 +241,7 @@ class ArmSpec(Frozen):
         ),
         json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
     )
-    sensing_coupling: (
-        tuple[tuple[Annotated[Number, Field(ge=-100, le=100)], ...], ...] | None
-    ) = Field(
+    sensing_coupling: tuple[tuple[Number, ...], ...] | None = Field(
         None,
         description="matrix from true to sensed configurations, one row a module [1]",
     )
@@ -313,6 +308,7 @@ class ArmSpec(Frozen):
 
     def _check_gravity(self):
         norm = math.hypot(*self.gravity_direction)
+        # three digits, as people write them
         if norm != 0 and abs(norm - 1) > 1e-3:
             raise ValueError(
                 f"gravity_direction {list(self.gravity_direction)} has length "

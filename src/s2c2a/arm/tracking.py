@@ -8,11 +8,11 @@ from s2c2a.arm.fields import Frozen
 from s2c2a.errors import MAX_NAME_LENGTH
 
 STRETCH = 0.1
-"""Share by which a module may be longer than its length, or its chord shorter;
-chosen: well above the shortening of real arms, 2 to 4 % (`randomized_arm`)."""
+"""Share by which a module may be longer than its length, or its chord shorter: well
+above the shortening of real arms, 2 to 4 % (`randomized_arm`)."""
 MOUNTING = 0.02
-"""Largest distance of a tracked body from where it should be [m]; chosen: the size of
-a cluster of markers."""
+"""Largest distance of a tracked body from where it should be [m]: the size of a cluster
+of markers."""
 BodyName = Annotated[str, Field(max_length=MAX_NAME_LENGTH)]
 
 
@@ -20,10 +20,7 @@ class Tracking(Frozen):
     """Source and bodies of a pose tracker."""
 
     source: str = Field(
-        default="udp",
-        min_length=1,
-        max_length=400,
-        description="source, such as udp:9763 or natnet:192.168.1.10",
+        default="udp", description="source, such as udp:9763 or natnet:192.168.1.10"
     )
     base: BodyName = Field(
         default="base",
@@ -31,8 +28,6 @@ class Tracking(Frozen):
     )
     ends: tuple[BodyName, ...] | None = Field(
         default=None,
-        min_length=1,
-        max_length=20,
         description=(
             "body at the end of every module, empty where none is tracked; default: "
             "end-1, end-2, ..."
@@ -41,7 +36,6 @@ class Tracking(Frozen):
     )
     calibration: str = Field(
         default="",
-        max_length=400,
         description=(
             "file of `s2c2a tracking latency` and `frames`; default: "
             "NAME.tracking.json in the current folder, if it exists"

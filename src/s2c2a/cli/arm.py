@@ -18,7 +18,6 @@ from s2c2a.arm import (
     save_arm,
 )
 from s2c2a.cli.console import Arm, File, print_table
-from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,
@@ -28,8 +27,8 @@ from s2c2a.cli.execution import (
 )
 
 NewFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
-USUAL_FREQUENCIES = (0.2, 20.0)  # Hz; chosen, for a remark alone
-USUAL_DAMPING = 0.03  # chosen, for a remark alone: 1 Hz then fades in 5 s
+USUAL_FREQUENCIES = (0.2, 20.0)  # Hz, for a remark alone: periods of 0.05 to 5 s
+USUAL_DAMPING = 0.03  # for a remark alone: 1 Hz then fades in 5 s
 
 app = SubcommandApp()
 robot_app = SubcommandApp()
@@ -241,20 +240,15 @@ def random(
 
 
 @robot_app.command(name="check")
-@beside("response", "weights", "out")
 def check_contract(
     robot: RobotName = "sim",
     arm: Arm = "twin_arm",
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",
-    response: bool = False,
-    weights: Path | None = None,
-    out: Path | None = None,
 ) -> None:
     """Test whether a robot fulfills its interface contract; it moves the arm.
 
-    Every cable moves by at most 5 % of its range. With --response the arm vibrates.
-    Keep clear of it.
+    Every cable moves by at most 5 % of its range. Keep clear of the arm.
 
     Args:
         robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
@@ -263,20 +257,12 @@ def check_contract(
         robot_option: arguments of the class.
         tracking: source of the poses of a real arm's module ends, such as udp:9763 or
             natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        response: measure the frequency response instead: the first mode, the gain and
-            the delay. The arm vibrates for about a minute, slowly at first and then
-            faster; every module bends by a tenth of its limit (docs/guides/sensors.md).
-        weights: networks from `s2c2a train`; they give the expected response.
-        out: a file (.json) for the measured response, with a figure next to it.
     """
-    from s2c2a.cli.response import check_response
     from s2c2a.runtime import check_robot
 
     factory = robot_factory_for(robot, robot_option, tracking=tracking)
     opened = factory.seeded(load_arm(arm), 0)
     with emergency_controls(factory):
-        if response:
-            return check_response(opened, weights, out)
         for result in check_robot(opened):
             print(f"ok: {result}")
     print(f"{factory} fulfills the interface contract")

@@ -26,7 +26,6 @@ def collect(
     out: Path,
     arm: Arm = "twin_arm",
     babbling: Literal["staged", "motor", "mixed", "coverage"] | None = None,
-    active: bool = False,
     episodes: int | None = None,
     samples: int = 500,
     seed: int = 0,
@@ -48,8 +47,6 @@ def collect(
         babbling: staged as in the paper, independent modules (motor), a mixture of
             both (mixed), or targets that cover the configurations of plans (coverage);
             default from the recipe.
-        active: in the second half of the episodes, move through targets where a model
-            of the first half is unsure; needs true states (tracking).
         episodes: number of episodes, each from rest; default from the recipe.
         samples: control steps per episode.
         seed: random seed.
@@ -86,7 +83,6 @@ def collect(
             seed=seed,
             recipe=recipe,
             babbling=babbling,
-            active=active,
             robot=factory,
             resume=resume,
             overwrite=overwrite,

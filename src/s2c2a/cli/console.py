@@ -29,8 +29,8 @@ Events = Annotated[
 GuardName = Literal["tip", "arm"]
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 
-WIDTH_IN_FILES = 120  # characters; chosen: no table of results needs more
-LINE_INTERVAL = 20.0  # s; between lines of progress in a file; chosen
+WIDTH_IN_FILES = 120  # characters; no table of results needs more
+LINE_INTERVAL = 20.0  # s; three lines of progress a minute in a file
 OUTPUT_LABELS = {".html": "replay", ".mp4": "video", ".gif": "video"}
 
 

@@ -14,7 +14,7 @@ from traceback import walk_stack
 from types import FrameType
 
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
-RETRY_DELAY = 0.1  # s; chosen: an import or a finalization has then gone on
+RETRY_DELAY = 0.1  # s; an import or a finalization has then gone on
 REQUESTS_TO_END = ("SIGTERM", "SIGHUP")
 
 

@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import arm, collect, demo, doctor, export, pretrain, run, sweep, train
+from s2c2a.cli import arm, collect, demo, doctor, export, pretrain, run, train
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
@@ -20,7 +20,7 @@ from s2c2a.plugins import installed, is_absent, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
-IN_A_CLONE = "bench", "reproduce"
+IN_A_CLONE = "bench", "reproduce", "sweep"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
@@ -63,7 +63,6 @@ VERBS: dict[str, Callable[..., None]] = {
     "pretrain": pretrain.pretrain,
     "train": train.train,
     "run": run.run,
-    "sweep": sweep.sweep,
     "doctor": doctor.doctor,
     "completion": completion,
 }

@@ -13,6 +13,7 @@ from s2c2a.control.controllers import Controller, NetworkController
 from s2c2a.errors import StrategyError
 from s2c2a.models.actions import C2A, train_c2a
 from s2c2a.models.layers import Size
+from s2c2a.paper import C2A_SIZE
 from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
 
 
@@ -81,8 +82,8 @@ class ControllerOptions(Options, ABC):
 class C2AOptions(Size, ControllerOptions):
     """The paper's C2A: a biLSTM along the modules (Chen et al. 2025, eq. (8))."""
 
-    layers: int = 2
-    hidden: int = 32
+    layers: int = C2A_SIZE["layers"]
+    hidden: int = C2A_SIZE["hidden"]
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2A:
         """See `ControllerOptions`: random weights and no scaling."""

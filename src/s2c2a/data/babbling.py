@@ -182,7 +182,6 @@ def episode_actions(
     samples: int,
     seed: int,
     speeds: tuple[float, float] = SPEEDS,
-    targets: Float[np.ndarray, "targets modules 2"] | None = None,
 ) -> Float[np.ndarray, "samples modules cables"]:
     """Actions of one episode, from a random stream of its own.
 
@@ -195,18 +194,13 @@ def episode_actions(
         seed: seed of the whole recording.
         speeds: slowest and fastest approach of a bend target by each path, as a share
             of the full bend per step.
-        targets: chosen bends to move through instead, in shares of the full bend.
 
     Returns:
         Displacements [m] or tensions [N].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
     exploration = Exploration(geometry, episode / episodes, samples, random, speeds)
-    if targets is None:
-        bends = BABBLING[babbling].bends(exploration)
-    else:
-        bends = motion_through(targets, exploration)
-    actions = geometry.actions_at(bends)
+    actions = geometry.actions_at(BABBLING[babbling].bends(exploration))
     return np.clip(actions, geometry.action_low, geometry.action_high)
 
 

@@ -4,16 +4,15 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, episode_actions, fastest
@@ -24,7 +23,7 @@ from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.executors import Serial, Threads, in_order
-from s2c2a.files import check_replaceable
+from s2c2a.files import MAX_COUNT, check_replaceable
 from s2c2a.paper import SPEEDS
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
@@ -35,16 +34,14 @@ from s2c2a.runtime import (
     StepRequest,
     build_episode,
 )
+from s2c2a.runtime.readings import MAX_SILENCE
 from s2c2a.spaces import AXIS, POSITION, Stage
 
-MAX_COUNT = 100_000  # of episodes, and of samples in one; files hold fewer
 MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
-MAX_GAP = 3  # steps with a missing measurement, which are interpolated
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
 MakeRobot = Callable[[int], Robot]
-Targets: TypeAlias = Float[np.ndarray, "targets modules 2"]
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,6 @@ class CollectOptions:
         speeds: slowest and fastest approach of a bend target, as a share of the full
             bend per step, for a step limit of 4 deg; they scale with the step limit, so
             that the recording covers the steps of the arm.
-        active: whether the second half of the episodes moves through chosen targets
-            (`collect`) instead of random ones.
     """
 
     babbling: str = "staged"
@@ -68,7 +63,6 @@ class CollectOptions:
     samples: int = 500
     seed: int = 0
     speeds: tuple[float, float] = SPEEDS
-    active: bool = False
 
     def __post_init__(self):
         if self.babbling not in BABBLING:
@@ -93,27 +87,12 @@ class CollectOptions:
                 f"speeds {self.speeds} are out of range; "
                 "they must rise from above 0 to at most 1 bend a step"
             )
-        if not self.random_episodes:
-            raise RecordingError(
-                f"an active collection of {self.episodes} episodes is too short; record "
-                "at least 2: the first half is random"
-            )
-
-    @property
-    def random_episodes(self) -> int:
-        """Number of episodes with random targets, from the first."""
-        return self.episodes // 2 if self.active else self.episodes
 
     def speeds_on(self, arm: ArmSpec) -> tuple[float, float]:
         """Speeds scaled to the step limit of an arm."""
         scale = arm.step_limit_deg / PAPER_STEP_LIMIT_DEG
         slow, fast = self.speeds
         return min(slow * scale, 1.0), min(fast * scale, 1.0)
-
-
-ChooseTargets = Callable[[Recording, CollectOptions], Sequence[Targets]]
-"""From the first half of a recording to the targets of each remaining episode, in shares
-of the full bend."""
 
 
 def collect(
@@ -128,7 +107,6 @@ def collect(
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
-    choose_targets: ChooseTargets | None = None,
 ) -> Recording:
     """Collect a recording, identical for any number of threads, stops, and resumes.
 
@@ -148,52 +126,30 @@ def collect(
         resume: whether to continue a file that has too few episodes.
         overwrite: whether to replace an existing file.
         progress: callback with the number of complete episodes and of all episodes.
-        choose_targets: chooses the targets of an active collection, from its first
-            half.
 
     Raises:
         RecordingError: the file exists and neither `resume` nor `overwrite` is set, it
-            was started with other options, or it cannot be written; `threads` is below
-            one; or an active collection has no `choose_targets`.
+            was started with other options, or it cannot be written; or `threads` is
+            below one.
     """
     if threads is not None and threads < 1:
         raise RecordingError(
             f"{threads} threads are too few; use at least one, or omit the number for "
             "all cores"
         )
-    if options.active and choose_targets is None:
-        raise RecordingError(
-            "an active collection needs a function that chooses targets; give "
-            "choose_targets, such as strategies.target_choice(recipe)"
-        )
     stored = _stored_options(options) | {"robot": robot}
     done = progress or _no_progress
-
-    def record(stop: int, targets: Sequence[Targets], resume: bool, overwrite: bool):
-        """Record up to an episode; those after the random ones have targets."""
-        first = options.random_episodes
-        writer = _open_writer(Path(path), arm, stored, resume, overwrite)
-        with (
-            _without_empty_file(Path(path), writer),
-            _workers(executor, threads) as workers,
-        ):
+    writer = _open_writer(Path(path), arm, stored, resume, overwrite)
+    with (
+        _without_empty_file(Path(path), writer),
+        _workers(executor, threads) as workers,
+    ):
+        done(writer.count, options.episodes)
+        run_episode = partial(_run_episode, arm, make_robot, options)
+        numbers = range(writer.count, options.episodes)
+        for episode in in_order(workers, run_episode, numbers):
+            writer.append(episode)
             done(writer.count, options.episodes)
-            requests = [
-                (number, targets[number - first] if number >= first else None)
-                for number in range(writer.count, stop)
-            ]
-            run_episode = partial(_run_episode, arm, make_robot, options)
-            for episode in in_order(workers, run_episode, requests):
-                writer.append(episode)
-                done(writer.count, options.episodes)
-
-    record(options.random_episodes, (), resume, overwrite)
-    if choose_targets is not None and options.active:
-        recording = load_recording(path)
-        half = replace(
-            recording, episodes=recording.episodes[: options.random_episodes]
-        )
-        record(options.episodes, choose_targets(half, options), True, False)
     return load_recording(path)
 
 
@@ -283,7 +239,7 @@ def _run_episode(
     arm: ArmSpec,
     make_robot: MakeRobot,
     options: CollectOptions,
-    request: tuple[int, Targets | None],
+    number: int,
 ) -> Episode:
     """Drive the arm through one episode and back to rest.
 
@@ -291,12 +247,11 @@ def _run_episode(
         arm: arm to drive.
         make_robot: function from a seed to a robot.
         options: options of the collection.
-        request: number of the episode, and its targets unless they are random.
+        number: of the episode.
 
     Raises:
         RecordingError: a sensor failed; the arm is at rest, and the episode is dropped.
     """
-    number, targets = request
     actions = episode_actions(
         ArmGeometry.of(arm),
         options.babbling,
@@ -305,7 +260,6 @@ def _run_episode(
         options.samples,
         options.seed,
         options.speeds_on(arm),
-        targets,
     )
     seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
     robot = make_robot(int(seed))
@@ -373,7 +327,7 @@ def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:
     """Do the steps of an episode.
 
     Raises:
-        RecordingError: a sensor failed for longer than `MAX_GAP`.
+        RecordingError: a sensor failed for longer than `MAX_SILENCE`.
     """
     steps: list[StepRecord] = []
     gap = 0
@@ -381,7 +335,7 @@ def _episode_steps(loop: Loop, count: int, number: int) -> list[StepRecord]:
         step = loop.tick(StepRequest())
         steps.append(step)
         gap = gap + 1 if step.stage is Stage.HOLD else 0
-        if gap > MAX_GAP or step.stage not in (Stage.RUN, Stage.HOLD):
+        if gap > MAX_SILENCE or step.stage not in (Stage.RUN, Stage.HOLD):
             raise RecordingError(
                 f"episode {number + 1}, step {len(steps)}: {loop.fault}; "
                 "correct that, then continue (--resume)"

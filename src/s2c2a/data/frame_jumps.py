@@ -22,9 +22,8 @@ In 7200 steps of fast simulated motion of three arms, none is below it that is l
 UNUSUAL = 3.0
 """Ratio of a jump to the largest common shift before: the base body's noise is one."""
 
-_USUAL = 30  # steps before
-_FEWEST = 8
-_SHORTEST = 1e-6  # s
+_USUAL = 30  # steps before that are compared: 1 to 3 s of a tracker
+_FEWEST = 8  # of them; the largest of fewer is no measure of the noise
 _AROUND = 3  # rows on either side of a jump
 
 
@@ -67,7 +66,7 @@ def find_frame_jumps(
 
 
 def _durations(times: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " steps"]:
-    return np.maximum(np.diff(times), _SHORTEST)
+    return np.maximum(np.diff(times), np.finfo(float).eps)
 
 
 def _sudden(

@@ -19,17 +19,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from s2c2a.errors import DamagedRecordingError, RecordingError
+from s2c2a.files import MAX_BYTES, MAX_TEXT
 
 WORD = b"S2C2A\n"
-# bytes
+# bytes; the format, as above
 LENGTH = 8
 CHECK = 8
 DIGEST = 16
 START = len(WORD) + LENGTH + CHECK
-# a file may be a stranger's: more than an hour of any arm, less than the memory
-MAX_BYTES = 500_000_000
-MAX_BLOCK = 150_000_000
-MAX_HEAD = 1_000_000
 
 
 def write_block(file: Any, content: bytes, previous_digest: bytes) -> bytes:
@@ -47,11 +44,10 @@ def write_block(file: Any, content: bytes, previous_digest: bytes) -> bytes:
         OSError: the block or the file would exceed the size that can be read.
     """
     new_size = file.tell() + START + len(content) + DIGEST
-    if len(content) > MAX_BLOCK or new_size > MAX_BYTES:
+    if new_size > MAX_BYTES:
         raise OSError(
             errno.EFBIG,
-            f"at most {MAX_BLOCK} bytes an episode and {MAX_BYTES} a file; "
-            "use several files",
+            f"at most {MAX_BYTES} bytes a file; use several files",
         )
     length = len(content).to_bytes(LENGTH, "little")
     start = WORD + length + _digest(CHECK, previous_digest, length)
@@ -95,7 +91,7 @@ def read_blocks(
             if begin:
                 return
             raise damaged(path, "it is truncated")
-        if count > (MAX_BLOCK if begin else MAX_HEAD):
+        if not begin and count > MAX_TEXT:
             raise damaged(path, f"a block of {count} bytes")
         content = file.read(count)
         digest = _digest(DIGEST, digest, length, content)

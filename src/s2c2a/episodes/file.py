@@ -32,7 +32,7 @@ from s2c2a.errors import DamagedRecordingError, RecordingError, S2C2AError
 from s2c2a.files import atomic_write
 
 ENDING = ".episodes"
-SCHEMA = 2
+SCHEMA = 2  # of the format; another number is another format
 # bytes; safetensors headers of all episodes together, which expand when parsed
 MAX_HEADERS = 10_000_000
 

@@ -21,7 +21,6 @@ from s2c2a.estimation import kalman
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
 from s2c2a.estimation.outliers import (
-    MAX_VALUE,
     Compared,
     SensorHistory,
     is_beyond_gate,
@@ -33,12 +32,11 @@ from s2c2a.estimation.sensor_models import (
     Measurements,
     SensorModel,
 )
+from s2c2a.files import LARGEST
 from s2c2a.kinematics import bends_from_states, limit_lengths
-from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
-# of the moments of a known payload and the shape; as many as in a control step
-START_ITERATIONS = 3
 # control steps in the past: the present one, and two to interpolate between
 MIN_HISTORY = 3
 
@@ -49,7 +47,8 @@ class FilterOptions:
 
     The payload is estimated more slowly than the first bending mode of the arm moves:
     faster estimates follow the vibration, and the plan follows them
-    (docs/concepts/estimation.md).
+    (docs/concepts/estimation.md). `s2c2a reproduce sensors` and `payloads` measure the
+    defaults together.
 
     Attributes:
         initial_payload_std: standard deviation of the initial payload, in parts of the
@@ -154,7 +153,7 @@ class DisturbanceFilter(eqx.Module):
         def iterate(_: Array, before: Disturbances) -> Disturbances:
             return self.model.with_moments(known, configuration, hysteresis, before)
 
-        return jax.lax.fori_loop(0, START_ITERATIONS, iterate, known)
+        return jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, known)
 
     def _initial_std(self, bends: int) -> ArmState:
         options = self.options
@@ -379,7 +378,7 @@ class DisturbanceFilter(eqx.Module):
         """Residual and its Jacobian by the state; zero where values are missing."""
         order = self._order
         residual = innovation.residual
-        is_present = jnp.abs(residual) < MAX_VALUE  # false for NaN
+        is_present = jnp.abs(residual) < LARGEST  # false for NaN
         jacobian = jnp.zeros((len(residual), order.size))
         # measurements depend on the bend biases at equilibrium, or on the vibration
         if self.sensors[number].measures_equilibrium:

@@ -28,12 +28,12 @@ from s2c2a.training.fit import Fixed
 
 NOMINAL_DAMPING = 2.0  # of the described one, where nothing was identified
 LINEARIZATION_BEND = 1e-3  # rad; nearly straight
-MIN_STIFFNESS = (
-    0.05  # of the softest module: a heavy payload must not make K indefinite
-)
+MIN_STIFFNESS = 0.05
+"""Of the softest module: a heavy payload must not make K indefinite."""
 SLOWEST = 1.3  # s; slower errors are not vibration
 MAX_EPISODES = 8  # used for identification
 MAX_SAMPLES = 600  # of each
+# of stiffness and damping: an arm file is wrong by no more than such factors
 LOG_FACTOR_LIMITS = np.log([[0.2, 0.3], [5.0, 20.0]])
 TABLE_PAYLOADS = np.array([0.0, 0.1, 0.2, 0.4, 0.8, 1.6])  # of the arm's mass
 AXIAL_CUTOFF = 0.1  # of the largest: along a straight arm, forces bend nothing
@@ -156,16 +156,6 @@ def _stiffness(arm: LinearizedArm, factor: float) -> Float[np.ndarray, "bends be
     softest = np.linalg.eigvalsh(stiffness).min()
     missing = max(0.0, MIN_STIFFNESS * own.min() - softest)
     return stiffness + missing * np.eye(len(own))
-
-
-def modes(step: ModalStep, period: float) -> Float[np.ndarray, "modes 2"]:
-    """Frequencies [Hz] and damping ratios, slowest first."""
-    poles = np.log(np.linalg.eigvals(step.transition).astype(complex)) / period
-    poles = poles[np.argsort(np.abs(poles))]
-    poles = poles[poles.imag >= 0]
-    sizes = np.abs(poles)
-    ratios = -poles.real / np.maximum(sizes, 1e-12)
-    return np.stack([sizes / (2.0 * np.pi), ratios], axis=-1)
 
 
 class ModalTable(NamedTuple):

@@ -15,28 +15,25 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
 from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
+from s2c2a.files import LARGEST
+from s2c2a.spaces import NOISE_LIMIT
 
-# standard deviations; Gaussian noise exceeds it once in 5e8 measurements, so what does is
-# another cause than noise
-GATE = 6.0
-# s, of a sensor after an outlier; chosen: several measurements of every sensor, so that
+# s, of a sensor after an outlier: several measurements of every sensor, so that
 # one good measurement among wrong ones is not used
 REJECTION_TIME = 0.5
-# s, time constant of the usual residual; chosen: longer than vibrations of the arm, and
+# s, time constant of the usual residual: longer than vibrations of the arm, and
 # shorter than an external force lasts, which the average must follow
 SLOW_AVERAGING_TIME = 2.0
-# s, time constant of an offset, after which it counts as true; chosen: long compared with
+# s, time constant of an offset, after which it counts as true: long compared with
 # a motion, for bend biases then take over what the offset held
 OFFSET_MEMORY = 60.0
-# of any measurement, in any unit: its square is far from overflow in single precision
-MAX_VALUE = 1e6
 
 
 class SensorHistory(NamedTuple):
     """A sensor's past.
 
     Attributes:
-        usual: slow average of its residual against encoders and payload; `MAX_VALUE`
+        usual: slow average of its residual against encoders and payload; `LARGEST`
             before the first measurement.
         offset: change of that average while the sensor was rejected; it is subtracted
             from measurements.
@@ -55,7 +52,7 @@ class SensorHistory(NamedTuple):
     def none(cls, values: int, lag: Array | np.ndarray = EMPTY) -> "SensorHistory":
         """The past of a sensor that has not measured yet."""
         # with its type: a weak one would change at the first update, and compile anew
-        usual = jnp.full(values, MAX_VALUE, jnp.float32)
+        usual = jnp.full(values, LARGEST, jnp.float32)
         return cls(usual, jnp.zeros(values), jnp.zeros(()), jnp.zeros(()), lag)
 
 
@@ -82,7 +79,7 @@ def is_beyond_gate(
     is_present: Bool[Array, " values"],
 ) -> Bool[Array, ""]:
     """Rule 1: the normalized innovation exceeds the gate."""
-    return kalman.normalized_innovation(residual, covariance, is_present) > GATE
+    return kalman.normalized_innovation(residual, covariance, is_present) > NOISE_LIMIT
 
 
 def is_beyond_range(compared: Compared) -> Bool[Array, ""]:
@@ -151,7 +148,7 @@ def judged(
     is_present = compared.is_present
     elapsed = history.unseen_for + period
     residual = compared.raw + compared.by_biases
-    start = jnp.where(history.usual == MAX_VALUE, residual, history.usual)
+    start = jnp.where(history.usual == LARGEST, residual, history.usual)
     share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
     change = jnp.where(is_present, share * (residual - start), 0.0)
     usual = start + change

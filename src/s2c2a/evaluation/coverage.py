@@ -25,7 +25,6 @@ NEAR_BEND = 0.25  # of each module's limit: distance at which a bend is reached
 NEAR_TIP = 0.05  # of the arm's length: distance at which a position is reached
 MIN_BEND = 0.1  # of the limit; smaller bends are neither opposed nor equal
 RANDOM_SHAPES = 1000  # a share of them is known to 3 %
-MAX_SAMPLES = 20_000  # of a recording, compared with random shapes
 
 Bends = Float[np.ndarray, "samples modules 2"]
 
@@ -127,7 +126,7 @@ class Coverage:
         """
         limits = self.limits[modules, None]
         wanted = random_bends(self.limits)[:, modules] / limits
-        samples = _thinned(self.bends)[:, modules] / limits
+        samples = self.bends[:, modules] / limits
         return _reached(wanted, samples, NEAR_BEND, np.inf)
 
     def reached_tips(self) -> float:
@@ -141,7 +140,7 @@ class Coverage:
         bends = jnp.asarray(random_bends(geometry.bend_limits))
         states = np.asarray(states_from_bends(bends, jnp.asarray(geometry.lengths)))
         wanted = states[:, -1, POSITION]
-        return _reached(wanted, _thinned(self.tips), NEAR_TIP * self.arm.length, 2.0)
+        return _reached(wanted, self.tips, NEAR_TIP * self.arm.length, 2.0)
 
 
 def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:
@@ -174,11 +173,6 @@ def _tips(episode: Episode) -> Float[np.ndarray, "samples 3"]:
 def _finite_rows(values: np.ndarray) -> np.ndarray:
     axes = tuple(range(1, values.ndim))
     return values[np.isfinite(values).all(axis=axes)]
-
-
-def _thinned(values: np.ndarray) -> np.ndarray:
-    """At most `MAX_SAMPLES` rows, evenly spread."""
-    return values[:: max(1, -(-len(values) // MAX_SAMPLES))]
 
 
 def _share(mask: np.ndarray) -> float:

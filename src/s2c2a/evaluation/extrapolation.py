@@ -45,8 +45,8 @@ def describe_extrapolation(episode: Episode) -> str:
         return ""
     return (
         f"the path lies outside the training data in {outside.sum()} of "
-        f"{len(outside)} steps, first {_first_stretch(episode, outside)}; record data "
-        "there with `s2c2a collect --active` (a slower pace does not help)"
+        f"{len(outside)} steps, first {_first_stretch(episode, outside)}; record more "
+        "episodes, or choose a smaller path (a slower pace does not help)"
     )
 
 

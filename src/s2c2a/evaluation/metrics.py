@@ -15,11 +15,11 @@ from s2c2a.errors import S2C2AError, TargetError, did_you_mean
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
+# the protocol (docs/results/protocol.md)
 LAST_STEPS = 10  # whose mean is the end distance
 REACH_THRESHOLDS = {"paper": 5.0}  # cm of end distance, by recipe
 DEFAULT_REACH_THRESHOLD = 3.0  # cm, of all other recipes
 FAR_CLEARANCE = 0.08  # m; an obstacle with more clearance is far
-RECOVERED = 3.0  # cm of position error
 
 States = Float[np.ndarray, "steps modules 6"]
 Desired = Float[np.ndarray, "steps modules 3"]
@@ -332,7 +332,7 @@ def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
     period = float(np.diff(episode.times()[:2])[0])
     reachable = np.ones(len(errors), bool) if score.steps is None else score.steps
     values = np.full(len(errors), np.nan)
-    values[-1] = recovery_time(errors, reachable, RECOVERED, period)
+    values[-1] = recovery_time(errors, reachable, DEFAULT_REACH_THRESHOLD, period)
     return values
 
 

@@ -15,6 +15,7 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
+from s2c2a.errors import MAX_SHOWN
 from s2c2a.evaluation.lasting_error import MIN_LOAD
 from s2c2a.files import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
@@ -33,7 +34,6 @@ PLAN_OUTCOMES = {
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
-MAX_FAULTS = 5  # that a report names
 
 
 @dataclass(frozen=True)
@@ -144,8 +144,8 @@ def describe_faults(episode: Episode) -> str:
         return ""
     held = int((episode.columns["stage"] == Stage.HOLD).sum())
     late = episode.options.get("late_steps", 0)
-    shown = "; ".join(faults[:MAX_FAULTS])
-    more = "; ..." if len(faults) > MAX_FAULTS else ""
+    shown = "; ".join(faults[:MAX_SHOWN])
+    more = "; ..." if len(faults) > MAX_SHOWN else ""
     return (
         f"the arm was held in {held} steps because of faults ({shown}{more}); {late} "
         "steps began late"

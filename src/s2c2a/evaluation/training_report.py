@@ -7,7 +7,6 @@ from s2c2a.models import calibration
 from s2c2a.strategies import TrainedNetworks
 
 MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
-LARGE_RATIO = 2.0  # of an error to that on validation samples: data are missing
 DATA_TO_RECORD = {
     calibration.SLOWER: "slow motion and holds",
     calibration.FASTER: "fast motion",
@@ -54,11 +53,7 @@ def advise_on_data(errors: Mapping[str, float]) -> str:
     usual = errors.get(calibration.INSIDE)
     if usual is None:
         return ""
-    large = [
-        group
-        for group in DATA_TO_RECORD
-        if errors.get(group, 0.0) > LARGE_RATIO * usual
-    ]
+    large = [group for group in DATA_TO_RECORD if errors.get(group, 0.0) > 2 * usual]
     if not large:
         return ""
     wanted = "; ".join(DATA_TO_RECORD[group] for group in large)

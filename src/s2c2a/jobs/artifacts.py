@@ -148,7 +148,6 @@ class RecordingArtifact(Artifact[Recording]):
             robot=str(SIMULATION),
             threads=cache.threads,
             progress=partial(progress, f"collecting a {self}"),
-            choose_targets=strategies.target_choice(strategies.recipe_named("best")),
         )
         try:
             collecting(resume=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from s2c2a import strategies
 from s2c2a.arm import randomized_arm
+from s2c2a.arm.randomized import MAX_STRENGTH
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
 from s2c2a.jobs.artifacts import Cache, Networks, RecordingArtifact, digest_of
@@ -11,8 +12,6 @@ from s2c2a.progress import Progress
 
 FIRST_SEED = 1000
 """Of the randomized arms; evaluations use smaller ones."""
-MAX_ARMS = 1000  # 40 times the default
-MAX_STRENGTH = 2.0  # of mismatch; the studies end at one
 
 
 @dataclass(frozen=True)
@@ -33,19 +32,18 @@ class PriorNetworks(Networks):
     arms: int = 24
     strength: float = 0.5
     episodes: int = 4
-    samples: int = 500
+    samples: int = CollectOptions.samples
 
     def __post_init__(self):
         """Validate the options.
 
         Raises:
-            S2C2AError: too few or too many arms, or a strength out of range.
+            S2C2AError: too few arms, or a strength out of range.
         """
-        few = not 2 <= self.arms <= MAX_ARMS
-        if few or not 0 < self.strength <= MAX_STRENGTH:
+        if self.arms < 2 or not 0 < self.strength <= MAX_STRENGTH:
             raise S2C2AError(
                 f"a prior over {self.arms} arms of strength {self.strength:g} was asked "
-                f"for; give 2 to {MAX_ARMS} arms and a strength above 0, to "
+                f"for; give 2 arms or more and a strength above 0, to "
                 f"{MAX_STRENGTH:g}"
             )
 

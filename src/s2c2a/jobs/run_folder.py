@@ -9,7 +9,7 @@ from pathlib import Path
 
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import MAX_SHOWN, S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.files import (
     delete_listed_files,
@@ -24,7 +24,6 @@ from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.video import save_video
 
 MARKER = "options.json"
-MAX_SHOWN = 3  # names in an error message
 
 
 def open_run_directory(

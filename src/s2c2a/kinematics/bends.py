@@ -15,12 +15,12 @@ BendLimits = Float[Numbers, "*#batch"] | float
 
 # Squared angle below which series replace quotients; the next term of the series is
 # below the resolution of float32.
-_SMALL = 1e-6
+SMALL_SQUARE = 1e-6
 
 
 def sinc(squared: Float[Numbers, "*batch"]) -> Float[Array, "*batch"]:
     """Return sin(f) / f as a function of f^2."""
-    small = squared < _SMALL
+    small = squared < SMALL_SQUARE
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
     return jnp.where(small, 1.0 - squared / 6.0, jnp.sin(angle) / angle)
 
@@ -91,7 +91,7 @@ def bends_from_configurations(
     lateral = unit[..., :2]
     axial = unit[..., 2]
     squared = squared_norm(lateral)
-    small = (squared < _SMALL) & (axial > 0.0)
+    small = (squared < SMALL_SQUARE) & (axial > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, squared))
     ratio = jnp.where(small, 1.0 + squared / 6.0, jnp.arctan2(sine, axial) / sine)
     return jnp.multiply(lateral, ratio[..., None])

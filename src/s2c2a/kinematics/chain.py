@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from s2c2a.compilation import MAX_UNROLLED
 from s2c2a.kinematics.bends import (
     Numbers,
     bends_from_configurations,
@@ -12,7 +13,6 @@ from s2c2a.kinematics.bends import (
     squared_norm,
 )
 
-UNROLLED = 8  # modules; only longer arms compile to a loop
 Bends = Float[Numbers, "*batch modules 2"]
 Lengths = Float[Numbers, "*#batch modules"]
 States = Float[Array, "*batch modules 6"]
@@ -76,7 +76,7 @@ def states_from_arcs(
         jnp.moveaxis(axes, -2, 0),
         jnp.moveaxis(rotations_to(axes), -3, 0),
     )
-    _, states = jax.lax.scan(add_arc, base, arcs, unroll=UNROLLED)
+    _, states = jax.lax.scan(add_arc, base, arcs, unroll=MAX_UNROLLED)
     return jnp.moveaxis(states, 0, -2)
 
 

@@ -14,6 +14,7 @@ from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
+from s2c2a.live.reconstruction import completed
 from s2c2a.live.snapshot import straight
 from s2c2a.live.window import Window, checked_value
 from s2c2a.live.workspace import arcs, bends_of, workspace
@@ -21,7 +22,6 @@ from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.viz import Trace
 from s2c2a.viz.coverage import coverage_image
-from s2c2a.viz.reconstruction import completed
 
 MAX_POINTS = 1500  # of each module in a recording's cloud
 CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}

@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm.spec import largest_gap_deg
+from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
 from s2c2a.logs.log_map import LogMap
 
 MAX_GROUPINGS = 20_000
-MAX_GAP_DEG = 179.0  # between neighboring cables; a module bends in all directions
 # cost of uneven cables: a gap of one turn more than even, relative to a factor of e
 # between the tip motions of motors
 UNEVEN_COST = 5.0

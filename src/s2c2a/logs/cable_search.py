@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm.spec import largest_gap_deg
+from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
 from s2c2a.logs.assignment import rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
@@ -29,7 +29,6 @@ AMBIGUOUS_RATIO = 0.8
 IMPROVED_RATIO = 0.98  # a cost below this ratio is an improvement
 FIRST_ITERATIONS = 5
 TRIAL_ITERATIONS = 15
-MAX_GAP_DEG = 179.0
 # range of column values for which the effect on the cable is clear
 PULLING_RANGE = {
     "pulls": (0.0, np.inf),

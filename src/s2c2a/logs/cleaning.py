@@ -21,9 +21,6 @@ class Excluded:
         ends: all poses as they were measured, of all logs in a row.
         modules: module of each end, from the base outward.
         outliers: which of the poses are excluded; None if all are kept.
-        count: number of excluded poses; a pose is one end in one row.
-        measured: number of measured poses.
-        kinds: number of poses of each kind, in words.
         rows: the first rows with an excluded pose, in words; they count from 0 below
             the header.
     """
@@ -31,17 +28,15 @@ class Excluded:
     ends: MeasuredEnds = field(compare=False)
     modules: tuple[int, ...]
     outliers: Outliers | None = field(default=None, compare=False)
-    count: int = 0
-    measured: int = 0
-    kinds: str = ""
     rows: str = ""
 
     def __str__(self) -> str:
         """One sentence; empty if nothing is excluded."""
-        if not self.count:
+        found = self.outliers
+        if found is None or not found.count:
             return ""
         return (
-            f"excluded {self.count} of {self.measured} poses: {self.kinds}; "
+            f"excluded {found.count} of {found.measured.sum()} poses: {found.kinds}; "
             f"first rows {self.rows} (docs/guides/import.md)"
         )
 
@@ -64,23 +59,17 @@ def exclude_outliers(
     if log_map.rows.outliers == "keep":
         return list(sessions), Excluded(ends, modules)
     found = find_outliers(ends, _reaches(log_map, order))
-    excluded = Excluded(
-        ends,
-        modules,
-        found,
-        found.count,
-        int(found.measured.sum()),
-        found.kinds,
-        _describe_rows(found, sessions, log_map),
-    )
+    rows = _describe_rows(found, sessions, log_map)
     if found.is_excessive:
-        raise LogError(_describe_excess(found, excluded, log_map, order))
+        raise LogError(_describe_excess(found, modules, rows))
     is_excluded = np.empty_like(found.all)
     is_excluded[:, order] = found.all
     borders = np.cumsum([len(session) for session in sessions])[:-1]
     parts = np.split(is_excluded, borders)
     pairs = zip(sessions, parts, strict=True)
-    return [_without(session, part) for session, part in pairs], excluded
+    return [_without(session, part) for session, part in pairs], Excluded(
+        ends, modules, found, rows
+    )
 
 
 def _measured_ends(
@@ -133,15 +122,12 @@ def _describe_rows(
     return ", ".join(f"{number} of log {log + 1}" for number, log in pairs)
 
 
-def _describe_excess(
-    found: Outliers, excluded: Excluded, log_map: LogMap, order: np.ndarray
-) -> str:
+def _describe_excess(found: Outliers, modules: tuple[int, ...], rows: str) -> str:
     worst = int(np.argmax(found.shares))
-    module = np.array(log_map.end_modules)[order][worst]
     return (
-        f"{100 * found.shares[worst]:.0f} % of the poses of the end of module {module} cannot "
-        f"be true ({excluded.kinds}; first rows {excluded.rows}), and at most "
-        f"{100 * MAX_SHARE:.0f} % are excluded; check the columns and units of the "
+        f"{100 * found.shares[worst]:.0f} % of the poses of the end of module "
+        f"{modules[worst]} cannot be true ({found.kinds}; first rows {rows}), and at "
+        f"most {100 * MAX_SHARE:.0f} % are excluded; check the columns and units of the "
         'ends, and the tracking of these rows, or set outliers = "keep" in [rows] to '
         "import them as they are"
     )

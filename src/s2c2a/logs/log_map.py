@@ -64,73 +64,58 @@ class MapTable(BaseModel):
 
 
 class Source(MapTable):
-    """Origin of a log; the recording keeps it."""
+    """Origin of a log; the recording keeps it.
 
-    name: MapText = Field(default="", description="robot and session")
-    address: MapText = Field(default="", description="where the log is published")
-    commit: MapText = Field(default="", description="version of the published log")
-    license: MapText = Field(default="", description="license of the log")
+    Attributes:
+        name: robot and session.
+        address: where the log is published.
+        commit: version of the published log.
+        license: license of the log.
+    """
+
+    name: MapText = ""
+    address: MapText = ""
+    commit: MapText = ""
+    license: MapText = ""
 
 
 class Rows(MapTable):
-    """Timing of rows, and where episodes end."""
+    """Timing of rows, and where episodes end.
 
-    kind: Literal["timed", "steps"] = Field(
-        default="timed",
-        description="timed: samples, resampled to the control rate; "
-        "steps: settled poses, one control step each",
-    )
-    time: Column | None = Field(
-        default=None, description="time column; without it, rows follow at `rate`"
-    )
-    unit: Literal["s", "ms", "us", "ns", "min"] | Number = Field(
-        default="s", description="unit of the time column, or its length in seconds"
-    )
-    rate: Number | None = Field(
-        default=None,
-        gt=0,
-        le=1e5,
-        description="row rate of a log without a time column [Hz]",
-    )
-    longest_gap: Number | None = Field(
-        default=None,
-        gt=0,
-        le=1e6,
-        description="longest interval that is interpolated; a longer one ends an "
-        "episode; estimated by default [s]",
-    )
-    label: Column | None = Field(
-        default=None, description="text column whose changes end an episode"
-    )
-    commands: Literal["settled", "sent"] | None = Field(
-        default=None,
-        description='"settled": rows are measured after their command has settled, '
-        'the default of steps; "sent": before their command is sent, the default '
-        "of timed rows",
-    )
-    shortest: int = Field(
-        default=8,
-        ge=2,
-        le=100_000,
-        description="fewest steps of an episode; shorter ones are dropped",
-    )
-    first_row: int = Field(
-        default=0, ge=0, description="number of rows to skip at the beginning"
-    )
-    rows: int | None = Field(
-        default=None, ge=1, description="number of rows to read; all by default"
-    )
-    skip_lines: int = Field(
-        default=0, ge=0, le=1000, description="number of lines above the header"
-    )
-    broken_rows: Literal["refuse", "gap"] = Field(
-        default="refuse", description="whether an unreadable row is an error or a gap"
-    )
-    outliers: Literal["exclude", "keep"] = Field(
-        default="exclude",
-        description="whether poses that cannot be true, such as marker jumps, become "
-        "unknown",
-    )
+    Attributes:
+        kind: "timed": samples, resampled to the control rate; "steps": settled poses,
+            one control step each.
+        time: time column; without it, rows follow at `rate`.
+        unit: unit of the time column, or its length in seconds.
+        rate: row rate of a log without a time column [Hz].
+        longest_gap: longest interval that is interpolated; a longer one ends an
+            episode; estimated by default [s].
+        label: text column whose changes end an episode.
+        commands: "settled": rows are measured after their command has settled, the
+            default of steps; "sent": before their command is sent, the default of timed
+            rows.
+        shortest: fewest steps of an episode; shorter ones are dropped.
+        first_row: number of rows to skip at the beginning.
+        rows: number of rows to read; all by default.
+        skip_lines: number of lines above the header.
+        broken_rows: whether an unreadable row is an error or a gap.
+        outliers: whether poses that cannot be true, such as marker jumps, become
+            unknown.
+    """
+
+    kind: Literal["timed", "steps"] = "timed"
+    time: Column | None = None
+    unit: Literal["s", "ms", "us", "ns", "min"] | Number = "s"
+    rate: Number | None = Field(default=None, gt=0, le=1e5)
+    longest_gap: Number | None = Field(default=None, gt=0, le=1e6)
+    label: Column | None = None
+    commands: Literal["settled", "sent"] | None = None
+    shortest: int = Field(default=8, ge=2, le=100_000)
+    first_row: int = Field(default=0, ge=0)
+    rows: int | None = Field(default=None, ge=1)
+    skip_lines: int = Field(default=0, ge=0, le=1000)
+    broken_rows: Literal["refuse", "gap"] = "refuse"
+    outliers: Literal["exclude", "keep"] = "exclude"
 
     @property
     def settled(self) -> bool:
@@ -150,67 +135,53 @@ class Rows(MapTable):
 
 
 class Join(MapTable):
-    """Files that form one session, with rows matched by a key."""
+    """Files that form one session, with rows matched by a key.
 
-    key: Column = Field(description="column that every file has")
-    files: int = Field(
-        default=2,
-        ge=2,
-        le=16,
-        description="number of files in a session, in the order of the command line",
-    )
+    Attributes:
+        key: column that every file has.
+        files: number of files in a session, in the order of the command line.
+    """
+
+    key: Column
+    files: int = Field(default=2, ge=2, le=16)
 
 
 class DrivenCable(MapTable):
-    """Cable on a motor."""
+    """Cable on a motor.
 
-    turn_deg: Number = Field(
-        default=0.0,
-        ge=-360,
-        le=360,
-        description="angle from the motor's direction to the cable [deg]",
-    )
-    sign: Literal[-1, 1] = Field(
-        default=1, description="-1 if the motor releases this cable while it pulls"
-    )
+    Attributes:
+        turn_deg: angle from the motor's direction to the cable [deg].
+        sign: -1 if the motor releases this cable while it pulls.
+    """
+
+    turn_deg: Number = Field(default=0.0, ge=-360, le=360)
+    sign: Literal[-1, 1] = 1
 
 
 class Drive(MapTable):
-    """Motor: its columns and its cables."""
+    """Motor: its columns and its cables.
 
-    commanded: Column | None = Field(
-        default=None, description="column of the commanded position or tension"
-    )
-    measured: Column | None = Field(
-        default=None, description="column of the measured position or tension"
-    )
-    unit: Literal["mm", "m", "ticks", "deg", "rad", "turns", "N", "free"] = Field(
-        description="unit of both columns; free: proportional to the bend, with a "
-        "factor that is estimated"
-    )
-    positive: Literal["pulls", "releases", "unknown"] = Field(
-        default="unknown",
-        description="effect of a larger number on the cable; estimated if unknown",
-    )
-    offset: Number = Field(
-        default=0.0, description="value of the columns at rest, in their unit"
-    )
-    module: ModuleIndex | None = Field(
-        default=None,
-        description="module at which the cables end, 0 at the base; estimated by "
-        "default",
-    )
-    angle_deg: Number | None = Field(
-        default=None,
-        ge=-3600,
-        le=3600,
-        description="angle of the motor's direction; estimated by default [deg]",
-    )
+    Attributes:
+        commanded: column of the commanded position or tension.
+        measured: column of the measured position or tension.
+        unit: unit of both columns; free: proportional to the bend, with a factor that
+            is estimated.
+        positive: effect of a larger number on the cable; estimated if unknown.
+        offset: value of the columns at rest, in their unit.
+        module: module at which the cables end, 0 at the base; estimated by default.
+        angle_deg: angle of the motor's direction; estimated by default [deg].
+        cables: cables on the motor: one, an antagonistic pair, or more.
+    """
+
+    commanded: Column | None = None
+    measured: Column | None = None
+    unit: Literal["mm", "m", "ticks", "deg", "rad", "turns", "N", "free"]
+    positive: Literal["pulls", "releases", "unknown"] = "unknown"
+    offset: Number = 0.0
+    module: ModuleIndex | None = None
+    angle_deg: Number | None = Field(default=None, ge=-3600, le=3600)
     cables: tuple[DrivenCable, ...] = Field(
-        default=(DrivenCable(),),
-        min_length=1,
-        max_length=8,
-        description="cables on the motor: one, an antagonistic pair, or more",
+        default=(DrivenCable(),), min_length=1, max_length=8
     )
 
     @model_validator(mode="after")
@@ -226,38 +197,31 @@ class Drive(MapTable):
 
 
 class End(MapTable):
-    """Tracked end of a module."""
+    """Tracked end of a module.
 
-    module: ModuleIndex | None = Field(
-        default=None, description="module, 0 at the base; the last one by default"
-    )
-    position: tuple[Column, Column, Column] = Field(description="columns of x, y, z")
-    unit: Literal["mm", "cm", "m", "in"] = Field(description="unit of the position")
-    axis: tuple[Column, Column, Column] | None = Field(
-        default=None, description="columns of a vector along the arm"
-    )
-    quaternion: tuple[Column, Column, Column, Column] | None = Field(
-        default=None, description="columns of a unit quaternion"
-    )
-    order: Literal["xyzw", "wxyz"] | None = Field(
-        default=None, description="order of the quaternion's columns"
-    )
-    euler: tuple[Column, Column, Column] | None = Field(
-        default=None, description="columns of three Euler angles"
-    )
-    sequence: str | None = Field(
-        default=None,
-        pattern=r"^([xyz]{3}|[XYZ]{3})$",
-        description='axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic',
-    )
-    euler_unit: Literal["deg", "rad"] = Field(
-        default="deg", description="unit of the Euler angles"
-    )
-    along: BodyDirection = Field(
-        default="z",
-        description="direction along the arm in the tracked frame: "
-        '"z", "-y", or a vector',
-    )
+    Attributes:
+        module: module, 0 at the base; the last one by default.
+        position: columns of x, y, z.
+        unit: unit of the position.
+        axis: columns of a vector along the arm.
+        quaternion: columns of a unit quaternion.
+        order: order of the quaternion's columns.
+        euler: columns of three Euler angles.
+        sequence: axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic.
+        euler_unit: unit of the Euler angles.
+        along: direction along the arm in the tracked frame: "z", "-y", or a vector.
+    """
+
+    module: ModuleIndex | None = None
+    position: tuple[Column, Column, Column]
+    unit: Literal["mm", "cm", "m", "in"]
+    axis: tuple[Column, Column, Column] | None = None
+    quaternion: tuple[Column, Column, Column, Column] | None = None
+    order: Literal["xyzw", "wxyz"] | None = None
+    euler: tuple[Column, Column, Column] | None = None
+    sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3})$")
+    euler_unit: Literal["deg", "rad"] = "deg"
+    along: BodyDirection = "z"
 
     @model_validator(mode="after")
     def _check_rotation(self):
@@ -281,70 +245,57 @@ class End(MapTable):
 
 
 class LogFrame(MapTable):
-    """Frame in which positions are measured."""
+    """Frame in which positions are measured.
 
-    along: LogDirection | None = Field(
-        default=None,
-        description="direction from the base to the tip of the straight arm: "
-        '"z", "-y", or a vector, in the order of `position`; estimated by default',
-    )
-    x: LogDirection | None = Field(
-        default=None,
-        description="direction of the x axis of the base frame; an axis across the "
-        "arm by default",
-    )
-    base: Vector | None = Field(
-        default=None, description="position of the base; estimated by default [m]"
-    )
+    Attributes:
+        along: direction from the base to the tip of the straight arm: "z", "-y", or a
+            vector, in the order of `position`; estimated by default.
+        x: direction of the x axis of the base frame; an axis across the arm by default.
+        base: position of the base; estimated by default [m].
+    """
+
+    along: LogDirection | None = None
+    x: LogDirection | None = None
+    base: Vector | None = None
 
 
 class KnownArm(MapTable):
-    """Known properties of the arm; others are estimated or marked as guesses."""
+    """Known properties of the arm; others are estimated or marked as guesses.
 
-    name: str = Field(pattern=NAME, description="name of the arm")
-    description: str = Field("", description="description in one line")
-    modules: int = Field(ge=1, le=MAX_MODULES, description="number of modules")
-    control_rate: Number = Field(ge=0.01, le=1000, description="control rate [Hz]")
-    length: Number | None = Field(
-        None,
-        ge=0.005,
-        le=20,
-        description="length of the straight arm; estimated by default [m]",
-    )
-    lengths: tuple[Number, ...] | None = Field(
-        None, description="lengths of the modules from the base; equal by default [m]"
-    )
-    cable_radius: Number | None = Field(
-        None,
-        ge=0.0015,
-        le=0.3,
-        description="distance of the cables from the center line; estimated by "
-        "default [m]",
-    )
-    pulley_radius: Number | None = Field(
-        None,
-        ge=0.0005,
-        le=0.2,
-        description="radius of the motors' pulleys, for ticks and angles [m]",
-    )
-    ticks_per_turn: int = Field(
-        4096, ge=16, le=2**24, description="encoder ticks per turn"
-    )
-    gravity_direction: Vector = Field(
-        (0.0, 0.0, -1.0),
-        description="direction of gravity: [0, 0, -1] for an upright arm, "
-        "[0, 0, 1] for a hanging one",
-    )
-    coupled_cables: bool | None = Field(
-        None,
-        description="whether cables of outer modules pass through inner modules and "
-        "bend them; estimated by default",
-    )
-    mass: Number = Field(0.05, description="mass of a module [kg]")
-    bending_stiffness: Number = Field(0.1, description="EI of a module [N m2]")
-    bend_limit_deg: Number | None = Field(
-        None, ge=1, le=150, description="bend limit; from the log by default [deg]"
-    )
+    Attributes:
+        name: name of the arm.
+        description: description in one line.
+        modules: number of modules.
+        control_rate: control rate [Hz].
+        length: length of the straight arm; estimated by default [m].
+        lengths: lengths of the modules from the base; equal by default [m].
+        cable_radius: distance of the cables from the center line; estimated by default
+            [m].
+        pulley_radius: radius of the motors' pulleys, for ticks and angles [m].
+        ticks_per_turn: encoder ticks per turn.
+        gravity_direction: direction of gravity: [0, 0, -1] for an upright arm, [0, 0,
+            1] for a hanging one.
+        coupled_cables: whether cables of outer modules pass through inner modules and
+            bend them; estimated by default.
+        mass: mass of a module [kg].
+        bending_stiffness: EI of a module [N m2].
+        bend_limit_deg: bend limit; from the log by default [deg].
+    """
+
+    name: str = Field(pattern=NAME)
+    description: str = ""
+    modules: int = Field(ge=1, le=MAX_MODULES)
+    control_rate: Number = Field(ge=0.01, le=1000)
+    length: Number | None = Field(None, ge=0.005, le=20)
+    lengths: tuple[Number, ...] | None = None
+    cable_radius: Number | None = Field(None, ge=0.0015, le=0.3)
+    pulley_radius: Number | None = Field(None, ge=0.0005, le=0.2)
+    ticks_per_turn: int = Field(4096, ge=16, le=2**24)
+    gravity_direction: Vector = (0.0, 0.0, -1.0)
+    coupled_cables: bool | None = None
+    mass: Number = 0.05
+    bending_stiffness: Number = 0.1
+    bend_limit_deg: Number | None = Field(None, ge=1, le=150)
 
     @model_validator(mode="after")
     def _check_lengths(self):
@@ -359,10 +310,20 @@ class KnownArm(MapTable):
 
 
 class LogMap(MapTable):
-    """Description of a log."""
+    """Description of a log.
+
+    Attributes:
+        source: origin of the log.
+        rows: timing of rows, and where episodes end.
+        join: files that form one session; each file is one by default.
+        arm: known properties of the arm.
+        drives: motors.
+        ends: tracked ends of modules.
+        frame: frame in which positions are measured.
+    """
 
     source: Source = Source()
-    rows: Rows = Field(description="timing of rows, and where episodes end")
+    rows: Rows
     join: Join | None = None
     arm: KnownArm
     drives: tuple[Drive, ...] = Field(min_length=1, max_length=MAX_CABLES)

@@ -155,7 +155,8 @@ class ImportedSession:
         episodes: episodes, base frame.
         rig: rig of the first session.
         similar: rows whose cables are most similar to those of the first session.
-        change: what explains the difference from the first session.
+        change: what explains the difference from the first session; None if too few
+            rows can be compared.
         at_rest: whether every row is a pose at rest.
         segments: what was read.
     """
@@ -163,7 +164,7 @@ class ImportedSession:
     episodes: tuple[Episode, ...]
     rig: Rig
     similar: SimilarRows
-    change: SessionChange
+    change: SessionChange | None
     at_rest: bool
     segments: Segments
 

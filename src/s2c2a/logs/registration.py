@@ -15,9 +15,6 @@ STRAIGHT_SHARE = 0.03
 # drop of the tip, times the length, over the square of its distance from the axis;
 # about the same whichever module bends
 ARC_DROP = 0.65
-# an end further from its center than a multiple of this quantile is no pose of the arm
-USUAL_SHARE = 0.75
-STRAY_RATIO = 4.0
 MIN_ROWS = 10
 MIN_LENGTH = 0.005  # m
 MAX_LENGTH = 2.0  # m
@@ -49,7 +46,6 @@ def estimate_registration(
     Raises:
         LogError: the outermost end is measured in too few rows.
     """
-    positions = _without_strays(positions)
     order = np.argsort(log_map.end_modules)
     outer = max(log_map.end_modules)
     tip = positions[:, order[-1]]
@@ -74,24 +70,6 @@ def estimate_registration(
     else:
         base = rest[order[-1]] - lengths[: outer + 1].sum() * z
     return Registration(_complete_axes(z, log_map), base, lengths)
-
-
-def _without_strays(
-    positions: Float[np.ndarray, "rows ends 3"],
-) -> Float[np.ndarray, "rows ends 3"]:
-    """NaN where an end is much further from its center than usual.
-
-    The rows that show the arm straight are extremes, which few outliers would replace.
-    """
-    if not len(positions):
-        return positions
-    centers = np.stack([_median(end) for end in np.swapaxes(positions, 0, 1)])
-    distances = np.linalg.norm(positions - centers, axis=-1)
-    # unknown ends count as near, and an end that is never known as none
-    usual = np.quantile(np.nan_to_num(distances), USUAL_SHARE, axis=0)
-    return np.where(
-        (distances > STRAY_RATIO * usual + MIN_LENGTH)[..., None], np.nan, positions
-    )
 
 
 def _median(positions: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "3"]:

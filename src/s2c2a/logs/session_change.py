@@ -48,7 +48,6 @@ class SessionChange(NamedTuple):
         sag: coefficient e of the outermost end, positive along gravity; zero if gravity
             is across the straight arm.
         extrapolated: share of the steps with cables unlike any of the first session.
-        rows: number of compared rows; with too few, the others are zero.
         length: of the arm [m].
         offset: largest constant offset of a cable that explains the difference
             instead [m or N].
@@ -61,12 +60,11 @@ class SessionChange(NamedTuple):
     rotation: Float[np.ndarray, "3"]
     sag: float
     extrapolated: float
-    rows: int
     length: float
-    offset: float = 0.0
-    offset_motion: float = 0.0
-    rigid_error: float = 0.0
-    offset_error: float = 0.0
+    offset: float
+    offset_motion: float
+    rigid_error: float
+    offset_error: float
 
     @property
     def may_be_homing(self) -> bool:
@@ -92,11 +90,6 @@ class SessionChange(NamedTuple):
         )
 
     @property
-    def is_known(self) -> bool:
-        """Whether enough rows could be compared."""
-        return self.rows >= MIN_ROWS
-
-    @property
     def is_payload(self) -> bool:
         """Whether a payload explains the difference."""
         return not (self.is_moved or self.may_be_homing) and self.sag > SAG
@@ -108,8 +101,10 @@ def find_change(
     first_cables: Float[np.ndarray, "others modules cables"],
     first_positions: Float[np.ndarray, "others modules 3"],
     arm: ArmSpec,
-) -> SessionChange:
+) -> SessionChange | None:
     """Compare a session with the first one, in rows with similar cables.
+
+    None if too few rows can be compared.
 
     Args:
         cables: displacements [m] or tensions [N].
@@ -134,10 +129,8 @@ def find_change(
     middles = flat[similar] - changes / 2
     usual_motions = np.einsum("nmxd,nd->nmx", derivatives(middles), changes)
     displacements = positions[similar] - places - usual_motions
-    rows = int(np.isfinite(displacements).all(axis=-1).any(axis=1).sum())
-    nothing = np.zeros(3)
-    if rows < MIN_ROWS:
-        return SessionChange(nothing, nothing, 0.0, extrapolated, rows, arm.length)
+    if np.isfinite(displacements).all(axis=-1).any(axis=1).sum() < MIN_ROWS:
+        return None
     return _explain(
         _features(np.nan_to_num(places), arm.length),
         derivatives(flat[similar]),
@@ -168,7 +161,6 @@ def _explain(
         weights[3:_RIGID],
         float(np.sign(arm.gravity_direction[2]) * weights[-1]),
         extrapolated,
-        int(known.any(axis=1).sum()),
         arm.length,
         float(np.abs(offsets[:drives]).max()),
         float(motion),

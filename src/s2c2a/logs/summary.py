@@ -48,7 +48,7 @@ def session_summary(session: ImportedSession) -> list[str]:
         *_describe_episodes(session),
         "frame and cables: as in the first recording",
         _describe_offset(session.similar, session.episodes[0].arm.actuation),
-        *([describe_change(session.change)] if session.change.is_known else []),
+        *([describe_change(session.change)] if session.change else []),
     ]
 
 
@@ -90,8 +90,8 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
         f"{read.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
-    if read.excluded.count:
-        lines.append(str(read.excluded))
+    if excluded := str(read.excluded):
+        lines.append(excluded)
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 
 

@@ -8,9 +8,10 @@ import gzip
 import io
 import os
 import zlib
+from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,8 @@ from s2c2a.logs.array_files import read_mat, read_npz
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 
 BLANK = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}
-CHUNK = 5000  # rows converted to arrays at a time
 MAX_CELL_LENGTH = 400
 MAX_SHOWN = 12
-
-NumberedRow = tuple[int, list[str]]
 
 
 @dataclass(frozen=True)
@@ -220,19 +218,18 @@ class _TextParser:
         labels = _find_columns(names, self._request.labels)
         _check_any_found(self._path, {*numbers, *labels}, names)
         positions = list(numbers.values())
-        chunks = []
+        values = array("d")
         label_rows: list[list[str]] = []
-        row_count = 0
-        for rows in self._chunks(first_rows):
-            values = [self._parse_row(row, names, positions) for row in rows]
-            chunks.append(np.array(values, float).reshape(-1, len(positions)))
-            label_rows += [_cells(row, labels.values()) for _, row in rows]
-            row_count += len(rows)
-            if row_count > MAX_ROWS:
+        for row in chain(first_rows, self._reader):
+            if _is_blank(row):
+                continue
+            values.extend(self._parse_row(row, names, positions))
+            label_rows.append(_cells(row, labels.values()))
+            if len(label_rows) > MAX_ROWS:
                 raise LogError(
                     f"{self._path} has more than {MAX_ROWS} rows; split the file"
                 )
-        columns = np.concatenate(chunks).T
+        columns = np.array(values).reshape(len(label_rows), len(positions)).T
         label_columns = {
             name: np.array([row[index] for row in label_rows], object)
             for index, name in enumerate(labels)
@@ -244,7 +241,7 @@ class _TextParser:
             self._broken_rows,
         )
 
-    def _read_header(self) -> tuple[list[str], list[NumberedRow]]:
+    def _read_header(self) -> tuple[list[str], list[list[str]]]:
         """Column names, and the first row if the file has no header.
 
         The columns of a file without a header are named `1`, `2`, and so on.
@@ -259,7 +256,7 @@ class _TextParser:
         names = [cell.strip() for cell in first]
         if all(self._parse_number(name) is not None for name in names):
             numbers = [str(index + 1) for index in range(len(names))]
-            return numbers, [(1, first)]
+            return numbers, [first]
         requested = {*self._request.numbers, *self._request.labels}
         duplicates = {name for name in requested if name and names.count(name) > 1}
         if duplicates:
@@ -269,32 +266,20 @@ class _TextParser:
             )
         return names, []
 
-    def _chunks(self, first_rows: list[NumberedRow]) -> Iterator[list[NumberedRow]]:
-        """Non-blank rows with their line numbers, in chunks."""
-        yield first_rows
-        while True:
-            chunk = [
-                (self._reader.line_num, row) for row in islice(self._reader, CHUNK)
-            ]
-            if not chunk:
-                return
-            yield [(line, row) for line, row in chunk if not _is_blank(row)]
-
     def _parse_row(
-        self, numbered: NumberedRow, names: list[str], positions: list[int]
-    ) -> Sequence[float | None]:
-        """Numbers at some positions of a row."""
-        line, row = numbered
+        self, row: list[str], names: list[str], positions: list[int]
+    ) -> list[float]:
+        """Numbers at some positions of the row that was read last."""
         values = [
             self._parse_number(row[position]) if position < len(row) else None
             for position in positions
         ]
         error = _find_error(row, values, names, positions)
         if not error:
-            return values
+            return [value for value in values if value is not None]
         if not self._request.allow_broken_rows:
             raise LogError(
-                f"{self._path}: line {line}, {error}; correct the row, or set "
+                f"{self._path}: line {self._reader.line_num}, {error}; correct the row, or set "
                 'broken_rows = "gap" in the map to treat such rows as gaps'
             )
         self._broken_rows += 1

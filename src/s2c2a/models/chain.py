@@ -18,7 +18,11 @@ from jaxtyping import Array, Float
 
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models.cables import Hysteresis, HysteresisMemory
-from s2c2a.models.disturbances import Disturbances, moments_of_weights
+from s2c2a.models.disturbances import (
+    PAYLOAD_ITERATIONS,
+    Disturbances,
+    moments_of_weights,
+)
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.statics import Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
@@ -28,7 +32,6 @@ BEND_UNIT = 0.5  # rad; scales the inputs of the network to about one
 BEND_CORRECTION_UNIT = 0.2  # rad; scale of the network's bends
 END_CORRECTION_UNIT = 0.1  # of a module's length; scale of the network's end points
 OUTPUTS = 7  # of the network, per module: moment [rad] 2, bend 2, end point 3
-PAYLOAD_ITERATIONS = 3  # between payload moments and shape, in each control step
 
 
 class ChainC2S(ForwardModel):

@@ -8,6 +8,10 @@ from jaxtyping import Array, Float
 
 from s2c2a.kinematics.chain import states_from_bends
 
+PAYLOAD_ITERATIONS = 3
+"""Between the payload's moments and the shape under them, in a control step and at the
+start."""
+
 
 class Disturbances(NamedTuple):
     """A payload at the tip and bend biases of the modules.

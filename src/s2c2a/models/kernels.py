@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.training.fit import Fixed
@@ -131,86 +131,6 @@ def matern(
     return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
-@dataclass(frozen=True, eq=False)  # holds arrays
-class KernelFit:
-    """Samples and hyperparameters, from which a model follows.
-
-    Attributes:
-        features: of complete samples, in order of time, shape (complete, features).
-        targets: known targets, normalized, shape (complete, known outputs).
-        known: which of the outputs are known, shape (outputs,).
-        mean: of the known targets, shape (known outputs,).
-        scale: root mean square of the known targets about their mean.
-        center: of the features, shape (features,).
-        rates: inverse length scales of the features, shape (features,).
-        hyperparameters: that maximize the likelihood.
-    """
-
-    features: Float[np.ndarray, "complete features"]
-    targets: Float[np.ndarray, "complete known"]
-    known: Bool[np.ndarray, " outputs"]
-    mean: Float[np.ndarray, " known"]
-    scale: float
-    center: Float[np.ndarray, " features"]
-    rates: Float[np.ndarray, " features"]
-    hyperparameters: "_Hyperparameters"
-
-    @classmethod
-    def of(
-        cls,
-        features: Float[np.ndarray, "samples features"],
-        targets: Float[np.ndarray, "samples outputs"],
-        kinds: Float[np.ndarray, "features kinds"],
-        seed: int = 0,
-    ) -> "KernelFit | None":
-        """Fit hyperparameters to samples; None if fewer than `MIN_SAMPLES` are known.
-
-        Args:
-            features: of samples, in order of time.
-            targets: of samples, in comparable units; NaN: unknown.
-            kinds: groups of features that share a factor of their length scales: one
-                if a feature is in a group, else zero.
-            seed: of the subset of samples for the likelihood.
-        """
-        known = np.isfinite(targets).any(axis=0)
-        has_targets = np.isfinite(targets[:, known]).all(axis=1)
-        complete = has_targets & np.isfinite(features).all(axis=1)
-        if complete.sum() < MIN_SAMPLES or not known.any():
-            return None
-        x = features[complete].astype(np.float64)
-        y = targets[complete][:, known].astype(np.float64)
-        center = x.mean(axis=0)
-        rates = _inverse_widths(x)
-        mean = y.mean(axis=0)
-        scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
-        scaled = (x - center) * rates
-        normalized = (y - mean) / scale
-        subset = np.random.default_rng(seed).permutation(len(x))[:LIKELIHOOD_SAMPLES]
-        fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
-        return cls(
-            features=x,
-            targets=normalized,
-            known=known,
-            mean=mean,
-            scale=scale,
-            center=center,
-            rates=rates * fitted.rates,
-            hyperparameters=fitted,
-        )
-
-    def kernels(self, count: int) -> Kernels:
-        """The regression on so many inducing points; unknown outputs are zero."""
-        kernels = _solve_weights(
-            self.features,
-            self.targets,
-            self.center,
-            self.rates,
-            self.hyperparameters,
-            count,
-        )
-        return _denormalize(kernels, self.mean, self.scale, self.known)
-
-
 def _inverse_widths(
     features: Float[np.ndarray, "samples features"],
 ) -> Float[np.ndarray, " features"]:
@@ -224,17 +144,36 @@ def fit_kernels(
     targets: Float[np.ndarray, "samples outputs"],
     kinds: Float[np.ndarray, "features kinds"],
     count: int,
-    seed: int = 0,
 ) -> Kernels:
-    """Fit a regression to samples (`KernelFit`).
+    """Fit a regression on inducing points to samples; unknown outputs are zero.
+
+    Args:
+        features: of samples, in order of time.
+        targets: of samples, in comparable units; NaN: unknown.
+        kinds: groups of features that share a factor of their length scales: one if a
+            feature is in a group, else zero.
+        count: number of inducing points.
 
     Returns:
         The fitted model; with fewer than `MIN_SAMPLES` samples, one that is not fitted.
     """
-    fit = KernelFit.of(features, targets, kinds, seed)
-    if fit is None:
+    known = np.isfinite(targets).any(axis=0)
+    has_targets = np.isfinite(targets[:, known]).all(axis=1)
+    complete = has_targets & np.isfinite(features).all(axis=1)
+    if complete.sum() < MIN_SAMPLES or not known.any():
         return Kernels.unfitted(features.shape[1], targets.shape[1], count)
-    return fit.kernels(count)
+    x = features[complete].astype(np.float64)
+    y = targets[complete][:, known].astype(np.float64)
+    center = x.mean(axis=0)
+    rates = _inverse_widths(x)
+    mean = y.mean(axis=0)
+    scale = max(float(np.sqrt(((y - mean) ** 2).mean())), 1e-9)
+    scaled = (x - center) * rates
+    normalized = (y - mean) / scale
+    subset = np.random.default_rng(0).permutation(len(x))[:LIKELIHOOD_SAMPLES]
+    fitted = _fit_hyperparameters(scaled[subset], normalized[subset], kinds)
+    kernels = _solve_weights(x, normalized, center, rates * fitted.rates, fitted, count)
+    return _denormalize(kernels, mean, scale, known)
 
 
 @dataclass(frozen=True)

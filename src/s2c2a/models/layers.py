@@ -13,6 +13,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
+from s2c2a.kinematics.bends import SMALL_SQUARE
 from s2c2a.paper import HEADROOM, sum_and_range
 from s2c2a.training.fit import Fixed, FromArm
 
@@ -134,6 +135,6 @@ class SumAndRange(FromArm):
 def _into_unit_disc(vectors: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
     """Squash vectors: v tanh(|v|) / |v|, exact at zero."""
     squared = jnp.sum(vectors**2, axis=-1, keepdims=True)
-    small = squared < 1e-6
+    small = squared < SMALL_SQUARE
     length = jnp.sqrt(jnp.where(small, 1.0, squared))
     return vectors * jnp.where(small, 1.0 - squared / 3.0, jnp.tanh(length) / length)

@@ -314,7 +314,7 @@ class LocalOptions(ChainOptions):
 
 
 def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
-    """Groups of features that share a factor of their length scales (`KernelFit.of`).
+    """Groups of features that share a factor of their length scales (`fit_kernels`).
 
     One group for each component of a module's bend and its common displacement, and one
     for each input of the hysteresis.

@@ -21,9 +21,8 @@ from s2c2a.spaces import POSITION
 
 SIGNIFICANT = 0.01
 """Of the arm's length: a smaller distance from the goal is not reported."""
-STILL = 0.05  # of the step limit: a plan that moves less is still; chosen, for reports
-DESCENT_ITERATIONS = 30  # chosen: few variables, and only a sign is asked for
-TINY = 1e-9  # m^2; avoids a division by zero
+STILL = 0.05  # of the step limit: a plan that moves less is still, in reports
+DESCENT_ITERATIONS = 30  # few variables, and only a sign is asked for
 
 Count = Int[Array, ""]
 
@@ -146,7 +145,7 @@ def _is_blocked(
     flat = gaps.reshape(-1)
     slopes = jnp.where(is_desired, _slopes(bends, lengths, longest), 0.0)
     slopes = slopes.reshape(bends.size, -1)
-    rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), TINY)
+    rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), np.finfo(np.float32).tiny)
 
     def gaps_after(changes: Bends) -> Float[Array, " gaps"]:
         return flat + changes.reshape(-1) @ slopes

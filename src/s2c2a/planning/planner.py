@@ -20,7 +20,7 @@ from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
-from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
@@ -52,10 +52,8 @@ AXES_WEIGHT = 0.5
 Where an arm cannot reach position and axis, as one that is shorter than its arm file
 states, its ends stay near their positions.
 """
-# rad, of payload and biases; chosen: 5 mm at 0.2 m; smaller effects are ignored
+# rad, of payload and biases: 5 mm at 0.2 m; smaller effects are ignored
 DISTURBED = np.deg2rad(1.5)
-START_ITERATIONS = 3
-"""Between a known payload and the shape under it, at the start."""
 
 AnySolver = Annotated[
     Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)
@@ -230,7 +228,7 @@ class Step(NamedTuple):
             settled = disturbances._replace(
                 moments=none.moments, moments_per_kg=none.moments_per_kg
             )
-            for _ in range(START_ITERATIONS):
+            for _ in range(PAYLOAD_ITERATIONS):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
             disturbances = settled
         search = Search.none(bends_from_configurations(sensed))

@@ -10,6 +10,9 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import ActionError
 from s2c2a.spaces import Actions, Reading, Sensor
 
+SETTLING_TIME = 1.0
+"""Time at rest before the clock starts [s], in which an arm settles under gravity."""
+
 
 class Robot(ABC):
     """A cable-driven arm, simulated or real, that reads sensors and takes actions.

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from s2c2a.spaces import AXIS, States
 
-# s between two measurements; chosen: two steps of 10 Hz, beyond which motion is a guess
+# s between two measurements; two steps of 10 Hz, beyond which motion is a guess
 MAX_GAP = 0.2
 
 

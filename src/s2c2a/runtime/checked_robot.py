@@ -12,7 +12,8 @@ from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.clock import Clock
 from s2c2a.spaces import Actions, Reading, Sensor
 
-# control periods that an answer may take; chosen: one late answer is no fault
+# control periods that an answer may take: one late answer, until the middle of the
+# period after the next, is no fault
 BLOCKED_PERIODS = 2.5
 
 

@@ -14,13 +14,13 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots import Robot
+from s2c2a.robots.robot import SETTLING_TIME
 from s2c2a.runtime.loop import Loop
 from s2c2a.runtime.player import Player, play
 from s2c2a.runtime.readings import describe_values
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor
 
-TEST_BEND = 0.05  # of the full bend; chosen: above backlash, and harmless
-SETTLING_TIME = 1.0  # s; as simulations settle
+TEST_BEND = 0.05  # of the full bend; above most backlash, and harmless
 
 
 def check_robot(robot: Robot) -> list[str]:

@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.spaces import Actions, Reading
+from s2c2a.spaces import NOISE_LIMIT, Actions, Reading
 
 MAX_LAG = 0.5  # s; beyond the time constant of the motors
 MARGIN = 0.25  # part of a module's action range, of an error that lasts
@@ -21,7 +21,6 @@ MARGIN = 0.25  # part of a module's action range, of an error that lasts
 SUDDEN = 0.08
 # The same for the rounding of commands: half of the step of a servo with 8 bits.
 ROUNDING = 0.002
-NOISE_LIMIT = 6.0  # standard deviations of the measurement
 
 
 class FollowingMonitor:

@@ -43,7 +43,7 @@ from s2c2a.runtime.stages import (
 )
 from s2c2a.spaces import Actions, Reading, Stage
 
-LATE = 0.1  # of a control period; chosen, for a count of late steps alone
+LATE = 0.1  # of a control period, for a count of late steps alone
 
 
 class Loop:

@@ -9,11 +9,14 @@ from s2c2a.repeats import RepeatDetector
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.spaces import Reading, Sensor
 
-MAX_AGE = 3.0  # control periods; chosen: two readings in a row may be lost
-FROZEN_STEPS = 3  # with the same bits; chosen: a slow sensor may repeat one or two
-FROZEN_CHANGE = 0.02  # of the full bend: change of commands in these steps; chosen
-# the same for sensors of the modules, which rest while cables move within their backlash
+MAX_SILENCE = 3
+"""Control periods without news of a sensor: two measurements in a row may be lost, late,
+or repeated by a slow sensor."""
+FROZEN_CHANGE = 0.02
+"""Change of the commands meanwhile, of the full bend: 30 encoder ticks of `twin_arm`."""
 FROZEN_CHANGE_OF_MODULES = 0.3
+"""The same for sensors of the modules, which rest while cables move within their
+backlash."""
 CABLES = "cables"  # the sensor that commands are compared with
 MODULE_SENSORS = ("states", "configurations")
 
@@ -87,7 +90,7 @@ class ReadingCheck:
         if self._is_no_newer(reading.time):
             return "the reading is no newer than the last one"
         age = now - reading.time
-        if age > MAX_AGE * self._period:
+        if age > MAX_SILENCE * self._period:
             return f"the reading is {age:.2f} s old"
         return ""
 
@@ -160,7 +163,7 @@ class ReadingCheck:
             suspicious = repeated and (last_change > 0 or counts[name] > 0)
             counts[name] = counts[name] + 1 if suspicious else 0
             changes[name] = changes[name] + last_change if suspicious else 0.0
-            if counts[name] >= FROZEN_STEPS * self._steps and changes[
+            if counts[name] >= MAX_SILENCE * self._steps and changes[
                 name
             ] > _frozen_change(name):
                 frozen.append(name)

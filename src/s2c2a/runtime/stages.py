@@ -16,6 +16,7 @@ sound if it passes `ReadingCheck`.
 from dataclasses import dataclass, replace
 
 from s2c2a.errors import S2C2AError
+from s2c2a.files import LARGEST
 from s2c2a.goals import Goal
 from s2c2a.spaces import Stage
 from s2c2a.standstill import STANDSTILL
@@ -54,10 +55,10 @@ class Patience:
             S2C2AError: a time is not positive and finite.
         """
         times = (unsound, alone, standstill)
-        if not all(0 < time < 1e6 for time in times):
+        if not all(0 < time < LARGEST for time in times):
             shown = ", ".join(f"{time} s" for time in times)
             raise S2C2AError(
-                f"patience of {shown}; all must be positive and below 1e6 s"
+                f"patience of {shown}; all must be positive and below {LARGEST:g} s"
             )
         unsound_steps = max(1, round(unsound * control_rate))
         return cls(unsound_steps, max(1, round(alone * control_rate)), standstill)

@@ -24,7 +24,6 @@ from s2c2a.strategies.s2c2a import (
     planning_as,
     s2c2a_batch_planner,
     s2c2a_strategy,
-    target_choice,
     train_s2c2a,
     training_data,
 )

@@ -30,21 +30,15 @@ from s2c2a.errors import (
     UntrustedCodeError,
     did_you_mean,
 )
-from s2c2a.files import write_atomically
+from s2c2a.files import LARGEST, MAX_BYTES, MAX_TEXT, write_atomically
 from s2c2a.training import FromArm
 
 SHIPPED = "shipped"
 """Name of the networks of the package in place of a file."""
-SCHEMA = 4
+SCHEMA = 4  # of the format; another number is another format
 METADATA = "s2c2a"
 DIGEST = "digest"
-NO_DIGEST = "0" * 64
-# a file may be a stranger's: a hundred times those of the package
-MAX_BYTES = 200_000_000
-MAX_HEADER = 2_000_000
-MAX_ARRAYS = 10_000
-LARGEST = 1e6
-"""Of any number in the arrays; trained ones are about one, scalings below a hundred."""
+NO_DIGEST = "0" * 64  # as long as a digest of 32 bytes, in hexadecimal digits
 
 _FOREIGN = (
     SafetensorError,
@@ -112,7 +106,6 @@ def read(path: str | os.PathLike) -> tuple[Metadata, Arrays]:
         texts = header.get("__metadata__") or {}
         table = json.loads(texts.get(METADATA, "null"))
         schema = table["schema_version"]
-        arrays = len(header) - 1
     if schema != SCHEMA:
         raise StrategyError(
             f"{path} has schema {schema}, and this version reads {SCHEMA}: another "
@@ -124,8 +117,6 @@ def read(path: str | os.PathLike) -> tuple[Metadata, Arrays]:
         blank = content.replace(digest.encode(), NO_DIGEST.encode(), 1)
         if digest != _digest(blank):
             raise StrategyError("its digest does not match its content")
-        if arrays > MAX_ARRAYS:
-            raise StrategyError(f"it holds {arrays} arrays, more than {MAX_ARRAYS}")
         return metadata, load(content)
 
 
@@ -168,8 +159,8 @@ def _content(path: str | os.PathLike) -> bytes:
 
 def _header_bytes(content: bytes) -> int:
     count = int.from_bytes(content[:8], "little")
-    if count > MAX_HEADER:
-        raise StrategyError(f"its header has {count} bytes, more than {MAX_HEADER}")
+    if count > MAX_TEXT:
+        raise StrategyError(f"its header has {count} bytes, more than {MAX_TEXT}")
     return count
 
 

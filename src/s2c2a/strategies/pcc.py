@@ -65,7 +65,7 @@ class FittedPCC(StrategyOptions):
 
     name = "pcc-fitted"
     supports = frozenset({"guard"})
-    recipe_keys = PLANNING_KEYS | {"babbling", "speeds", "episodes", "active"}
+    recipe_keys = PLANNING_KEYS | {"babbling", "speeds", "episodes"}
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         return recipe.collect_options(seed)

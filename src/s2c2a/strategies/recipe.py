@@ -23,7 +23,6 @@ from s2c2a.components import CustomComponent, Options, Ranges, Registry
 from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
-from s2c2a.data.collecting import MAX_COUNT
 from s2c2a.errors import MAX_NAME_LENGTH, S2C2AError, StrategyError, did_you_mean
 from s2c2a.estimation import (
     ESTIMATORS,
@@ -34,9 +33,10 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
-from s2c2a.files import parse_toml, read_text, write_atomically
+from s2c2a.files import LARGEST, MAX_COUNT, parse_toml, read_text, write_atomically
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
+from s2c2a.paper import C2S_SIZE, HISTORY_NOISE
 from s2c2a.planning import BEST, PAPER, PlannerOptions
 from s2c2a.planning.guides import GUIDES
 from s2c2a.planning.solvers import SOLVERS
@@ -80,8 +80,6 @@ class Recipe(Options):
         babbling: how the data explore the arm (`data.babbling.BABBLING`).
         speeds: slowest and fastest motion of the data, in parts of the full bend a step.
         episodes: number of episodes of the data.
-        active: whether the second half of the episodes goes where a model of the first
-            half is unsure (`models.active`).
         integral_gain: part of the controller's lasting error that is integrated in every
             step; 0 for none.
         axis_weights: beginnings of task names, each with the factor of mu_o, the weight
@@ -97,17 +95,16 @@ class Recipe(Options):
     c2a: ControllerOptions
     c2s_fit: FitOptions = field(default_factory=FitOptions)
     c2a_fit: FitOptions = field(default_factory=FitOptions)
-    history_noise: float = 0.05
+    history_noise: float = HISTORY_NOISE
     estimator: AnyEstimator = field(default_factory=EncoderOnly)
     planner: PlannerOptions = PAPER
     babbling: str = "staged"
     speeds: tuple[float, float] = SPEEDS
-    episodes: int = 18
+    episodes: int = CollectOptions.episodes
     integral_gain: float = 0.0
     axis_weights: tuple[tuple[str, float], ...] = ()
     unit_length: bool = False
     encoders_alone: bool = False
-    active: bool = False
 
     limits: ClassVar[Ranges] = {
         "history_noise": (0, 1000),
@@ -124,9 +121,9 @@ class Recipe(Options):
                 f"babbling = '{self.babbling}' was given; choose one of "
                 f"{', '.join(BABBLING)}"
             )
-        if not all(0 <= weight <= 1e6 for _, weight in self.axis_weights):
+        if not all(0 <= weight <= LARGEST for _, weight in self.axis_weights):
             raise StrategyError(
-                f"axis_weights = {self.axis_weights} was given; give weights of 0 to 1e6"
+                f"axis_weights = {self.axis_weights} was given; give weights of 0 to {LARGEST:g}"
             )
         if not self.c2s.model:
             object.__setattr__(self, "c2s", _named(self.c2s, MODELS))
@@ -159,7 +156,6 @@ class Recipe(Options):
         """All options that training depends on, with the names of all classes."""
         unused = (
             "name",
-            "active",
             "episodes",
             "planner",
             "integral_gain",
@@ -187,7 +183,6 @@ class Recipe(Options):
             self.episodes,
             seed=seed,
             speeds=self.speeds,
-            active=self.active,
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
@@ -234,14 +229,16 @@ def _named(options: Any, registry: Registry) -> Any:
     return replace(options, model=registry.name_of(type(options)))
 
 
+# compared with the paper's training in docs/concepts/recipe.md
 _DECAYING = FitOptions(
     learning_rate=2e-3, max_epochs=60, patience=60, epochs_per_call=10, decay=True
 )
 
+# docs/concepts/recipe.md measures what each difference to the paper brings
 _BEST = Recipe(
     "best",
     c2s=LocalOptions(),
-    c2a=C2AOptions(layers=2, hidden=32),
+    c2a=C2AOptions(),
     c2s_fit=_DECAYING,
     c2a_fit=_DECAYING,
     estimator=KalmanFilter(),
@@ -253,14 +250,14 @@ _BEST = Recipe(
     unit_length=True,
     encoders_alone=True,
 )
+# an hour of data, for arms with slack cables
 _BEST_LONG = replace(_BEST, name="best-long", episodes=72)
-_BEST_ACTIVE = replace(_BEST, name="best-active", active=True)
 _PAPER = Recipe(
     "paper",
-    c2s=C2SOptions(layers=4, hidden=64),
-    c2a=C2AOptions(layers=2, hidden=32),
+    c2s=C2SOptions(layers=C2S_SIZE["layers"], hidden=C2S_SIZE["hidden"]),
+    c2a=C2AOptions(),
 )
-RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_ACTIVE, _BEST_LONG, _PAPER)}
+RECIPES = {recipe.name: recipe for recipe in (_BEST, _BEST_LONG, _PAPER)}
 """Recipes of the package, by name; docs/concepts/recipe.md measures their parts."""
 
 
@@ -380,6 +377,8 @@ def recipe_in(
     is_kalman = isinstance(estimator, dict) and estimator.get("name") == "KalmanFilter"
     validated = {"encoders_alone": is_kalman} | table
     validated |= {"c2s": model, "c2a": controller}
+    if validated.get("active") is False:  # version 0.3 wrote the key
+        del validated["active"]
     return TypeAdapter(Recipe).validate_python(validated)
 
 

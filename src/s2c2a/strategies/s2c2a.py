@@ -17,10 +17,8 @@ from jaxtyping import PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.data.collecting import ChooseTargets
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import EstimationSettings, StateEstimator
-from s2c2a.models.active import choose_targets
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
@@ -178,35 +176,6 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
         recording.lengths,
         common_displacements(recording, arm),
     )
-
-
-def target_choice(recipe: Recipe) -> ChooseTargets:
-    """The choice of targets of an active collection for a recipe (`models.active`).
-
-    Raises (when called):
-        RecordingError: the first half lacks true states or sensed configurations.
-    """
-    return partial(_choose_targets, recipe)
-
-
-def _choose_targets(
-    recipe: Recipe, recording: Recording, options: CollectOptions
-) -> list[np.ndarray]:
-    """Targets of each episode after the random ones, in random order.
-
-    Bends in shares of the full bend.
-    """
-    # without its options, half a recording counts as complete
-    half = replace(recording, options={})
-    data = training_data(half, recipe)
-    episodes = options.episodes - options.random_episodes
-    slowest, fastest = options.speeds_on(recording.arm)
-    speed = np.sqrt(slowest * fastest)
-    # targets are about a full bend apart
-    per_episode = 1 + int(options.samples * speed)
-    targets = choose_targets(data, episodes * per_episode, options.seed)
-    order = np.random.default_rng(options.seed).permutation(len(targets))
-    return np.split(targets[order], episodes)
 
 
 def common_displacements(recording: Recording, arm: ArmSpec) -> np.ndarray | None:

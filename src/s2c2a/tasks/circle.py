@@ -12,8 +12,9 @@ from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
-APPROACH_TIME = 4.0  # s
-ROUND_TIME = 16.0  # s
+# s; the protocol (docs/results/protocol.md)
+APPROACH_TIME = 4.0
+ROUND_TIME = 16.0
 HELD = {"hold-middle": (0.396 / 0.4, 20.0, 3), "hold-end": (0.565 / 0.6, 40.0, 2)}
 """Height of the held end over its height at rest, tilt of its axis [deg], and minimum
 number of modules."""

@@ -17,6 +17,7 @@ Sphere = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
 
 REACH_TARGET = (0.30, 0.0, 0.49)  # m
+# the protocol (docs/results/protocol.md), as all places and times below
 SPEED = 0.05  # m/s; of targets and of the obstacle of `flee`
 REACH: dict[str, Sequence[Sphere]] = {
     "reach-0": (),

@@ -42,8 +42,8 @@ TASKS: dict[str, Callable[[ArmSpec], Task]] = {
 
 
 PACE = "@"
-MIN_PACE = 0.01  # chosen: a circle takes half an hour
-MAX_PACE = 10.0  # chosen: a circle takes two seconds
+MAX_PACE = 100.0
+"""Largest factor of a pace, and of its inverse: a circle then takes half an hour."""
 
 
 def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
@@ -57,9 +57,9 @@ def paced_task(name: str, arm: ArmSpec, pace: float) -> Task:
     Raises:
         TargetError: as `load_task`, or the pace is out of range.
     """
-    if not MIN_PACE <= pace <= MAX_PACE:
+    if not 1 / MAX_PACE <= pace <= MAX_PACE:
         raise TargetError(
-            f"a pace of {pace:g} was given; give {MIN_PACE:g} to {MAX_PACE:g}, such as "
+            f"a pace of {pace:g} was given; give {1 / MAX_PACE:g} to {MAX_PACE:g}, such as "
             "0.5 for half as fast"
         )
     slower = arm.model_copy(update={"control_rate": arm.control_rate / pace})

@@ -21,10 +21,10 @@ from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION
 from s2c2a.tasks.task import Task
 
-LEARNING_GAIN = 0.5  # of an error; chosen: half of the noise of a measurement at most
-LEAD_TIME = 0.1  # s; chosen: a control step, in which the arm follows its targets
+LEARNING_GAIN = 0.5  # of an error: half of the noise of a measurement at most
+LEAD_TIME = 0.1  # s: a control step at 10 Hz, in which the arm follows its targets
 SMOOTHING_TIME = 0.5  # s; standard deviation of the smoothing kernel
-MAX_OFFSET = 0.15  # of the arm's length; chosen: a larger error is no model error
+MAX_OFFSET = 0.15  # of the arm's length; a larger error is no model error
 COLUMN = "target_offsets"
 """Of an episode: what was added to the desired positions [m], shape (modules, 3)."""
 

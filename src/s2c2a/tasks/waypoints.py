@@ -18,8 +18,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import TargetError
-from s2c2a.files import read_text
-from s2c2a.goals import LARGEST
+from s2c2a.files import LARGEST, MAX_BYTES, MAX_COUNT, read_text
 from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
 from s2c2a.tasks.task import Score, Task
 
@@ -27,9 +26,6 @@ REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
 MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
-MAX_STEPS = 1_000_000  # a day at 10 Hz
-MAX_LINES = 1_000_000  # one a step
-MAX_BYTES = 150_000_000  # 150 a line
 
 
 @dataclass(frozen=True)
@@ -144,10 +140,10 @@ def _step_times(name: str, tracks: Sequence[Waypoints], rate: float) -> np.ndarr
     """Times of the control steps [s]."""
     last = float(max((track.times[-1] for track in tracks), default=0.0))
     steps = last * rate + 1e-6
-    if not 1 <= steps < MAX_STEPS + 1:
+    if not 1 <= steps < MAX_COUNT + 1:
         raise TargetError(
             f"the waypoints of '{name}' end at {last:g} s; at {rate:g} Hz the last "
-            f"time must lie between one step and {MAX_STEPS} steps after the start"
+            f"time must lie between one step and {MAX_COUNT} steps after the start"
         )
     return np.arange(1, int(steps) + 1) / rate
 
@@ -165,15 +161,15 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         columns = [name.strip() for name in next(lines, ())]
         _check_columns(path, columns)
         rows = (_numbers(path, lines.line_num, row, columns) for row in lines if row)
-        numbers = np.array(list(islice(rows, MAX_LINES + 1)))
+        numbers = np.array(list(islice(rows, MAX_COUNT + 1)))
     except csv.Error as error:
         raise TargetError(
             f"{path} cannot be read as a table of text: {error}"
         ) from error
     numbers = numbers.reshape(-1, len(columns))
-    if len(numbers) > MAX_LINES:
+    if len(numbers) > MAX_COUNT:
         raise TargetError(
-            f"{path} has more than {MAX_LINES} lines; give fewer waypoints, the path "
+            f"{path} has more than {MAX_COUNT} lines; give fewer waypoints, the path "
             "between them is straight"
         )
     return dict(zip(columns, numbers.T, strict=True))
@@ -234,9 +230,9 @@ def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
             "since only its direction counts"
         )
     lengths = np.linalg.norm(axes, axis=-1)
-    if (lengths < 1e-9).any():
+    if not lengths.all():
         raise TargetError(
-            f"{path}: an axis of length zero at time {times[lengths < 1e-9][0]:g}; "
+            f"{path}: an axis of length zero at time {times[lengths == 0][0]:g}; "
             "give a direction"
         )
     return Waypoints(module, times, positions, axes / lengths[:, None])

@@ -19,8 +19,9 @@ from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.components import Options, Ranges
 from s2c2a.errors import TrainingError
+from s2c2a.files import MAX_COUNT
+from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
 
-MAX_COUNT = 1_000_000  # epochs, and samples in a batch: beyond any recording
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
 ModelType = TypeVar("ModelType", bound=eqx.Module, covariant=True)
@@ -49,9 +50,9 @@ class FitOptions(Options):
             cosine.
     """
 
-    learning_rate: float = 1e-3
-    batch_size: int = 64
-    max_epochs: int = 100
+    learning_rate: float = LEARNING_RATE
+    batch_size: int = BATCH_SIZE
+    max_epochs: int = EPOCHS
     patience: int = 15
     epochs_per_call: int = 5
     decay: bool = False

@@ -18,6 +18,7 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import Bbox
 
 from s2c2a.arm import ArmSpec
+from s2c2a.errors import MAX_SHOWN
 from s2c2a.viz.charts import draw_arrow, new_figure, save_figure
 from s2c2a.viz.colors import BASE, FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mesh import COLLAR, DISC_RADIUS
@@ -251,6 +252,6 @@ def _number_ranges(numbers: list[int]) -> str:
     """Ascending numbers as ranges such as "1–3, 5", shortened if there are many."""
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     spans = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
-    if len(spans) > 5:
+    if len(spans) > MAX_SHOWN:
         spans = [*spans[:3], "…", spans[-1]]
     return ", ".join(spans)

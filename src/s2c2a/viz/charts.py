@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
@@ -30,12 +30,14 @@ from s2c2a.viz.mounting import View
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
-DOTS_PER_INCH = 160
+DOTS_PER_INCH = 160  # sharp on the screens of the docs, at a tenth of a megabyte
 FRONT = 50  # zorder of the first trace; the others lie behind it
 DESIRED_LINE: dict[str, Any] = {"color": DESIRED, "linewidth": 2.6, "alpha": 0.75}
-STATIONARY = 1e-6  # m; a target that moves less is drawn as a point
-MIN_SPAN = 0.02  # m; smallest range of an axis
-LOG_TICKS = np.outer([0.01, 0.1, 1.0, 10.0, 100.0], [1.0, 2.0, 5.0]).ravel()
+MIN_SPAN = 0.02  # m; smallest range of an axis: millimeters remain small in it
+COLUMNS = 3
+"""Of panels: each is then 9 cm wide on an A4 page in landscape."""
+LETTERS_PER_INCH = 13.5
+"""In a line of text of 8.5 points, measured on the package's figures."""
 
 Colors = Mapping[str, str]
 """Label of a trace -> its color."""
@@ -98,8 +100,7 @@ def label_log_axis(axes: Axes) -> None:
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(ScalarFormatter())
     axes.xaxis.set_minor_formatter(NullFormatter())
-    low, high = axes.get_xlim()
-    axes.set_xticks([tick for tick in LOG_TICKS if low <= tick <= high])
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
 
 
 def padded_limits(
@@ -186,7 +187,7 @@ def draw_desired(axes: Axes, path: Points, view: View) -> None:
     finite = path[np.isfinite(path).all(axis=-1)]
     if not len(finite):
         return
-    stationary = np.ptp(finite, axis=0).max() < STATIONARY
+    stationary = np.allclose(finite, finite[0])
     marker = "o" if stationary else ""
     style = {"label": "desired", "marker": marker, "markersize": 9, **DESIRED_LINE}
     axes.plot(*seen(path, view), **style)

@@ -22,7 +22,7 @@ INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
 
-_BASE_TO_TIP = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])
+_BASE_TO_TIP = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])  # RGB
 _STRATEGY_COLORS = {
     "s2c2a": "#1f5fc4",
     "pcc": "#2b9a4b",

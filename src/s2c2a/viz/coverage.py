@@ -20,6 +20,9 @@ from matplotlib.gridspec import SubplotSpec
 from s2c2a.episodes import Episode
 from s2c2a.evaluation.coverage import NEAR_BEND, NEAR_TIP, Coverage
 from s2c2a.viz.charts import (
+    COLUMNS,
+    DOTS_PER_INCH,
+    LETTERS_PER_INCH,
     headline,
     label_log_axis,
     new_axes,
@@ -30,14 +33,10 @@ from s2c2a.viz.charts import (
 )
 from s2c2a.viz.colors import DESIRED, INK, MUTED, REAL
 
-COLUMNS = 3
 PANEL = (3.7, 3.1)  # width and height of a panel, inches
-TEXT_HEIGHT = 0.7  # inches
-LETTERS_PER_INCH = 13.5
-CELL_COLUMNS = 44
-SPEED_BINS = 36
+TEXT_HEIGHT = 0.7  # inches; three lines
+CELLS = 40  # across a panel, 2 mm each: finer ones look empty
 SLOWEST_SHOWN = 0.6  # of the hold speed: the left edge of the bar of holds
-IMAGE_DOTS_PER_INCH = 110
 LIMIT_LINE: dict[str, Any] = {
     "color": MUTED,
     "linewidth": 0.9,
@@ -75,7 +74,7 @@ def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height wid
         S2C2AError: the episodes lack a sensor that configurations need.
     """
     figure = _coverage(Coverage.of(episodes), 1)
-    figure.dpi = IMAGE_DOTS_PER_INCH
+    figure.dpi = DOTS_PER_INCH
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return np.array(canvas.buffer_rgba())[..., :3]
@@ -184,11 +183,11 @@ def _draw_density(
         return
     left, right, bottom, top = extent
     height = (top - bottom) / (right - left)
-    cells = max(2, round(CELL_COLUMNS * height * 0.58))
+    cells = max(2, round(CELLS * height * 0.58))
     axes.hexbin(
         x,
         y,
-        gridsize=(CELL_COLUMNS, cells),
+        gridsize=(CELLS, cells),
         extent=extent,
         bins="log",
         mincnt=1,
@@ -211,7 +210,7 @@ def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None
         return
     hold = float(np.rad2deg(coverage.hold_speed))
     fastest = float(np.rad2deg(coverage.fastest))
-    edges = np.geomspace(hold, max(1.2 * fastest, speeds.max()), SPEED_BINS + 1)
+    edges = np.geomspace(hold, max(1.2 * fastest, speeds.max()), CELLS + 1)
     counts, _ = np.histogram(speeds, edges)
     share = 100.0 / len(speeds)
     axes.bar(

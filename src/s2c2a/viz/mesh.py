@@ -15,15 +15,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import center_line as line_to_tip
 from s2c2a.arm.geometry import hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.colors import BASE, DISC, darker, module_colors
+from s2c2a.viz.mounting import STEEP
 
+# looks, on which nothing else depends; more corners are slow in a browser
 AROUND = 20  # corners of a section
 BODY_ROWS = 9  # sections of a module
 COARSER = 2  # step between the corners and sections that the outline keeps
+THREAD_SIDES = 3  # corners of a section of a cable or line
 
 # Module radius as a multiple of the cable radius; an arm file does not state it.
 BODY = 1.12
@@ -38,7 +40,6 @@ TIP_LIFT = 0.5  # see `Piece`
 COLLAR = ((0.0, 2.0), (0.0, 1.4), (0.3, 1.4), (0.3, 1.0))  # heights and radii
 
 PLATE_HEIGHT = 0.018  # of the base, as a share of the arm's length
-THREAD_SIDES = 3
 
 Vertices = Float[np.ndarray, "vertices 3"]
 Faces = Int[np.ndarray, "faces 3"]
@@ -64,24 +65,6 @@ def frames_of(states: States) -> ModuleFrames:
     return frames
 
 
-def center_line(
-    states: States, lengths: Float[np.ndarray, " modules"], points_per_module: int = 16
-) -> Points:
-    """Center line of the arm from the base [m], for drawing and not for kinematics.
-
-    Args:
-        states: end positions [m] and end axes, shape (*batch, modules, 6), base frame.
-        lengths: module lengths [m], shape (modules,).
-        points_per_module: points on each module after its first.
-
-    Returns:
-        Points in the base frame; the first is the base.
-    """
-    states = np.asarray(states, dtype=float)
-    points = line_to_tip(states, np.asarray(lengths, dtype=float), points_per_module)
-    return np.concatenate([np.zeros((*states.shape[:-2], 1, 3)), points], axis=-2)
-
-
 @dataclass(frozen=True, eq=False)
 class Piece:
     """Part of the mesh with one color.
@@ -100,7 +83,7 @@ class Piece:
     color: str
     tubes: Sequence[tuple[int, int]]
     outlines: PlanePoints
-    lift: float = 0.0
+    lift: float
 
     @cached_property
     def faces(self) -> Faces:
@@ -182,7 +165,7 @@ def threads(lines: Points, radius: float) -> Vertices:
     Browsers without a graphics card draw these triangles far faster than wide lines.
     """
     tangents = unit(np.gradient(lines, axis=1))
-    upright = np.abs(tangents[..., 2:]) >= 0.7
+    upright = np.abs(tangents[..., 2:]) >= STEEP
     reference = np.where(upright, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     normals = unit(np.cross(tangents, reference))
     axes = radius * np.stack([normals, np.cross(tangents, normals)], axis=-2)
@@ -213,7 +196,7 @@ def _circle(angles: np.ndarray) -> PlanePoints:
 
 
 _CIRCLE = _circle(2 * np.pi * np.arange(AROUND) / AROUND)[None]
-_TRIANGLE = _circle(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)
+_TRIANGLE = _circle(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)  # of a thread
 
 
 def _pieces(
@@ -230,13 +213,13 @@ def _pieces(
         centers = CABLE_DISTANCE * _circle(np.deg2rad(module.cable_angles_deg))
         outlines = centers[:, None] + CABLE_RADIUS * _TRIANGLE
         lift = CABLE_LIFT * radius
-        modules.append(Piece("module", color, [tube], _CIRCLE))
+        modules.append(Piece("module", color, [tube], _CIRCLE, 0.0))
         cables.append(Piece("cables", darker(color), [tube], outlines, lift))
     pieces = modules + cables
     if count > 1:
-        pieces.append(Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE))
+        pieces.append(Piece("discs", DISC, tubes[count : 2 * count - 1], _CIRCLE, 0.0))
     pieces.append(Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]))
-    pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE))
+    pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE, 0.0))
     return tuple(pieces)
 
 

@@ -27,7 +27,7 @@ from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE = (480, 400)  # pixels
-MAX_FRAMES = 120
+MAX_FRAMES = 120  # so that a GIF remains small enough for a page
 
 VIEW_SIZE = 1.2  # edge of the cube that fills the frame, arm lengths
 AXIS_LENGTH = 0.15  # of the line along the desired axis, arm lengths

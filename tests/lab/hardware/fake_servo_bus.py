@@ -64,8 +64,8 @@ class FakeServoBus(ServoBus):
     def assign(self, id, new_id, baud_rate):
         raise AssertionError
 
-    def prepare(self, ids, mode, current, speed):
-        self.prepared.append((tuple(ids), mode, speed))
+    def prepare(self, ids, current, speed):
+        self.prepared.append((tuple(ids), speed))
         self.restarted -= set(ids)
         self.currents.append(current)
 

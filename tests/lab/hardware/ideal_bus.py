@@ -26,7 +26,7 @@ class IdealBus(ServoBus):
     def assign(self, id, new_id, baud_rate):
         pass
 
-    def prepare(self, ids, mode, current, speed):
+    def prepare(self, ids, current, speed):
         self.prepared |= set(ids)
 
     def set_torque(self, ids, on):

@@ -13,7 +13,7 @@ from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli import motors
 from s2c2a.lab.hardware.bring_up import MAX_LEAD
-from s2c2a.lab.hardware.bus import BusError, Mode, StoredSettingsError, WrongModelError
+from s2c2a.lab.hardware.bus import BusError, StoredSettingsError, WrongModelError
 from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.calibration import (
     CalibratedServo,
@@ -98,7 +98,8 @@ class Bench:
 
         self.clock.sleepers.append(sleep)
         monkeypatch.setattr(
-            "s2c2a.standstill.time_with_sleep", lambda: self.clock.now + sum(slept)
+            "s2c2a.lab.hardware.motion_watch.time_with_sleep",
+            lambda: self.clock.now + sum(slept),
         )
         return slept
 
@@ -327,7 +328,7 @@ def test_a_bus_that_asks_nobody_changes_no_stored_setting(make_bench, protocol):
         open_bus(servos_of(load_arm(bench.arm)), "fake") as bus,
         pytest.raises(StoredSettingsError, match="nothing was changed"),
     ):
-        bus.prepare(IDS, Mode.CURRENT_LIMITED_POSITION, 0.6, 1.0)
+        bus.prepare(IDS, 0.6, 1.0)
     assert bench.stored() == before
 
 

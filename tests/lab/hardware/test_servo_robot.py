@@ -109,7 +109,7 @@ def test_no_command_on_the_wire_exceeds_a_limit(tmp_path_factory, limits, steps)
     excess = ahead - np.minimum.accumulate(ahead, axis=0)
     assert excess.max() <= 2 * limits["speed"] * arm.control_period + 2 * tick
     assert max(bench.bus.currents) <= limits["current"]
-    assert [speed for _, _, speed in bench.bus.prepared] == [
+    assert [speed for _, speed in bench.bus.prepared] == [
         pytest.approx(limits["speed"] / arm.motor.pulley_radius)
     ]
 
@@ -313,7 +313,7 @@ def test_a_way_to_rest_that_takes_too_long_ends_with_an_error(tmp_path, monkeypa
 def test_a_way_to_rest_ends_where_the_program_stood_still(tmp_path, monkeypatch):
     bench = open_bent(tmp_path, monkeypatch)
     monkeypatch.setattr(
-        "s2c2a.standstill.time_with_sleep",
+        "s2c2a.lab.hardware.motion_watch.time_with_sleep",
         lambda: bench.clock.now + (30.0 if bench.clock.now > 100.5 else 0.0),
     )
     with pytest.raises(RobotError, match=r"stood still for 30\.\d s"):

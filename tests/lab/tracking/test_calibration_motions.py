@@ -112,7 +112,7 @@ def test_each_result_changes_its_part_of_the_file(tmp_path):
     stored = tracking.CalibrationFile(ARM, path)
     stored.store_latency(tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0)))
     frames = tracking.Frames(
-        Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3), np.zeros(0)
+        Pose.identity(), (Pose.identity(),) * 3, np.zeros(3), np.zeros(3)
     )
     tracking.CalibrationFile(ARM, path).store_frames(frames)
     calibration = tracking.load_or_empty(path, ARM)

@@ -92,9 +92,12 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     text = fitted_toml(fit, "a remark")
     assert arm_from_toml(text) == fit.arm
     assert text.startswith("# a remark\n")
-    commented = [line for line in text.splitlines()[2:] if "  # " in line]
+    commented = [line for line in text.splitlines()[2:] if line.startswith("# ")]
     # length, angles, radius, stiffness, backlash of each cable
     assert len(commented) == 2 * (1 + 3 + 1 + 1 + 3)
+    assert [line[2:].split(":")[0] for line in commented] == [
+        number.name for number in fitted_numbers(fit)[: len(commented)]
+    ]
     assert all("+-" in line and "was" in line for line in commented)
 
 

@@ -15,7 +15,7 @@ from s2c2a.estimation.sensor_models.base import (
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models.forward_model import ForwardModel
 
-BEND_STD = 0.003  # rad; chosen: half a millimeter over a module of 0.2 m
+BEND_STD = 0.003  # rad: half a millimeter over a module of 0.2 m
 
 
 class BendSensor(SensorModel):

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.sensors import MAX_DELAY, Camera
 from s2c2a.estimation.sensor_models.base import (
     ExpectedState,
     Innovation,
@@ -18,14 +19,10 @@ from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.forward_model import ForwardModel
 
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
-NOMINAL_RATE = (
-    5.0  # Hz, of arm files by default; more frequent pictures weigh less each
-)
-# of the length from the base to the end: chosen; a picture of something else
+# of the length from the base to the end; a picture of something else
 MAX_RESIDUAL = 0.5
-# of the arm's length, in some seconds: chosen; drift, wrong latency or a jump
+# of the arm's length, in some seconds; drift, wrong latency or a jump
 MAX_CHANGE = 0.06
-MAX_AGE = 0.7  # s; older pictures are not used: the largest delay of an arm file
 
 
 class CameraSensor(SensorModel):
@@ -47,7 +44,7 @@ class CameraSensor(SensorModel):
     rate: float = eqx.field(static=True)
     name = "camera"
     measures_equilibrium = True
-    max_delay = MAX_AGE
+    max_delay = MAX_DELAY
 
     @classmethod
     def of(cls, arm: ArmSpec, model: ForwardModel) -> "CameraSensor | None":
@@ -55,7 +52,8 @@ class CameraSensor(SensorModel):
         if camera is None:
             return None
         ends = arm.module_count if camera.sees == "ends" else 1
-        weight = ends * max(1.0, camera.rate / NOMINAL_RATE)
+        # more frequent pictures weigh less each
+        weight = ends * max(1.0, camera.rate / Camera().rate)
         lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
         std = POSITION_STD * weight**0.5
         return cls(lengths, arm.control_period, camera.delay, std, camera.rate)

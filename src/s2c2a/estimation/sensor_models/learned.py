@@ -27,7 +27,7 @@ from s2c2a.training.fit import Fixed
 
 PREFIX = "sensors."
 """Of the names of learned sensors among the networks of a strategy."""
-HIDDEN = 24  # units of a layer; chosen: the values of a sensor are smooth in the bends
+HIDDEN = 24  # units of a layer; the values of a sensor are smooth in the bends
 DEPTH = 2  # layers
 # Residuals of a network are correlated with the motion, so the filter would attribute
 # them to bend biases. These factors enlarge noise and drift beyond the residuals.

@@ -13,10 +13,10 @@ from s2c2a.estimation.sensor_models.base import (
     SensorModel,
 )
 from s2c2a.models.forward_model import ForwardModel
+from s2c2a.spaces import NOISE_LIMIT
 
-MIN_NOISE = 0.05  # N; chosen: a sensor that claims less is not better than the model
+MIN_NOISE = 0.05  # N; a sensor that claims less is not better than the model
 MODEL_STD = 0.1  # rad; friction between motor and module hides most of the tension
-LOWEST = -5.0  # standard deviations; noise passes it once in 3e6, and no cable pushes
 
 
 class TensionSensor(SensorModel):
@@ -63,10 +63,11 @@ class TensionSensor(SensorModel):
             (measured - predicted).reshape(-1),
             jacobian.reshape(predicted.size, -1),
             jnp.broadcast_to(std, predicted.shape).reshape(-1),
-            # no `max_change`: a payload that is attached changes tensions as much as a
+            # no cable pushes, so that a negative tension is a fault or noise.
+            # No `max_change`: a payload that is attached changes tensions as much as a
             # fault does, and the slack cables hide it from the filter at first
             max_residual=jnp.where(
-                jnp.min(measured) < LOWEST * self.noise, 0.0, jnp.inf
+                jnp.min(measured) < -NOISE_LIMIT * self.noise, 0.0, jnp.inf
             ),
         )
 

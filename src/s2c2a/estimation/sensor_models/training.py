@@ -12,10 +12,12 @@ from s2c2a.arm import ArmSpec
 from s2c2a.backlash import play
 from s2c2a.errors import TrainingError
 from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
+from s2c2a.files import LARGEST
 from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, fit, quiet
 from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error
 
+# shorter than the training of networks of motion: the errors of sensors are static
 FIT = FitOptions(
     learning_rate=3e-3,
     batch_size=64,
@@ -25,15 +27,14 @@ FIT = FitOptions(
     decay=True,
 )
 BLOCK = 50  # samples in a row, of which every fifth block is held out
-BLOCKS_PER_TEST = 5
+BLOCKS_PER_TEST = 5  # a fifth of the samples
 # half-widths of the hysteresis to compare, in parts of the half range of the values
 BACKLASHES = np.array(
     [0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.07, 0.1]
 )
-SHORT_LAG = 5.0  # s; chosen: after it, short-term errors are independent
+SHORT_LAG = 5.0  # s; after it, short-term errors are independent
 LONG_LAG = 25.0  # s; over which drift is measured: half of a recorded episode of 50 s
-UNUSABLE = 1e9  # noise of a value without information
-# smallest errors, chosen: a short recording may show none; in parts of the half range of the values
+# smallest errors, since a short recording may show none; in parts of the half range of the values
 MIN_NOISE = 0.005
 MIN_BIAS = 0.05
 MIN_DRIFT = 3e-3
@@ -241,7 +242,7 @@ def measure_errors(
     initial_bias = np.fmax(np.sqrt(_mean(biases**2)), MIN_BIAS * half_range)
     drift = np.sqrt(np.maximum(long - short, 0.0) / (LONG_LAG - SHORT_LAG))
     drift = np.fmax(drift, MIN_DRIFT * half_range)
-    noise = np.where(_varies(samples.values), noise, UNUSABLE)
+    noise = np.where(_varies(samples.values), noise, LARGEST)
     return SensorErrors(
         jnp.asarray(noise, jnp.float32),
         jnp.asarray(initial_bias, jnp.float32),

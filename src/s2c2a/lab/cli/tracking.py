@@ -180,7 +180,7 @@ def accuracy(
     portrait: bool = False,
     seed: int = 0,
 ) -> None:
-    """Measure how accurate a camera and tags are, on rendered pictures of the arm.
+    """Measure how accurate a camera and tags are, on painted pictures of the arm.
 
     Args:
         arm: a preset or an arm file.
@@ -268,11 +268,12 @@ def _layout_or_default(path: Path | None, arm: ArmSpec) -> "TagLayout":
 
 
 def _accuracy_cells(result: "TagAccuracy") -> tuple[str, ...]:
+    position, rotation, in_base = result.errors.T
     return (
         f"{result.distance:g}",
-        *_quantiles(1000 * result.position_errors),
-        *_quantiles(np.degrees(result.rotation_errors)),
-        *_quantiles(1000 * result.base_errors),
+        *_quantiles(1000 * position),
+        *_quantiles(np.degrees(rotation)),
+        *_quantiles(1000 * in_base),
         f"{result.missing:.0%}",
         str(result.wrong),
         f"{1000 * np.median(result.seconds):.0f}",
@@ -280,7 +281,8 @@ def _accuracy_cells(result: "TagAccuracy") -> tuple[str, ...]:
 
 
 def _quantiles(errors: np.ndarray) -> tuple[str, str]:
-    if not errors.size:
+    measured = errors[np.isfinite(errors)]
+    if not measured.size:
         return "-", "-"
-    median, high = np.quantile(errors, (0.5, 0.95))
+    median, high = np.quantile(measured, (0.5, 0.95))
     return f"{median:.2f}", f"{high:.2f}"

@@ -84,27 +84,13 @@ class DynamixelDecoder(PacketDecoder):
     broke off.
     """
 
-    def _take(self) -> Instruction | None:
-        """Remove the first complete packet from the buffer."""
-        while True:
-            start = self._buffer.find(HEADER)
-            if start < 0:
-                del self._buffer[:-3]
-                return None
-            del self._buffer[:start]
-            if len(self._buffer) < _PREFIX:
-                return None
-            length = int.from_bytes(self._buffer[5:_PREFIX], "little")
-            end = _PREFIX + length
-            second = self._second_header(end)
-            if length < 3 or end > _MAX_LENGTH or second > 0:
-                del self._buffer[: max(second, len(HEADER))]
-                continue
-            if len(self._buffer) < end:
-                return None
-            packet = bytes(self._buffer[:end])
-            del self._buffer[:end]
-            return _unpack(packet)
+    header = HEADER
+    prefix = _PREFIX
+
+    def _size(self) -> int:
+        end = _PREFIX + int.from_bytes(self._buffer[5:_PREFIX], "little")
+        is_size = _PREFIX + 3 <= end <= _MAX_LENGTH
+        return end if is_size and self._second_header(end) < 0 else 0
 
     def _second_header(self, end: int) -> int:
         """Return where an unstuffed FF FF FD stands in the first packet, or -1."""
@@ -115,11 +101,10 @@ class DynamixelDecoder(PacketDecoder):
             start = self._buffer.find(b"\xff\xff\xfd", start + 4, end - 2)
         return -1
 
-
-def _unpack(packet: bytes) -> Instruction:
-    body = unstuff(packet[_PREFIX:-2])
-    intact = crc16(packet[:-2]) == int.from_bytes(packet[-2:], "little")
-    return Instruction(packet[4], body[0], body[1:], intact)
+    def _unpack(self, packet: bytes) -> Instruction:
+        body = unstuff(packet[_PREFIX:-2])
+        intact = crc16(packet[:-2]) == int.from_bytes(packet[-2:], "little")
+        return Instruction(packet[4], body[0], body[1:], intact)
 
 
 class DynamixelProtocol(ServoProtocol):

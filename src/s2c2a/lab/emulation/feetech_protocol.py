@@ -13,8 +13,6 @@ from s2c2a.lab.emulation.sts3215 import STS3215
 HEADER = b"\xff\xff"
 INSTRUCTION_ERROR = 0x10
 
-_PREFIX = 4  # bytes: header, id, length
-
 
 def checksum(data: bytes) -> int:
     """Return the inverted low byte of the sum of bytes."""
@@ -30,30 +28,19 @@ def pack(id: int, instruction: int, parameters: bytes = b"") -> bytes:
 class FeetechDecoder(PacketDecoder):
     """Finds packets in a stream of bytes; damaged ones are dropped."""
 
-    def _take(self) -> Instruction | None:
-        """Remove the first complete packet from the buffer."""
-        while True:
-            start = self._buffer.find(HEADER)
-            if start < 0:
-                del self._buffer[:-1]
-                return None
-            del self._buffer[:start]
-            if len(self._buffer) < _PREFIX:
-                return None
-            id = self._buffer[2]
-            length = self._buffer[3]
-            end = _PREFIX + length
-            if id > BROADCAST or length < 2:
-                del self._buffer[0]
-                continue
-            if len(self._buffer) < end:
-                return None
-            packet = bytes(self._buffer[:end])
-            if checksum(packet[2:-1]) != packet[-1]:
-                del self._buffer[0]
-                continue
-            del self._buffer[:end]
-            return Instruction(id, packet[_PREFIX], packet[_PREFIX + 1 : -1])
+    header = HEADER
+    prefix = 4  # header, id, length
+
+    def _size(self) -> int:
+        id = self._buffer[2]
+        length = self._buffer[3]
+        return 0 if id > BROADCAST or length < 2 else self.prefix + length
+
+    def _unpack(self, packet: bytes) -> Instruction | None:
+        if checksum(packet[2:-1]) != packet[-1]:
+            return None
+        start = self.prefix
+        return Instruction(packet[2], packet[start], packet[start + 1 : -1])
 
 
 class FeetechProtocol(ServoProtocol):

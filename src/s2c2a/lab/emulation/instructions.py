@@ -54,7 +54,14 @@ class PacketDecoder(ABC):
     """Finds packets in bytes that come in pieces.
 
     A subclass knows the form of a packet.
+
+    Attributes:
+        header: first bytes of a packet.
+        prefix: number of bytes up to the length.
     """
+
+    header: ClassVar[bytes]
+    prefix: ClassVar[int]
 
     def __init__(self):
         self._buffer = bytearray()
@@ -76,9 +83,35 @@ class PacketDecoder(ABC):
             packets.append(packet)
         return packets
 
-    @abstractmethod
     def _take(self) -> Instruction | None:
-        """Remove the first complete packet from the buffer; None if there is none."""
+        """Remove the first complete packet from the buffer, and all before it."""
+        while self._find_header():
+            size = self._size()
+            if len(self._buffer) < size:
+                return None
+            packet = self._unpack(bytes(self._buffer[:size])) if size else None
+            if packet is not None:
+                del self._buffer[:size]
+                return packet
+            del self._buffer[0]
+        return None
+
+    def _find_header(self) -> bool:
+        """Drop bytes before a header; return whether the length has come."""
+        start = self._buffer.find(self.header)
+        if start < 0:
+            del self._buffer[: 1 - len(self.header)]
+            return False
+        del self._buffer[:start]
+        return len(self._buffer) >= self.prefix
+
+    @abstractmethod
+    def _size(self) -> int:
+        """Return the size of the packet at the start of the buffer; 0 if it is none."""
+
+    @abstractmethod
+    def _unpack(self, packet: bytes) -> Instruction | None:
+        """Return the content of a packet; None to drop it."""
 
 
 class ServoProtocol(ABC):

@@ -65,6 +65,30 @@ def require(is_valid: bool, name: str, value: object, allowed: str) -> None:
 OptionsType = TypeVar("OptionsType", bound=StreamOptions)
 
 
+def bound_socket(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
+    """Return a socket that receives, and does not block.
+
+    Raises:
+        S2C2AError: the port is taken, or the address is not of this computer.
+    """
+    opened = socket.socket(socket.AF_INET, kind)
+    is_stream = kind is socket.SOCK_STREAM
+    try:
+        if is_stream:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind((host, port))
+        if is_stream:
+            opened.listen()
+    except OSError as error:
+        opened.close()
+        raise S2C2AError(
+            f"cannot listen on {'TCP' if is_stream else 'UDP'} {host}:{port}: {error}; "
+            "close the program that listens there, or choose another port"
+        ) from error
+    opened.setblocking(False)
+    return opened
+
+
 class MocapServer(ABC, Generic[OptionsType]):
     """Server of one stream; `serve` does what is due, and never waits.
 
@@ -94,6 +118,7 @@ class MocapServer(ABC, Generic[OptionsType]):
         self._bodies = TrackedBodies(
             self._names, options.noise, options.up, self._random
         )
+        self._sockets: list[socket.socket] = []
         self._queue: list[tuple[float, int, bytes]] = []
         self._queued = 0
         self._shares = FaultShares(self._random)
@@ -103,9 +128,9 @@ class MocapServer(ABC, Generic[OptionsType]):
         self.drift = 0.0
 
     @property
-    @abstractmethod
     def files(self) -> list[socket.socket]:
         """Sockets on which requests arrive; empty while the server is closed."""
+        return self._sockets[:1]
 
     @property
     @abstractmethod
@@ -113,14 +138,12 @@ class MocapServer(ABC, Generic[OptionsType]):
         """Program, protocol and addresses, for messages."""
 
     @abstractmethod
-    def _open(self) -> None:
-        """Open the sockets; without effect if they are open."""
+    def _open(self) -> list[socket.socket]:
+        """Return new sockets, first the one on which requests arrive."""
 
-    @abstractmethod
-    def _close(self) -> None:
-        """Close the sockets and forget the clients; allowed more than once."""
+    def _forget_clients(self) -> None:
+        """Forget all clients."""
 
-    @abstractmethod
     def _answer_requests(self, now: float) -> None:
         """Answer what has arrived."""
 
@@ -144,11 +167,15 @@ class MocapServer(ABC, Generic[OptionsType]):
         Raises:
             S2C2AError: the port is taken, or the address is not of this computer.
         """
-        self._open()
+        if not self._sockets:
+            self._sockets = self._open()
 
     def close(self) -> None:
         """Stop listening; allowed more than once."""
-        self._close()
+        for opened in self._sockets:
+            opened.close()
+        self._sockets = []
+        self._forget_clients()
         self._queue.clear()
 
     @property
@@ -168,7 +195,7 @@ class MocapServer(ABC, Generic[OptionsType]):
             self._apply(self._pending.pop(0), now)
         if now < self._boot_time:
             return
-        self._open()
+        self.open()
         self._answer_requests(now)
         if now >= self._next_frame:
             period = 1 / self.options.rate

@@ -5,9 +5,13 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import natnet_protocol as protocol
-from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions, require
+from s2c2a.lab.emulation.mocap_server import (
+    MocapServer,
+    StreamOptions,
+    bound_socket,
+    require,
+)
 from s2c2a.lab.emulation.natnet_protocol import VERSIONS
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 
@@ -67,12 +71,7 @@ class Motive(MocapServer[MotiveOptions]):
             S2C2AError: a fault is invalid.
         """
         super().__init__(names, options)
-        self._sockets: tuple[socket.socket, socket.socket] | None = None
         self._clients: dict[tuple[str, int], float] = {}
-
-    @property
-    def files(self) -> list[socket.socket]:
-        return [self._sockets[0]] if self._sockets is not None else []
 
     @property
     def label(self) -> str:
@@ -80,32 +79,15 @@ class Motive(MocapServer[MotiveOptions]):
         ports = f"UDP {options.command_port} and {options.data_port}"
         return f"Motive, NatNet {options.version}: {options.host}, {ports}"
 
-    def _open(self) -> None:
-        if self._sockets is not None:
-            return
+    def _open(self) -> list[socket.socket]:
         host = self.options.host
-        commands = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        data = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            commands.bind((host, self.options.command_port))
-            data.bind((host, 0))
-            interface = socket.inet_aton(socket.gethostbyname(host))
-            data.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
-        except OSError as error:
-            commands.close()
-            data.close()
-            raise S2C2AError(
-                f"cannot listen on UDP {host}:{self.options.command_port}: {error}; "
-                "close the program that listens there, or choose another port"
-            ) from error
-        commands.setblocking(False)
-        data.setblocking(False)
-        self._sockets = (commands, data)
+        commands = bound_socket(socket.SOCK_DGRAM, host, self.options.command_port)
+        data = bound_socket(socket.SOCK_DGRAM, host, 0)
+        interface = socket.inet_aton(socket.gethostbyname(host))
+        data.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
+        return [commands, data]
 
-    def _close(self) -> None:
-        for opened in self._sockets or ():
-            opened.close()
-        self._sockets = None
+    def _forget_clients(self) -> None:
         self._clients.clear()
 
     def _answer_requests(self, now: float) -> None:
@@ -150,9 +132,7 @@ class Motive(MocapServer[MotiveOptions]):
         return content[: self._random.integers(len(content))]
 
     def _send_frame(self, content: bytes, now: float) -> None:
-        if self._sockets is None:
-            return
-        _, data = self._sockets
+        data = self._sockets[1]
         if self.options.multicast:
             address = (self.options.multicast, self.options.data_port)
             self._send(data, content, address)

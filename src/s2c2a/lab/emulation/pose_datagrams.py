@@ -2,7 +2,7 @@
 
 import json
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -57,19 +57,6 @@ def _describe(body: StreamedBody) -> dict[str, list[float]] | None:
 class PoseDatagrams(MocapServer[DatagramOptions]):
     """Sender of one stream of JSON datagrams to one receiver, without connections."""
 
-    def __init__(self, names: Sequence[str], options: DatagramOptions):
-        """A sender that is not open yet.
-
-        Args:
-            names: of the bodies.
-            options: of the stream.
-
-        Raises:
-            S2C2AError: a fault is invalid.
-        """
-        super().__init__(names, options)
-        self._socket: socket.socket | None = None
-
     @property
     def files(self) -> list[socket.socket]:
         return []
@@ -79,18 +66,10 @@ class PoseDatagrams(MocapServer[DatagramOptions]):
         host, port = self.options.receiver
         return f"JSON datagrams to {host}, UDP {port}"
 
-    def _open(self) -> None:
-        if self._socket is None:
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.setblocking(False)
-
-    def _close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
-
-    def _answer_requests(self, now: float) -> None:
-        """Do nothing: there are no requests."""
+    def _open(self) -> list[socket.socket]:
+        sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sender.setblocking(False)
+        return [sender]
 
     def _encode(
         self, number: int, time: float, bodies: Mapping[str, StreamedBody]
@@ -106,12 +85,10 @@ class PoseDatagrams(MocapServer[DatagramOptions]):
         return json.dumps(value).encode()
 
     def _send_frame(self, content: bytes, now: float) -> None:
-        if self._socket is None:
-            return
         try:
             # a receiver that is absent is no error
             with suppress(ConnectionError, BlockingIOError):
-                self._socket.sendto(content, self.options.receiver)
+                self._sockets[0].sendto(content, self.options.receiver)
         except OSError as error:
             raise S2C2AError(
                 f"cannot send to {self.options.receiver}: {error}; correct --poses-to"

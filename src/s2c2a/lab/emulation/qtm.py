@@ -6,9 +6,13 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import qualisys_protocol as protocol
-from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions, require
+from s2c2a.lab.emulation.mocap_server import (
+    MocapServer,
+    StreamOptions,
+    bound_socket,
+    require,
+)
 from s2c2a.lab.emulation.qualisys_protocol import COMMAND, ERROR, VERSIONS
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 
@@ -72,50 +76,29 @@ class Qtm(MocapServer[QtmOptions]):
             S2C2AError: a fault is invalid.
         """
         super().__init__(names, options)
-        self._listener: socket.socket | None = None
         self._clients: list[_Client] = []
 
     @property
     def files(self) -> list[socket.socket]:
-        if self._listener is None:
-            return []
-        return [self._listener, *(client.socket for client in self._clients)]
+        return [*self._sockets, *(client.socket for client in self._clients)]
 
     @property
     def label(self) -> str:
         options = self.options
         return f"QTM, RT {options.version}: {options.host}, TCP {options.port}"
 
-    def _open(self) -> None:
-        if self._listener is not None:
-            return
-        address = (self.options.host, self.options.port)
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind(address)
-            listener.listen()
-        except OSError as error:
-            listener.close()
-            raise S2C2AError(
-                f"cannot listen on TCP {address[0]}:{address[1]}: {error}; "
-                "close the program that listens there, or choose another port"
-            ) from error
-        listener.setblocking(False)
-        self._listener = listener
+    def _open(self) -> list[socket.socket]:
+        return [bound_socket(socket.SOCK_STREAM, self.options.host, self.options.port)]
 
-    def _close(self) -> None:
+    def _forget_clients(self) -> None:
         for client in self._clients:
             client.socket.close()
         self._clients.clear()
-        if self._listener is not None:
-            self._listener.close()
-        self._listener = None
 
     def _answer_requests(self, now: float) -> None:
         with suppress(BlockingIOError):
-            while self._listener is not None:
-                self._welcome(self._listener.accept()[0])
+            while True:
+                self._welcome(self._sockets[0].accept()[0])
         for client in list(self._clients):
             self._read(client)
 

@@ -1,22 +1,23 @@
-"""Accuracy of a webcam with tags, measured on rendered pictures of a simulated arm."""
+"""Accuracy of a webcam with tags, measured on painted pictures of a simulated arm."""
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.lab.emulation.plant import Plant
-from s2c2a.lab.emulation.tag_camera import TagScene, look_at
+from s2c2a.lab.emulation.tag_camera import TagCamera, look_at
 from s2c2a.lab.tracking.poses import Pose, angle_between
 from s2c2a.lab.tracking.tags.camera import CameraModel
 from s2c2a.lab.tracking.tags.detection import TagDropReason
-from s2c2a.lab.tracking.tags.estimation import TagPoses, estimate_poses
+from s2c2a.lab.tracking.tags.estimation import estimate_poses
 from s2c2a.lab.tracking.tags.layout import BASE, TagLayout
 from s2c2a.lab.tracking.tags.pictures import Effects
-from s2c2a.progress import Progress
+from s2c2a.progress import Progress, quiet
 
 WRONG_POSITION = 0.02  # m
 WRONG_ROTATION = np.radians(10)  # rad; an error beyond is a wrong pose
@@ -35,29 +36,27 @@ class TagAccuracy:
 
     Attributes:
         distance: of the tip from the camera [m].
-        pictures: number of pictures.
-        position_errors: of the tip in the camera frame [m], where it was measured.
-        rotation_errors: of the tip [rad].
-        base_errors: of the tip's position in the base frame [m], where base and tip
-            were measured in one picture.
-        wrong: tips that were measured wrong by more than 20 mm or 10 deg.
+        errors: of the tip's position in the camera frame [m], of its rotation [rad],
+            and of its position in the base frame [m]; NaN where it was not measured.
         seconds: of every picture, for detection and poses [s].
         dropped: tags and bodies by reason.
     """
 
     distance: float
-    pictures: int
-    position_errors: np.ndarray
-    rotation_errors: np.ndarray
-    base_errors: np.ndarray
-    wrong: int
-    seconds: np.ndarray
+    errors: Float[np.ndarray, "pictures 3"]
+    seconds: Float[np.ndarray, " pictures"]
     dropped: Counter[TagDropReason]
 
     @property
     def missing(self) -> float:
         """Share of the pictures without a pose of the tip."""
-        return 1 - len(self.position_errors) / self.pictures
+        return float(np.isnan(self.errors[:, 0]).mean())
+
+    @property
+    def wrong(self) -> int:
+        """Number of tips that were measured wrong by more than 20 mm or 10 deg."""
+        position, rotation, _ = self.errors.T
+        return int(((position > WRONG_POSITION) | (rotation > WRONG_ROTATION)).sum())
 
 
 def measure_accuracy(
@@ -69,7 +68,7 @@ def measure_accuracy(
     effects: Effects | None = None,
     portrait: bool = False,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress = quiet,
 ) -> list[TagAccuracy]:
     """Measure poses of an arm at rest from all sides.
 
@@ -90,24 +89,29 @@ def measure_accuracy(
         progress: called with the numbers of pictures done and in all.
 
     Raises:
-        S2C2AError: this computer cannot render, or the arm has tension actuation.
+        S2C2AError: the arm has tension actuation.
     """
-    effects = effects or Effects()
-    scene = TagScene(camera, layout, min(m.cable_radius for m in arm.modules))
+    tags = TagCamera(camera, layout, arm)
     random = np.random.default_rng([seed, _STREAM])
-    try:
-        poses = _random_poses(arm, random)
-        results: list[TagAccuracy] = []
-        for distance in distances:
-            study = _Study(scene, camera, layout, effects, portrait, random)
-            for number in range(pictures):
-                study.take(next(poses), distance, number)
-                if progress is not None:
-                    done = len(results) * pictures + number + 1
-                    progress("pictures", done, len(distances) * pictures)
-            results.append(study.result(distance, pictures))
-    finally:
-        scene.close()
+    arms = _random_poses(arm, random)
+    results: list[TagAccuracy] = []
+    for distance in distances:
+        result = TagAccuracy(
+            distance, np.full((pictures, 3), np.nan), np.zeros(pictures), Counter()
+        )
+        for number in range(pictures):
+            poses = next(arms)
+            view = _view(poses[list(poses)[-1]], distance, camera, portrait, random)
+            noise = replace(effects or Effects(), seed=number)
+            image = tags.picture(poses, view, noise)
+            start = time.perf_counter()
+            found = estimate_poses(image, camera, layout)
+            result.seconds[number] = time.perf_counter() - start
+            result.dropped.update(found.dropped)
+            result.errors[number] = _errors(found.poses, poses, view)
+            done = len(results) * pictures + number + 1
+            progress("pictures", done, len(distances) * pictures)
+        results.append(result)
     return results
 
 
@@ -135,89 +139,44 @@ def _random_poses(
         }
 
 
-class _Study:
-    """Collects the errors at one distance."""
+def _view(
+    tip: Pose,
+    distance: float,
+    camera: CameraModel,
+    portrait: bool,
+    random: np.random.Generator,
+) -> Pose:
+    """`T_world_camera` in a random direction from the tip."""
+    azimuth = random.uniform(0, 2 * np.pi)
+    elevation = random.uniform(*_ELEVATIONS)
+    flat = np.cos(elevation)
+    direction = np.array(
+        [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
+    )
+    position = tip.position + distance * direction
+    side = camera.width if portrait else camera.height
+    seen = distance * side / camera.focal_lengths[0]
+    fits = np.linalg.norm(tip.position) < _FITS * seen
+    target = tip.position / 2 if fits else tip.position
+    up = np.array([0.0, 0.0, 1.0])
+    if portrait:
+        up = np.cross(target - position, up)
+    return look_at(position, target, up)
 
-    def __init__(
-        self,
-        scene: TagScene,
-        camera: CameraModel,
-        layout: TagLayout,
-        effects: Effects,
-        portrait: bool,
-        random: np.random.Generator,
-    ):
-        self._scene = scene
-        self._camera = camera
-        self._layout = layout
-        self._effects = effects
-        self._portrait = portrait
-        self._random = random
-        self._position_errors: list[float] = []
-        self._rotation_errors: list[float] = []
-        self._base_errors: list[float] = []
-        self._seconds: list[float] = []
-        self._dropped: Counter[TagDropReason] = Counter()
 
-    def take(self, poses: dict[str, Pose], distance: float, number: int) -> None:
-        """Take one picture and compare."""
-        tip = list(poses)[-1]
-        view = self._view(poses[tip], distance)
-        effects = Effects(self._effects.noise, self._effects.blur, seed=number)
-        image = self._scene.render(poses, view, effects)
-        start = time.perf_counter()
-        found = estimate_poses(image, self._camera, self._layout)
-        self._seconds.append(time.perf_counter() - start)
-        self._dropped.update(found.dropped)
-        self._compare(found, poses, view, tip)
-
-    def _compare(
-        self, found: TagPoses, poses: dict[str, Pose], view: Pose, tip: str
-    ) -> None:
-        if tip not in found.poses:
-            return
-        measured = found.poses[tip]
-        true = view.inverse() @ poses[tip]
-        self._position_errors.append(_distance(measured, true))
-        self._rotation_errors.append(angle_between(measured, true))
-        if BASE in found.poses:
-            in_base = found.poses[BASE].inverse() @ measured
-            self._base_errors.append(_distance(in_base, poses[tip]))
-
-    def _view(self, tip: Pose, distance: float) -> Pose:
-        """`T_world_camera`."""
-        azimuth = self._random.uniform(0, 2 * np.pi)
-        elevation = self._random.uniform(*_ELEVATIONS)
-        flat = np.cos(elevation)
-        direction = np.array(
-            [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
-        )
-        position = tip.position + distance * direction
-        side = self._camera.width if self._portrait else self._camera.height
-        seen = distance * side / self._camera.focal_lengths[0]
-        fits = np.linalg.norm(tip.position) < _FITS * seen
-        target = tip.position / 2 if fits else tip.position
-        up = (0.0, 0.0, 1.0)
-        if self._portrait:
-            right = np.cross(target - position, up)
-            up = (float(right[0]), float(right[1]), float(right[2]))
-        return look_at(position, target, up)
-
-    def result(self, distance: float, pictures: int) -> TagAccuracy:
-        """Return the errors."""
-        positions = np.array(self._position_errors)
-        rotations = np.array(self._rotation_errors)
-        is_wrong = (positions > WRONG_POSITION) | (rotations > WRONG_ROTATION)
-        return TagAccuracy(
-            distance,
-            pictures,
-            positions,
-            rotations,
-            np.array(self._base_errors),
-            int(is_wrong.sum()),
-            np.array(self._seconds),
-            self._dropped,
-        )
+def _errors(
+    found: Mapping[str, Pose], poses: Mapping[str, Pose], view: Pose
+) -> tuple[float, float, float]:
+    """Errors of the tip as in `TagAccuracy`."""
+    tip = list(poses)[-1]
+    if tip not in found:
+        return np.nan, np.nan, np.nan
+    true = view.inverse() @ poses[tip]
+    in_base = np.nan
+    if BASE in found:
+        in_base = _distance(found[BASE].inverse() @ found[tip], poses[tip])
+    rotation = angle_between(found[tip], true)
+    return _distance(found[tip], true), rotation, in_base
 
 
 def _distance(first: Pose, second: Pose) -> float:

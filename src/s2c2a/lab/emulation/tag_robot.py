@@ -1,4 +1,4 @@
-"""A simulated robot whose tags are detected in rendered pictures."""
+"""A simulated robot whose tags are detected in painted pictures."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.plant import end_poses
-from s2c2a.lab.emulation.tag_camera import TagScene, look_at
+from s2c2a.lab.emulation.tag_camera import TagCamera, look_at
 from s2c2a.lab.tracking.poses import Pose
 from s2c2a.lab.tracking.tags.base_average import BaseAverage
 from s2c2a.lab.tracking.tags.camera import CameraModel
@@ -29,7 +29,7 @@ CAMERA_VALUES = ("camera_positions", "camera_age")
 
 
 class TagCameraRobot(SimulatedRobot):
-    """A simulated robot that measures its ends by tags in rendered pictures.
+    """A simulated robot that measures its ends by tags in painted pictures.
 
     The table `[sensors.camera]` gives the rate and the age of the pictures, and which
     ends are seen; noise and losses are those of the pictures. The estimator gets what
@@ -44,7 +44,7 @@ class TagCameraRobot(SimulatedRobot):
         azimuth_deg: direction to the camera, from x to y [deg].
 
     Raises:
-        S2C2AError: the arm has no camera, or this computer cannot render.
+        S2C2AError: the arm has no camera.
     """
 
     _last_time: float
@@ -66,8 +66,7 @@ class TagCameraRobot(SimulatedRobot):
         self._settings = arm.sensors.camera
         self._camera = CameraModel.of_field(WIDTH, HEIGHT, FIELD)
         self._layout = TagLayout.collars(arm.module_count)
-        radius = min(module.cable_radius for module in arm.modules)
-        self._scene = TagScene(self._camera, self._layout, radius)
+        self._tags = TagCamera(self._camera, self._layout, arm)
         self._view = _portrait_view(arm, distance, np.deg2rad(azimuth_deg))
         self._start_pictures()
 
@@ -87,10 +86,6 @@ class TagCameraRobot(SimulatedRobot):
             values |= self._arrived(reading.time)
         return replace(reading, sensors=values)
 
-    def close(self) -> None:
-        self._scene.close()
-        super().close()
-
     def _start_pictures(self) -> None:
         self._last_time = -np.inf
         self._next_exposure = 0.0
@@ -106,7 +101,7 @@ class TagCameraRobot(SimulatedRobot):
         effects = Effects(NOISE, BLUR, seed=int(1e6 * now))
         true = end_poses(self.data, self.arm.module_count)
         poses = {name: Pose(one.position, one.rotation) for name, one in true.items()}
-        image = self._scene.render(poses, self._view, effects)
+        image = self._tags.picture(poses, self._view, effects)
         found = estimate_poses(image, self._camera, self._layout, self._previous)
         self._previous = dict(found.poses)
         self._pictures.append((now, self._positions(found.poses)))

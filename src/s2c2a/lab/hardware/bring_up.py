@@ -14,7 +14,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.hardware.bus import BusError, Mode, ServoBus, ServoInfo, ServoState
+from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoState
 from s2c2a.lab.hardware.cable_range import check_plausible
 from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
@@ -323,7 +323,7 @@ class BringUp:
     def _switched_on(self, ids: list[int], current: float) -> Iterator[None]:
         EMERGENCY_STOP.check()
         speed = HOME_SPEED / self._arm.motor.pulley_radius
-        self._bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, current, speed)
+        self._bus.prepare(ids, current, speed)
         states = self._states(ids)
         self._bus.send_goals({id: states[id].position for id in ids})
         try:
@@ -377,20 +377,12 @@ class BringUp:
         self, targets: Mapping[int, float], positions: np.ndarray, winches: Winches
     ) -> None:
         """Send goals on the way from positions [ticks] to displacements [m]."""
-        present = winches.displacements(positions)
-        goals = {}
+        goals = winches.displacements(positions)
         for id, target in targets.items():
-            place = float(present[self._places[id]])
-            goals[id] = min(max(target, place - MAX_LEAD), place + MAX_LEAD)
-        self._send(goals, winches)
-
-    def _send(self, displacements: dict[int, float], winches: Winches) -> None:
-        values = np.zeros(self._ids.shape)
-        for id, displacement in displacements.items():
-            values[self._places[id]] = displacement
-        positions = winches.positions(values)
-        goals = {id: int(positions[self._places[id]]) for id in displacements}
-        self._bus.send_goals(goals)
+            place = self._places[id]
+            goals[place] += np.clip(target - goals[place], -MAX_LEAD, MAX_LEAD)
+        wanted = winches.positions(goals)
+        self._bus.send_goals({id: int(wanted[self._places[id]]) for id in targets})
 
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
         EMERGENCY_STOP.check()

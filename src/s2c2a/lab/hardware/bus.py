@@ -42,13 +42,6 @@ class ServoRefusalError(BusError):
     """A servo answered with an error: a value or an access that it refuses."""
 
 
-class Mode(Enum):
-    """Operating modes that cables need."""
-
-    POSITION = "position over several turns"
-    CURRENT_LIMITED_POSITION = "position over several turns, with a limited current"
-
-
 class HardwareError(Enum):
     """Reasons for which a servo switches its torque off."""
 
@@ -182,17 +175,14 @@ class ServoBus(ABC):
         """
 
     @abstractmethod
-    def prepare(
-        self, ids: Iterable[int], mode: Mode, current: float, speed: float
-    ) -> None:
-        """Set mode and limits of servos, and switch their torque off.
+    def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
+        """Set settings and limits of servos, and switch their torque off.
 
         Nothing is changed if a servo is of another model, or if it needs another stored
         setting that `accept_stored` declines. A stored limit is never raised.
 
         Args:
             ids: of the servos.
-            mode: operating mode.
             current: largest current [A].
             speed: largest speed [rad/s].
 

@@ -10,8 +10,8 @@ limit speed and current by themselves, and such a motion ends where it is.
 import time
 
 from s2c2a.emergency import EMERGENCY_STOP
-from s2c2a.errors import S2C2AError
-from s2c2a.standstill import StandstillCheck
+from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.standstill import STANDSTILL, time_with_sleep
 
 
 class MotionWatch:
@@ -24,7 +24,7 @@ class MotionWatch:
             longest: time that it may take [s].
             overdue: the error if it takes longer.
         """
-        self._gap = StandstillCheck()
+        self._last = time_with_sleep()
         self._end = time.perf_counter() + longest
         self._overdue = overdue
 
@@ -37,6 +37,17 @@ class MotionWatch:
             S2C2AError: the motion takes too long.
         """
         EMERGENCY_STOP.check()
-        self._gap.check()
+        self._check_gap()
         if time.perf_counter() > self._end:
             raise self._overdue
+
+    def _check_gap(self) -> None:
+        """Check the time since the last goal: who started the motion may have left."""
+        now = time_with_sleep()
+        pause = now - self._last
+        if pause > STANDSTILL:
+            raise RobotError(
+                f"the program stood still for {pause:.1f} s in the middle of a motion, "
+                "which ends here; see that nobody touches the arm, then start again"
+            )
+        self._last = now

@@ -1,10 +1,10 @@
 """Registers, instructions and answers of servo buses, whatever the protocol."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import index
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from s2c2a.lab.hardware.bus import BusError
 
@@ -89,14 +89,72 @@ class Answer:
     data: bytes
 
 
-class AnswerReader(Protocol):
-    """Finds answers in a stream of bytes; damaged ones are dropped."""
+class AnswerReader:
+    """Finds answers in a stream of bytes.
 
-    def feed(self, data: bytes) -> Iterable[Answer]:
-        """Add bytes and return the answers that are complete."""
+    Bytes that are no sound answer are skipped one by one, so that noise, an echo of the
+    instruction or a damaged answer never costs the next answer.
+    """
 
-    def flush(self) -> Iterable[Answer]:
-        """Return the remaining answers at the end of the stream."""
+    def __init__(
+        self,
+        header: bytes,
+        prefix: int,
+        size_of: Callable[[bytearray], int],
+        decode: Callable[[bytes], Answer | None],
+    ):
+        """A reader that has no bytes yet.
+
+        Args:
+            header: first bytes of an answer.
+            prefix: number of bytes up to the length.
+            size_of: returns the size of an answer by its first `prefix` bytes; zero if
+                they begin none.
+            decode: returns the content of an answer; None if it is damaged.
+        """
+        self._buffer = bytearray()
+        self._header = header
+        self._prefix = prefix
+        self._size_of = size_of
+        self._decode = decode
+
+    def feed(self, data: bytes) -> Iterator[Answer]:
+        """Add bytes and yield the answers that are complete."""
+        self._buffer += data
+        while answer := self._next():
+            yield answer
+
+    def flush(self) -> Iterator[Answer]:
+        """Yield the remaining answers at the end of the stream.
+
+        An incomplete answer is dropped; complete ones inside it are found.
+        """
+        while self._buffer:
+            del self._buffer[0]
+            yield from self.feed(b"")
+
+    def _next(self) -> Answer | None:
+        """The next sound answer, or None if more bytes are needed."""
+        while self._find_header():
+            size = self._size_of(self._buffer)
+            if len(self._buffer) < size:
+                return None
+            answer = self._decode(bytes(self._buffer[:size])) if size else None
+            if answer is not None:
+                del self._buffer[:size]
+                return answer
+            del self._buffer[0]
+        return None
+
+    def _find_header(self) -> bool:
+        """Drop bytes before a header; return whether the length is known."""
+        start = self._buffer.find(self._header)
+        if start < 0:
+            # the end may be the beginning of a header
+            start = max(len(self._buffer) - len(self._header) + 1, 0)
+        del self._buffer[:start]
+        is_long = len(self._buffer) >= self._prefix
+        return is_long and self._buffer.startswith(self._header)
 
 
 class ServoPackets(ABC):

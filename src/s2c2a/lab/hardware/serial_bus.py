@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 from s2c2a.lab.hardware.bus import (
     BusError,
     Hearing,
-    Mode,
     PortLostError,
     ServoBus,
     ServoInfo,
@@ -89,7 +88,7 @@ class SerialBus(ServoBus):
         """
 
     @abstractmethod
-    def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
+    def _stored_changes(self, id: int) -> list[StoredChange]:
         """Changes of stored settings; only what differs is written."""
 
     @abstractmethod
@@ -97,7 +96,6 @@ class SerialBus(ServoBus):
         self,
         info: ServoInfo,
         changes: Sequence[StoredChange],
-        mode: Mode,
         current: float,
         speed: float,
     ) -> None:
@@ -119,22 +117,20 @@ class SerialBus(ServoBus):
         self._baud_code(baud_rate)
         self._line.baud_rate = baud_rate
 
-    def prepare(
-        self, ids: Iterable[int], mode: Mode, current: float, speed: float
-    ) -> None:
-        """Set mode and limits with the torque off; see `ServoBus`."""
+    def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
+        """Set settings and limits with the torque off; see `ServoBus`."""
         check_positive(current, "current")
         check_positive(speed, "speed")
         ids = tuple(ids)
         infos = [self.info(id) for id in ids]
         for info in infos:
             self.check_model(info, self._model_name, self.model.number)
-        changes = {id: self._stored_changes(id, mode) for id in ids}
+        changes = {id: self._stored_changes(id) for id in ids}
         accepted = self.confirm_stored(changes)
         self.set_torque(ids, on=False)
         self.restarted -= set(ids)
         for info in infos:
-            self._prepare_one(info, accepted.get(info.id, ()), mode, current, speed)
+            self._prepare_one(info, accepted.get(info.id, ()), current, speed)
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """Set the largest current; see `ServoBus`.

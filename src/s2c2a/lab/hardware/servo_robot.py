@@ -15,7 +15,6 @@ from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.lab.hardware.bus import (
     NO_WATCHDOG,
     BusError,
-    Mode,
     PortLostError,
     ServoBus,
     ServoState,
@@ -236,8 +235,7 @@ class ServoRobot(Robot):
             self._check_identity(bus)
             limits = self._servos.limits
             speed = limits.speed / self.arm.motor.pulley_radius
-            mode = Mode.CURRENT_LIMITED_POSITION
-            bus.prepare(self._flat_ids, mode, limits.current, speed)
+            bus.prepare(self._flat_ids, limits.current, speed)
         except BaseException:
             bus.close()
             raise

@@ -8,7 +8,7 @@ import numpy as np
 
 from s2c2a.arm import Servos
 from s2c2a.emergency import EMERGENCY_STOP
-from s2c2a.lab.hardware.bus import Mode, ServoBus
+from s2c2a.lab.hardware.bus import ServoBus
 from s2c2a.lab.hardware.presence import ALL_SILENT, SOME_SILENT, Place
 from s2c2a.progress import Progress, quiet
 
@@ -73,7 +73,7 @@ def prepare_timing(bus: ServoBus, servos: Servos) -> None:
         BusError: a servo does not answer, or it is another model.
     """
     ids = [id for row in servos.ids for id in row]
-    bus.prepare(ids, Mode.CURRENT_LIMITED_POSITION, servos.home_current, 1.0)
+    bus.prepare(ids, servos.home_current, 1.0)
 
 
 def measure_timing(

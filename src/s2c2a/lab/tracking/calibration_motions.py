@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RobotError
-from s2c2a.estimation.excitation import chirp
+from s2c2a.lab.response.excitation import chirp
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
     FrameResidual,

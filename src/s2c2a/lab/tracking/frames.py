@@ -62,32 +62,28 @@ class Frames:
         position_residuals: root mean square of the positions at every end [m], shape
             (modules,).
         rotation_residuals: likewise of the rotations [rad], shape (modules,).
-        bends: estimated true bends [rad], shape (configurations, modules, 2).
     """
 
     base_offset: Pose
     end_offsets: tuple[Pose, ...]
     position_residuals: Float[np.ndarray, " modules"]
     rotation_residuals: Float[np.ndarray, " modules"]
-    bends: Float[np.ndarray, "configurations modules 2"]
 
 
 def mean_pose(poses: Sequence[Pose]) -> Pose:
     """Return the mean of poses of one body at rest.
 
-    The rotation minimizes the sum of squared chordal distances: it is the dominant
-    eigenvector of the sum of q q^T (Markley et al. 2007, eq. (12)), so that the signs
-    of quaternions have no influence.
+    The rotation minimizes the sum of squared chordal distances, so that the signs of
+    quaternions have no influence.
 
     Raises:
         FrameError: there is no pose.
     """
     if not poses:
         raise FrameError("there is no pose to average; wait until the body is tracked")
-    quaternions = np.array([pose.rotation for pose in poses])
-    _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
+    rotation = Rotation.from_quat([pose.rotation for pose in poses]).mean()
     position = np.mean([pose.position for pose in poses], axis=0)
-    return Pose(position, vectors[:, -1])
+    return Pose(position, rotation.as_quat())
 
 
 def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
@@ -108,8 +104,7 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
     _check_order(measured)
     arm_in_base = _align(measured)
     _check_direction(measured, arm_in_base)
-    start = _start(measured, arm_in_base)
-    problem = _Problem(ArcChain.of(arm), measured, start)
+    problem = _Problem(ArcChain.of(arm), measured, arm_in_base)
     solution = least_squares(
         problem.residuals,
         np.zeros(problem.size),
@@ -230,9 +225,7 @@ def _align(measured: _Measured) -> Float[np.ndarray, "3 3"]:
     """
     expected = turn_axes(measured.bend_sums).reshape(-1, 3)
     turns = measured.turns.reshape(-1, 3)
-    left, _, right = np.linalg.svd(turns.T @ expected)
-    sign = np.sign(np.linalg.det(left @ right))
-    rotation = left @ np.diag([1.0, 1.0, sign]) @ right
+    rotation = Rotation.align_vectors(turns, expected)[0].as_matrix()
     strong = np.linalg.norm(expected, axis=1) > MIN_TURN
     predicted = expected[strong] @ rotation.T
     cosines = (predicted * turns[strong]).sum(axis=1)
@@ -261,22 +254,6 @@ def _check_direction(measured: _Measured, arm_in_base: np.ndarray) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """First guess: a straight arm at rest, and end bodies at the module ends."""
-
-    arm_position: np.ndarray
-    arm_rotation: np.ndarray
-    end_rotations: np.ndarray
-
-
-def _start(measured: _Measured, arm_in_base: np.ndarray) -> _Start:
-    ends = np.cumsum(measured.lengths)[:, None] * arm_in_base[:, 2]
-    position = (measured.positions[0] - ends).mean(axis=0)
-    end_rotations = measured.rotations[0].swapaxes(-1, -2) @ arm_in_base
-    return _Start(position, arm_in_base, end_rotations)
-
-
 class _Problem:
     """Least squares over offsets and true bends; zero is the first guess.
 
@@ -284,10 +261,13 @@ class _Problem:
     offsets, and the differences of true bends and encoders.
     """
 
-    def __init__(self, chain: ArcChain, measured: _Measured, start: _Start):
+    def __init__(self, chain: ArcChain, measured: _Measured, arm_in_base: np.ndarray):
         self._chain = chain
         self._measured = measured
-        self._start = start
+        ends = np.cumsum(measured.lengths)[:, None] * arm_in_base[:, 2]
+        self._arm_position = (measured.positions[0] - ends).mean(axis=0)
+        self._arm_rotation = arm_in_base
+        self._end_rotations = measured.rotations[0].swapaxes(-1, -2) @ arm_in_base
         self._modules = len(measured.lengths)
         self._offset_size = 6 * (1 + self._modules)
         self.size = self._offset_size + measured.bends.size
@@ -335,7 +315,6 @@ class _Problem:
             tuple(_pose(position, rotation) for position, rotation in ends),
             _root_mean_square(position_errors),
             _root_mean_square(rotation_errors),
-            self._bends(values),
         )
 
     def _errors(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -354,12 +333,12 @@ class _Problem:
         return positions - expected, _vectors(turned)
 
     def _base(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rotation = self._start.arm_rotation @ matrices_of(values[3:6])
-        return self._start.arm_position + values[:3], rotation
+        rotation = self._arm_rotation @ matrices_of(values[3:6])
+        return self._arm_position + values[:3], rotation
 
     def _ends(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         offsets = values[6 : self._offset_size].reshape(-1, 6)
-        return offsets[:, :3], self._start.end_rotations @ matrices_of(offsets[:, 3:])
+        return offsets[:, :3], self._end_rotations @ matrices_of(offsets[:, 3:])
 
     def _bends(self, values: np.ndarray) -> np.ndarray:
         bends = self._measured.bends

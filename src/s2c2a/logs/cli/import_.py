@@ -72,8 +72,7 @@ def import_(
 
 def _draw_ends(imported: "Imported | ImportedSession", out: Path) -> None:
     """Draw the measured ends, what is excluded, and motions of the frame."""
-    from s2c2a import viz
-    from s2c2a.viz.measured_ends import RowMark
+    from s2c2a.logs.measured_ends import RowMark, measured_ends_figure
 
     excluded = imported.segments.excluded
     marks = []
@@ -83,7 +82,7 @@ def _draw_ends(imported: "Imported | ImportedSession", out: Path) -> None:
         if motion.row >= 0:
             first = int((excluded.ends.stretches < motion.log).sum())
             marks.append(RowMark(first + motion.row, "jump of the frame"))
-    figure = viz.measured_ends_figure(
+    figure = measured_ends_figure(
         excluded.ends,
         excluded.modules,
         excluded.outliers,

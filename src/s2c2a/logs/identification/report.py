@@ -1,6 +1,6 @@
 """Report of a fit: numbers with uncertainty, ambiguous combinations, and tip errors."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,6 @@ from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
 from s2c2a.files import toml_comment
 from s2c2a.logs.identification.fitting import Fit, Posterior
-from s2c2a.logs.identification.numbers import Path
 from s2c2a.logs.identification.problem import FRAME_SPREAD, first_rows, held_out
 from s2c2a.spaces import POSITION, States
 
@@ -118,27 +117,24 @@ class FittedNumber:
 def fitted_numbers(fit: Fit) -> list[FittedNumber]:
     """All fitted numbers, those of the frame last [rad, m]."""
     unknowns = fit.problem.unknowns
-    count = len(unknowns)
+    starts = [unknown.start for unknown in unknowns]
+    values = []
+    slopes = []
+    for unknown, coordinate in zip(unknowns, fit.coordinates, strict=False):
+        values.append(unknown.value(coordinate))
+        slopes.append(unknown.slope(coordinate))
+    names = fit.posterior.names
+    if len(names) > len(unknowns):  # the frame is fitted too
+        scales = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
+        starts += [0.0] * len(scales)
+        values += (scales * fit.coordinates[len(unknowns) :]).tolist()
+        slopes += scales.tolist()
     std = fit.posterior.std
-    numbers = []
-    for index, unknown in enumerate(unknowns):
-        coordinate = fit.coordinates[index]
-        value = unknown.value(coordinate)
-        deviation = unknown.slope(coordinate) * std[index]
-        numbers.append(
-            FittedNumber(
-                unknown.name, unknown.start, value, deviation, bool(std[index] < UNSEEN)
-            )
-        )
-    scales = FRAME_SPREAD * np.repeat([1.0, fit.problem.arm.length], 3)
-    for index, name in enumerate(fit.posterior.names[count:], count):
-        scale = scales[index - count]
-        value = scale * fit.coordinates[index]
-        deviation = scale * std[index]
-        numbers.append(
-            FittedNumber(name, 0.0, value, deviation, bool(std[index] < UNSEEN))
-        )
-    return numbers
+    columns = zip(names, starts, values, slopes * std, std < UNSEEN, strict=True)
+    return [
+        FittedNumber(name, start, value, float(deviation), bool(seen))
+        for name, start, value, deviation, seen in columns
+    ]
 
 
 def undetermined_combinations(posterior: Posterior) -> list[str]:
@@ -169,54 +165,19 @@ def _format_combination(
 
 
 def fitted_toml(fit: Fit, remark: str = "") -> str:
-    """Text of the fitted arm's file, with the standard deviation of each number."""
-    numbers = zip(fit.problem.unknowns, fitted_numbers(fit), strict=False)
-    comments = {unknown.path: _comment(number) for unknown, number in numbers}
-    lines = [toml_comment(line) for line in remark.splitlines()]
-    lines.append("# +- is one standard deviation.")
-    for path, line in _lines_with_paths(arm_to_toml(fit.arm)):
-        lines.append(_add_comment(line, path, comments))
-    return "\n".join(lines) + "\n"
+    """Text of the fitted arm's file, below a comment on each fitted number."""
+    numbers = fitted_numbers(fit)[: len(fit.problem.unknowns)]
+    lines = [
+        *remark.splitlines(),
+        "+- is one standard deviation.",
+        *map(_comment, numbers),
+    ]
+    return "\n".join([*map(toml_comment, lines), arm_to_toml(fit.arm)])
 
 
 def _comment(number: FittedNumber) -> str:
-    text = f"+- {number.deviation:.2g}, was {number.start:.5g}"
+    text = (
+        f"{number.name}: {number.value:.5g} +- {number.deviation:.2g}, "
+        f"was {number.start:.5g}"
+    )
     return text if number.seen else f"{text}; hardly seen"
-
-
-def _add_comment(line: str, path: Path, comments: Mapping[Path, str]) -> str:
-    """Line with the comment on its number, or on all its components or cables."""
-    if line.endswith("["):
-        return line
-    if path in comments:
-        return f"{line}  # {comments[path]}"
-    inner = [text for other, text in comments.items() if other[:-1] == path]
-    if not inner:
-        return line
-    if len(inner) == 1:
-        return f"{line}  # {inner[0]}"
-    return f"{line}  # each: {' | '.join(inner)}"
-
-
-def _lines_with_paths(text: str) -> Iterator[tuple[Path, str]]:
-    """Lines of an arm file with the paths of their numbers."""
-    table: Path = ()
-    module = -1
-    index = 0
-    key = ""
-    for line in text.splitlines():
-        if line.startswith("[["):
-            module += 1
-            table = ("modules", module)
-        elif line.startswith("["):
-            names = line.strip("[]").split(".")
-            table = tuple(names)
-            if names[0] == "modules":
-                table = ("modules", module, *names[1:])
-        if line.startswith(" "):
-            yield (*table, key, index), line
-            index += 1
-            continue
-        key = line.split(" = ")[0]
-        index = 0
-        yield (*table, key), line

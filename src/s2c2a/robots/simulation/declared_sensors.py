@@ -3,11 +3,10 @@
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.spaces import CENTER_LINE_POINTS, Sensor
+from s2c2a.spaces import CENTER_LINE_POINTS, NOISE_LIMIT, Sensor
 
 # Readings change faster than commands, since the arm vibrates and lags.
-RATE_FACTOR = 6.0  # times the step limit; chosen
-NOISE_LIMIT = 8.0  # standard deviations, which Gaussian noise never passes
+RATE_FACTOR = 6.0  # times the step limit
 
 
 def declare_sensors(

@@ -11,7 +11,7 @@ MAX_GROWTH_RATE = 1e-6  # 1/s; smaller rates are rounding errors
 MIN_FREQUENCY = 1e-3  # rad/s; slower modes do not oscillate
 
 
-def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
+def first_mode(arm: ArmSpec) -> tuple[float, float]:
     """Return natural frequency [Hz] and damping ratio of the first bending mode.
 
     They follow from the eigenvalues of MuJoCo's transition matrix over one physics
@@ -21,7 +21,7 @@ def first_mode(arm: ArmSpec, fidelity: str = "fast") -> tuple[float, float]:
     Raises:
         ArmError: the straight arm is not stable.
     """
-    robot = SimulatedRobot(arm, fidelity)
+    robot = SimulatedRobot(arm)
     robot.open()
     size = 2 * robot.model.nv + robot.model.na
     transition = np.zeros((size, size))

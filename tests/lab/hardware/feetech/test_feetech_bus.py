@@ -11,17 +11,14 @@ from hypothesis import strategies as st
 from s2c2a.lab.hardware.bus import (
     BusError,
     HardwareError,
-    Mode,
     PortLostError,
     ServoInfo,
 )
 from s2c2a.lab.hardware.feetech import FeetechBus
 
-MODE = Mode.CURRENT_LIMITED_POSITION
-
 
 def prepared(bus, *ids):
-    bus.prepare(ids, MODE, current=0.6, speed=3.0)
+    bus.prepare(ids, current=0.6, speed=3.0)
 
 
 def test_a_state_is_converted_to_si_units(bus, port):

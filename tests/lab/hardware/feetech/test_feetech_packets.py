@@ -5,12 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.lab.hardware.bus import BusError
-from s2c2a.lab.hardware.feetech.packets import FeetechPackets, take_answers
+from s2c2a.lab.hardware.feetech.packets import FeetechPackets
 from s2c2a.lab.hardware.feetech.tables import REGISTERS
 
 packets = FeetechPackets()
 SIGNED = REGISTERS["goal_position"]
 ANSWER = bytes.fromhex("ff ff 01 04 00 18 05 dd")  # 1304 ticks, of the manual's form
+
+
+def read(stream, ids, size):
+    """All answers in a stream."""
+    reader = packets.reader(ids, size)
+    return [*reader.feed(bytes(stream)), *reader.flush()]
 
 
 @pytest.mark.parametrize(
@@ -88,42 +94,41 @@ def test_too_many_servos_for_a_packet_are_rejected():
     [b"", b"\x00", b"\xff", b"\xff\xff", b"\xff\xff\x01\x04", ANSWER[:-1], b"\x7f" * 9],
 )
 def test_an_answer_is_found_behind_noise(noise):
-    (answer,) = take_answers(bytearray(noise + ANSWER), {1}, 2)
+    (answer,) = read(noise + ANSWER, {1}, 2)
     assert answer.data == b"\x18\x05"
 
 
 @given(st.binary(max_size=40))
 def test_random_bytes_before_an_answer_do_not_hide_it(noise):
     # noise may begin an answer of its own that ends within the real one
-    buffer = bytearray(noise + ANSWER + ANSWER)
-    assert any(answer.data == b"\x18\x05" for answer in take_answers(buffer, {1}, 2))
+    answers = read(noise + ANSWER + ANSWER, {1}, 2)
+    assert any(answer.data == b"\x18\x05" for answer in answers)
 
 
 def test_an_incomplete_answer_waits_for_its_rest():
-    buffer = bytearray(ANSWER[:5])
-    assert take_answers(buffer, {1}, 2) == []
-    buffer += ANSWER[5:]
-    assert [answer.id for answer in take_answers(buffer, {1}, 2)] == [1]
+    reader = packets.reader({1}, 2)
+    assert list(reader.feed(ANSWER[:5])) == []
+    assert [answer.id for answer in reader.feed(ANSWER[5:])] == [1]
 
 
 @pytest.mark.parametrize("position", range(len(ANSWER)))
 def test_a_changed_byte_spoils_an_answer(position):
     damaged = bytearray(ANSWER)
     damaged[position] ^= 0x10
-    assert take_answers(damaged, {1}, 2) == []
+    assert read(damaged, {1}, 2) == []
 
 
 def test_an_echoed_read_is_no_answer():
     echo = packets.read(1, REGISTERS["torque"])
-    assert take_answers(bytearray(echo), {1}, 1) == []
-    assert take_answers(bytearray(echo), {1}, 0) == []
+    assert read(echo, {1}, 1) == []
+    assert read(echo, {1}, 0) == []
 
 
 def test_an_answer_of_another_length_is_no_answer():
     # two bytes of data are announced; the checksum fits after one
     longer = bytes.fromhex("ff ff 01 04 00 10 ea")
-    assert take_answers(bytearray(longer), {1}, 1) == []
+    assert read(longer, {1}, 1) == []
 
 
 def test_an_answer_of_another_servo_is_no_answer():
-    assert take_answers(bytearray(ANSWER), {2}, 2) == []
+    assert read(ANSWER, {2}, 2) == []

@@ -14,7 +14,7 @@ from s2c2a.lab.tracking.tags.live_calibration import (
     take_views,
 )
 from s2c2a.lab.tracking.tags.opencv import cv2
-from s2c2a.lab.tracking.tags.pictures import Effects, Lens, paint_board
+from s2c2a.lab.tracking.tags.pictures import Canvas, Effects, Lens
 
 BOARD = Board()
 CAMERA = CameraModel(
@@ -24,6 +24,13 @@ CAMERA = CameraModel(
     center=(325.0, 236.0),
     distortion=(0.06, -0.12, 0.001, -0.0005, 0.0),
 )
+
+
+def board_corners(pose: Pose) -> np.ndarray:
+    """Corners of the board with a white margin of one square [m]."""
+    half = BOARD.square / 2 * np.array([BOARD.columns + 2, BOARD.rows + 2, 0])
+    corners = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]]) * half
+    return corners @ pose.matrix.T + pose.position
 
 
 @cache
@@ -39,8 +46,11 @@ def pictures(count: int = 14) -> list[np.ndarray]:
         facing = Rotation.from_euler("x", np.pi)
         rotation = Rotation.from_rotvec(tilt) * facing
         pose = Pose(np.array([*place, depth]), rotation.as_quat())
-        ideal = paint_board(lens, BOARD, texture, pose)
-        images.append(lens.picture(ideal, Effects(noise=1.5, blur=0.5, seed=number)))
+        canvas = Canvas(lens)
+        canvas.paint(board_corners(pose), texture)
+        images.append(
+            lens.picture(canvas.image, Effects(noise=1.5, blur=0.5, seed=number))
+        )
     return images
 
 

@@ -66,7 +66,7 @@ def test_a_far_previous_pose_does_not_decide():
 @pytest.mark.parametrize("motion", [(0, 0), (4, 0), (8, 0), (0, 12), (15, 15), (30, 0)])
 def test_a_moving_tag_is_missing_or_right(motion):
     true = collar_pose(turn_deg=135)
-    image = picture({BODY: true}, Effects(noise=1.5, motion=motion))
+    image = picture({BODY: true}, Effects(noise=1.5), motion=motion)
     for pose in estimate_poses(image, CAMERA, LAYOUT).poses.values():
         distance, angle = errors(pose, true)
         assert distance < 5.0
@@ -89,9 +89,7 @@ def test_a_covered_tag_is_missing_or_right():
     for _ in range(40):
         x, y = random.integers((left - 10, top - 10), (right, bottom))
         width, height = random.integers(3, 40, 2)
-        covered = [(int(x), int(y), int(width), int(height))]
-        effects = Effects(noise=1.5, blur=0.5, covered=covered)
-        image = picture({BODY: true}, effects)
+        image = picture({BODY: true}, covered=(x, y, width, height))
         for pose in estimate_poses(image, CAMERA, LAYOUT).poses.values():
             distance, angle = errors(pose, true)
             assert distance < 5.0
@@ -101,9 +99,7 @@ def test_a_covered_tag_is_missing_or_right():
 def test_all_of_a_tag_covered_leaves_the_other_body():
     base = collar_pose((-0.1, 0.05, 0.5), turn_deg=50)
     tip = collar_pose((0.1, -0.05, 0.45), turn_deg=120)
-    covered = [(360, 0, 280, 360)]
-    effects = Effects(noise=1.5, blur=0.5, covered=covered)
-    image = picture({"base": base, BODY: tip}, effects)
+    image = picture({"base": base, BODY: tip}, covered=(360, 0, 280, 360))
     assert set(estimate_poses(image, CAMERA, LAYOUT).poses) == {"base"}
 
 

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from s2c2a.lab.hardware.bus import (
     BusError,
     HardwareError,
-    Mode,
     ServoInfo,
     ServoRefusalError,
     ServoState,
@@ -16,7 +15,6 @@ from s2c2a.lab.hardware.dynamixel.packets import (
     FAST_SYNC_READ,
     REBOOT,
     DynamixelPackets,
-    StatusReader,
     unstuffed,
 )
 from s2c2a.lab.hardware.dynamixel.tables import REGISTERS
@@ -113,7 +111,7 @@ class DynamixelBus(SerialBus):
         """Return the servos that answer; see `ServoBus`."""
         wanted = set(ids)
         self._line.write(self.packets.encode(BROADCAST, PING))
-        reader = StatusReader()
+        reader = self.packets.reader()
         found = list(self._receive(reader, BROADCAST * SCAN_TIME, wanted))
         return [
             self._info_of(packet)
@@ -138,7 +136,6 @@ class DynamixelBus(SerialBus):
         self,
         info: ServoInfo,
         changes: Sequence[StoredChange],
-        mode: Mode,
         current: float,
         speed: float,
     ) -> None:
@@ -152,8 +149,7 @@ class DynamixelBus(SerialBus):
         self.write(id, "status_return_level", ANSWER_ALL)
         self.write(id, "profile_acceleration", 0)
         self.write(id, "profile_velocity", max(round(speed / tables.VELOCITY_UNIT), 1))
-        if mode is Mode.CURRENT_LIMITED_POSITION:
-            self.set_current([id], current)
+        self.set_current([id], current)
         self._join_state(info)
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
@@ -237,16 +233,13 @@ class DynamixelBus(SerialBus):
             ServoRefusalError: the servo refuses the value.
         """
         self._line.write(self.packets.write(id, REGISTERS[name], value))
-        for answer in self._receive(StatusReader(), EXCHANGE_MARGIN, ()):
+        for answer in self._receive(self.packets.reader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
-    def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
-        is_limited = mode is Mode.CURRENT_LIMITED_POSITION
+    def _stored_changes(self, id: int) -> list[StoredChange]:
         required = {
             "drive_mode": 0,
-            "operating_mode": tables.CURRENT_LIMITED_POSITION
-            if is_limited
-            else tables.EXTENDED_POSITION,
+            "operating_mode": tables.CURRENT_LIMITED_POSITION,
             "homing_offset": 0,
         }
         names = (*required, "return_delay", "current_limit")
@@ -308,7 +301,8 @@ class DynamixelBus(SerialBus):
         parameters = self.packets.span(Register(address, STATE_SIZE)) + bytes(ids)
         packet = self.packets.encode(BROADCAST, instruction, parameters)
         expected = len(ids) * (self.packets.overhead + STATE_SIZE)
-        reader = StatusReader(expected if is_joint else 2 * STATE_SIZE)
+        longest = expected if is_joint else 2 * STATE_SIZE
+        reader = self.packets.reader(max_length=longest)
         found: dict[int, bytes] = {}
         awaited = {BROADCAST} if is_joint else set(ids)
         answers = self._exchange(

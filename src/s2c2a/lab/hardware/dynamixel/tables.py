@@ -48,15 +48,14 @@ BAUD_RATES = (
 """By the number in the register `baud_rate`."""
 
 CURRENT_LIMITED_POSITION = 5
-EXTENDED_POSITION = 4
-"""Operating modes."""
+"""Operating mode: positions over several turns, with a limited current."""
 
 VOLTAGE_UNIT = 0.1  # V
 VELOCITY_UNIT = 0.229 * 2 * math.pi / 60  # rad/s
 WATCHDOG_UNIT = 0.02  # s
 WATCHDOG_TRIPPED = 255
 MAX_WATCHDOG = 127
-MAX_POSITION = 1_048_575  # ticks, in extended position mode
+MAX_POSITION = 1_048_575  # ticks, over several turns
 INDIRECT_COUNT = 20
 HARDWARE_ERROR_BITS = MappingProxyType(
     {0: "VOLTAGE", 2: "OVERHEATED", 3: "ENCODER", 4: "SHOCK", 5: "OVERLOAD"}

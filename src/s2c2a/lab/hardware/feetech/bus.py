@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from s2c2a.lab.hardware.bus import (
     BusError,
     HardwareError,
-    Mode,
     ServoInfo,
     ServoState,
     StoredChange,
@@ -104,23 +103,20 @@ class FeetechBus(SerialBus):
             self._line.write(self.packets.write(new_id, REGISTERS["baud_rate"], code))
             self._lock_at_new_rate(new_id, baud_rate)
 
-    def prepare(
-        self, ids: Iterable[int], mode: Mode, current: float, speed: float
-    ) -> None:
+    def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
         """See `ServoBus`; both modes limit the current.
 
         Raises:
             BusError: a servo does not answer, or a limit is not a positive number.
         """
         ids = tuple(ids)
-        super().prepare(ids, mode, current, speed)
+        super().prepare(ids, current, speed)
         self.set_current(ids, current)
 
     def _prepare_one(
         self,
         info: ServoInfo,
         changes: Sequence[StoredChange],
-        mode: Mode,
         current: float,
         speed: float,
     ) -> None:
@@ -264,7 +260,7 @@ class FeetechBus(SerialBus):
         finally:
             self._line.baud_rate = old_rate
 
-    def _stored_changes(self, id: int, mode: Mode) -> list[StoredChange]:
+    def _stored_changes(self, id: int) -> list[StoredChange]:
         stored = self._settings(id)
         allowed = self._current_units(self._max_current)
         # some firmware does not take the phase: it must not be needed

@@ -8,28 +8,11 @@ checksum is the inverted sum of everything after the header.
 from collections.abc import Collection
 
 from s2c2a.lab.hardware.bus import BusError
-from s2c2a.lab.hardware.packets import Answer, ServoPackets
+from s2c2a.lab.hardware.packets import Answer, AnswerReader, ServoPackets
 
 HEADER = b"\xff\xff"
 MAX_LENGTH = 250
-OVERHEAD = 6
-"""Bytes of an answer besides its data."""
-
-
-def encode_packet(id: int, instruction: int, parameters: bytes) -> bytes:
-    """Encode an instruction.
-
-    Raises:
-        BusError: it is too long.
-    """
-    length = len(parameters) + 2
-    if length > MAX_LENGTH:
-        raise BusError(
-            f"the instruction has {length} bytes; the protocol allows {MAX_LENGTH}: "
-            "use fewer servos on this port"
-        )
-    body = bytes((id, length, instruction)) + parameters
-    return HEADER + body + bytes((checksum(body),))
+PREFIX = 4  # bytes up to the length
 
 
 def checksum(body: bytes) -> int:
@@ -37,79 +20,40 @@ def checksum(body: bytes) -> int:
     return ~sum(body) & 0xFF
 
 
-def take_answers(buffer: bytearray, ids: Collection[int], size: int) -> list[Answer]:
-    """Remove all complete answers from a buffer, and everything before them.
-
-    Bytes that are no valid answer of an expected servo are skipped one by one, so that
-    noise, an echo of the instruction or a damaged answer never costs the next answer.
-
-    Args:
-        buffer: received bytes; what may become an answer stays in it.
-        ids: of the servos that are expected.
-        size: of the data in an answer [bytes].
-    """
-    answers = []
-    total = size + OVERHEAD
-    while len(buffer) >= total:
-        answer = _answer_at_start(buffer, ids, size)
-        if answer is not None:
-            answers.append(answer)
-            del buffer[:total]
-        else:
-            del buffer[: _next_start(buffer)]
-    return answers
-
-
-def _answer_at_start(
-    buffer: bytearray, ids: Collection[int], size: int
-) -> Answer | None:
-    total = size + OVERHEAD
-    body = bytes(buffer[2 : total - 1])
-    (id, length, error) = body[:3]
-    fits = buffer[:2] == HEADER and id in ids and length == size + 2
-    if not fits or buffer[total - 1] != checksum(body):
+def decode(packet: bytes) -> Answer | None:
+    """Return the content of an answer; None if it is damaged."""
+    body = packet[2:-1]
+    if packet[-1] != checksum(body):
         return None
-    return Answer(id, error, body[3:])
-
-
-def _next_start(buffer: bytearray) -> int:
-    """Number of bytes before the next one that may begin an answer."""
-    start = buffer.find(HEADER[:1], 1)
-    return len(buffer) if start < 0 else start
-
-
-class FeetechReader:
-    """Finds the answers of expected servos in a stream of bytes."""
-
-    def __init__(self, ids: Collection[int], size: int):
-        """A reader that has no bytes yet.
-
-        Args:
-            ids: of the servos that are expected.
-            size: of the data in an answer [bytes].
-        """
-        self._ids = ids
-        self._size = size
-        self._buffer = bytearray()
-
-    def feed(self, data: bytes) -> list[Answer]:
-        """Add bytes and return the answers that are complete."""
-        self._buffer += data
-        return take_answers(self._buffer, self._ids, self._size)
-
-    def flush(self) -> list[Answer]:
-        """Return nothing: no answer hides in an incomplete one."""
-        return []
+    return Answer(body[0], body[2], body[3:])
 
 
 class FeetechPackets(ServoPackets):
     """Packets of the Feetech protocol."""
 
     word = 1
-    overhead = OVERHEAD
+    overhead = 6
 
     def encode(self, id: int, instruction: int, parameters: bytes = b"") -> bytes:
-        return encode_packet(id, instruction, parameters)
+        """See `ServoPackets`.
 
-    def reader(self, ids: Collection[int], size: int) -> FeetechReader:
-        return FeetechReader(ids, size)
+        Raises:
+            BusError: it is too long.
+        """
+        length = len(parameters) + 2
+        if length > MAX_LENGTH:
+            raise BusError(
+                f"the instruction has {length} bytes; the protocol allows "
+                f"{MAX_LENGTH}: use fewer servos on this port"
+            )
+        body = bytes((id, length, instruction)) + parameters
+        return HEADER + body + bytes((checksum(body),))
+
+    def reader(self, ids: Collection[int], size: int) -> AnswerReader:
+        """See `ServoPackets`; only answers of these servos and this size count."""
+
+        def size_of(start: bytearray) -> int:
+            fits = start[2] in ids and start[3] == size + 2
+            return size + self.overhead if fits else 0
+
+        return AnswerReader(HEADER, PREFIX, size_of, decode)

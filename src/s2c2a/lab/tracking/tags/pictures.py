@@ -1,28 +1,31 @@
-"""Pictures of tags by a given camera: for tests, studies and emulation.
+"""Pictures of an arm with tags by a given camera: for tests, studies and emulation.
 
 An ideal picture has no distortion and is larger than that of the camera. A `Lens` makes
-the camera's picture of it. `paint` needs no graphics; `lab.emulation.tag_camera` renders.
+the camera's picture of it. Painting needs no graphics.
 """
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from s2c2a.lab.tracking.poses import Pose
-from s2c2a.lab.tracking.tags.camera import Board, CameraModel
+from s2c2a.lab.tracking.tags.camera import CameraModel
 from s2c2a.lab.tracking.tags.detection import tag_dictionary
-from s2c2a.lab.tracking.tags.layout import CELLS, SHEET, Tag, TagLayout, square
+from s2c2a.lab.tracking.tags.layout import CELLS, SHEET, TagLayout, square
 from s2c2a.lab.tracking.tags.opencv import cv2
 
 OVERSAMPLING = 2
 BACKGROUND = 130  # gray value
 WHITE = 225  # gray value of printed paper
 BLACK = 25
-CELL_PIXELS = 16  # of a texture
+ARM = 75
+CELL_PIXELS = 8  # of a texture
+_ARM_POINTS = 9  # of a module
+_NEAREST = 0.01  # m; what is nearer to the camera is not painted
 
 
 @dataclass(frozen=True)
@@ -32,16 +35,21 @@ class Effects:
     Attributes:
         noise: standard deviation of the gray values.
         blur: standard deviation of a Gaussian blur [pixels].
-        motion: columns and rows that the picture moves during the exposure.
-        covered: rectangles (left, top, width, height) [pixels] that something hides.
         seed: of the noise.
     """
 
     noise: float = 0.0
     blur: float = 0.0
-    motion: tuple[float, float] = (0.0, 0.0)
-    covered: Sequence[tuple[int, int, int, int]] = ()
     seed: int = 0
+
+    def on(self, image: np.ndarray) -> np.ndarray:
+        """Return a picture, 8 bit, with these effects."""
+        if self.blur > 0:
+            image = cv2.GaussianBlur(image, (0, 0), self.blur)
+        if self.noise == 0:
+            return image
+        noise = np.random.default_rng(self.seed).normal(0, self.noise, image.shape)
+        return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 
 class Lens:
@@ -82,11 +90,6 @@ class Lens:
         )
         return rays.reshape(pixels.shape)
 
-    @property
-    def field_height(self) -> float:
-        """Vertical field of view of the ideal picture [rad]."""
-        return 2 * math.atan(self.height / 2 / self.focal)
-
     @cached_property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """Intrinsic matrix of the ideal picture [pixels]."""
@@ -98,51 +101,26 @@ class Lens:
         """Return the camera's picture.
 
         Args:
-            ideal: 8 bit, shape (height, width) or (height, width, 3).
-            effects: blur, noise, and what is hidden.
+            ideal: 8 bit, shape (height, width).
+            effects: blur and noise.
         """
-        effects = effects or Effects()
         columns, rows = np.moveaxis(self._map, -1, 0)
         sampled = cv2.remap(ideal, columns, rows, cv2.INTER_LINEAR)
         size = (self._camera.width, self._camera.height)
         image = cv2.resize(sampled, size, interpolation=cv2.INTER_AREA)
-        for left, top, width, height in effects.covered:
-            image[top : top + height, left : left + width] = BACKGROUND
-        return _with_noise(_blurred(image, effects), effects)
+        return (effects or Effects()).on(image)
 
+    def project(self, points: np.ndarray) -> np.ndarray | None:
+        """Return columns and rows in the ideal picture; None if it cannot show them.
 
-def _blurred(image: np.ndarray, effects: Effects) -> np.ndarray:
-    length = math.hypot(*effects.motion)
-    if length > 0:
-        image = cv2.filter2D(image, -1, _motion_kernel(effects.motion))
-    if effects.blur > 0:
-        image = cv2.GaussianBlur(image, (0, 0), effects.blur)
-    return image
-
-
-def _motion_kernel(motion: tuple[float, float]) -> np.ndarray:
-    """Equal weights along a line through the center."""
-    half = math.ceil(max(map(abs, motion)) / 2) + 1
-    kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
-    for share in np.linspace(-0.5, 0.5, 201):
-        column = half + share * motion[0]
-        row = half + share * motion[1]
-        left = math.floor(column)
-        top = math.floor(row)
-        right_share = column - left
-        low_share = row - top
-        kernel[top, left] += (1 - right_share) * (1 - low_share)
-        kernel[top, left + 1] += right_share * (1 - low_share)
-        kernel[top + 1, left] += (1 - right_share) * low_share
-        kernel[top + 1, left + 1] += right_share * low_share
-    return kernel / kernel.sum()
-
-
-def _with_noise(image: np.ndarray, effects: Effects) -> np.ndarray:
-    if effects.noise == 0:
-        return image
-    noise = np.random.default_rng(effects.seed).normal(0, effects.noise, image.shape)
-    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+        Args:
+            points: camera frame [m], shape (points, 3).
+        """
+        if points[:, 2].min() <= _NEAREST:
+            return None
+        projected = points @ self.matrix.T
+        pixels = projected[:, :2] / projected[:, 2:]
+        return pixels if np.abs(pixels).max() <= 1e5 else None
 
 
 @cache
@@ -154,74 +132,111 @@ def tag_texture(id: int) -> np.ndarray:
 
 
 def paint(
-    lens: Lens, layout: TagLayout, poses: Mapping[str, Pose], seen: bool = True
+    lens: Lens, layout: TagLayout, poses: Mapping[str, Pose], arm_radius: float = 0.0
 ) -> np.ndarray:
-    """Return an ideal picture of tags, without anything else.
+    """Return an ideal picture of tags and of the arm between the bodies.
 
     Args:
         lens: of the camera.
         layout: of the tags.
-        poses: `T_camera_body` by name; bodies without a pose are not painted.
-        seen: whether tags that look away are left out.
+        poses: `T_camera_body` by name, from the base to the tip; bodies without a pose
+            are not painted.
+        arm_radius: of the arm [m]; 0 for none.
     """
-    image = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
-    placed = [
-        (tag, poses[tag.body] @ tag.pose) for tag in layout.tags if tag.body in poses
-    ]
-    # the farthest first
-    placed.sort(key=lambda pair: -float(np.linalg.norm(pair[1].position)))
-    for tag, pose in placed:
-        if not seen or pose.z_axis @ pose.position < 0:
-            _paint_sheet(image, lens, _sheet(tag, pose), tag_texture(tag.id))
-    return image
+    canvas = Canvas(lens)
+    for tag in layout.tags:
+        if tag.body in poses:
+            pose = poses[tag.body] @ tag.pose
+            is_seen = pose.z_axis @ pose.position < 0
+            corners = square(SHEET * tag.size) @ pose.matrix.T + pose.position
+            canvas.paint(corners, tag_texture(tag.id) if is_seen else _plain(WHITE))
+    if arm_radius:
+        for start, end in pairwise(_center_line(list(poses.values()))):
+            canvas.paint(_strip(start, end, arm_radius), _plain(ARM))
+    return canvas.image
 
 
-def _sheet(tag: Tag, pose: Pose) -> np.ndarray:
-    """Corners of the paper, camera frame [m]."""
-    return square(SHEET * tag.size) @ pose.matrix.T + pose.position
+class Canvas:
+    """An ideal picture on which what is nearer hides what is farther.
 
-
-def _paint_sheet(
-    image: np.ndarray, lens: Lens, corners: np.ndarray, texture: np.ndarray
-) -> None:
-    """Paint a picture onto a quadrilateral, unless it is behind the camera."""
-    if corners[:, 2].min() <= 0.01:
-        return
-    projected = corners @ lens.matrix.T
-    pixels = projected[:, :2] / projected[:, 2:]
-    if np.abs(pixels).max() > 1e5:
-        return
-    right = texture.shape[1] - 0.5
-    bottom = texture.shape[0] - 0.5
-    source = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
-    warp = cv2.getPerspectiveTransform(
-        source.astype(np.float32), pixels.astype(np.float32)
-    )
-    cv2.warpPerspective(
-        texture,
-        warp,
-        (image.shape[1], image.shape[0]),
-        dst=image,
-        flags=cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_TRANSPARENT,
-    )
-
-
-def paint_board(
-    lens: Lens, board: Board, texture: np.ndarray, pose: Pose
-) -> np.ndarray:
-    """Return an ideal picture of a calibration board.
-
-    Args:
-        lens: of the camera.
-        board: its size.
-        texture: picture of the board with a white margin of one square.
-        pose: `T_camera_board` of the middle of the board: x right, y up, z toward the
-            viewer.
+    Attributes:
+        image: 8 bit, shape (height, width).
     """
-    image = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
-    half = board.square / 2 * np.array([board.columns + 2, board.rows + 2, 0])
-    corners = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]]) * half
-    placed = corners @ pose.matrix.T + pose.position
-    _paint_sheet(image, lens, placed, texture)
-    return image
+
+    def __init__(self, lens: Lens):
+        """A picture of nothing.
+
+        Args:
+            lens: of the camera.
+        """
+        self._lens = lens
+        self.image = np.full((lens.height, lens.width), BACKGROUND, np.uint8)
+        self._depths = np.full(self.image.shape, np.inf)
+
+    def paint(self, corners: Float[np.ndarray, "4 3"], texture: np.ndarray) -> None:
+        """Paint a picture onto a flat quadrilateral, unless it is behind the camera.
+
+        Args:
+            corners: from the upper left one clockwise, camera frame [m].
+            texture: the picture, 8 bit.
+        """
+        pixels = self._lens.project(corners)
+        if pixels is None:
+            return
+        left, top = np.maximum(np.floor(pixels.min(axis=0)).astype(int), 0)
+        right, bottom = np.ceil(pixels.max(axis=0)).astype(int) + 1
+        image = self.image[top : max(bottom, 0), left : max(right, 0)]
+        if not image.size:
+            return
+        depths = self._depths[top : max(bottom, 0), left : max(right, 0)]
+        shifted = (pixels - (left, top)).astype(np.float32)
+        height, width = texture.shape
+        source = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+        warp = cv2.getPerspectiveTransform(source.astype(np.float32), shifted)
+        size = (image.shape[1], image.shape[0])
+        edge = cv2.BORDER_REPLICATE
+        painted = cv2.warpPerspective(texture, warp, size, borderMode=edge)
+        inside = np.zeros(image.shape, np.uint8)
+        cv2.fillConvexPoly(inside, np.rint(shifted).astype(np.int32), 1)
+        distances = self._plane(corners, left, top, image.shape)
+        nearer = (inside > 0) & (distances < depths)
+        image[nearer] = painted[nearer]
+        depths[nearer] = distances[nearer]
+
+    def _plane(
+        self, corners: np.ndarray, left: int, top: int, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Depths of a plane [m] in a part of the picture."""
+        first, second, _, last = corners
+        normal = np.cross(second - first, last - first)
+        rows, columns = np.indices(shape) + np.array([top, left])[:, None, None]
+        rays = np.stack([columns, rows, np.ones(shape)], axis=-1)
+        slopes = rays @ np.linalg.inv(self._lens.matrix).T @ normal
+        return normal @ first / np.where(slopes == 0, np.inf, slopes)
+
+
+def _plain(gray: int) -> np.ndarray:
+    return np.full((2, 2), gray, np.uint8)
+
+
+def _strip(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
+    """Corners of a strip along a line that faces the camera."""
+    side = np.cross(end - start, start)
+    side = radius * side / np.linalg.norm(side)
+    return np.array([start - side, start + side, end + side, end - side])
+
+
+def _center_line(poses: list[Pose]) -> np.ndarray:
+    """Points of cubic curves through poses along their z axes [m], shape (points, 3)."""
+    if len(poses) < 2:
+        return np.empty((0, 3))
+    shares = np.linspace(0, 1, _ARM_POINTS)[:, None]
+    curves = [poses[0].position[None]]
+    for start, end in pairwise(poses):
+        length = np.linalg.norm(end.position - start.position)
+        difference = end.position - start.position
+        cubic = shares**2 * (3 - 2 * shares) * difference
+        outgoing = shares * (1 - shares) ** 2 * length * start.z_axis
+        incoming = shares**2 * (shares - 1) * length * end.z_axis
+        curves.append((start.position + cubic + outgoing + incoming)[1:])
+    return np.concatenate(curves)

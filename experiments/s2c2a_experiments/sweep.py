@@ -24,11 +24,11 @@ from s2c2a.files import list_in_manifest
 from s2c2a.jobs.artifacts import Cache
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
-from s2c2a.jobs.search_space import Value, Varied, value_at, with_values
 from s2c2a.progress import Progress, quiet
 from s2c2a.strategies import STRATEGIES, Recipe, save_networks, save_recipe
 from s2c2a.tasks import Task
-from s2c2a.viz import trials_figure
+from s2c2a_experiments.figures.trials import trials_figure
+from s2c2a_experiments.search_space import Value, Varied, value_at, with_values
 
 TRIALS = "trials.log"
 

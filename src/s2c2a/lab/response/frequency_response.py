@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from s2c2a.errors import S2C2AError
-from s2c2a.estimation.delayed_response import Motion, SearchRanges, identify_response
+from s2c2a.lab.response.delayed_response import Motion, SearchRanges, identify_response
 
 Series = Float[np.ndarray, " steps"]
 

@@ -1,4 +1,4 @@
-"""`s2c2a sweep`: search for a better recipe in closed loop."""
+"""Command `s2c2a sweep`: search for a better recipe in closed loop."""
 
 from dataclasses import asdict
 from importlib.metadata import version
@@ -31,7 +31,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.executors import Serial
 
 if TYPE_CHECKING:
-    from s2c2a.jobs.sweep import Sweep, Trial
+    from s2c2a_experiments.sweep import Sweep, Trial
 
 MAX_ROWS = 10  # of the printed table; the file has all
 
@@ -87,10 +87,10 @@ def sweep(
     """
     require("sweep", "optuna")
     from s2c2a import jobs, strategies
-    from s2c2a.jobs import sweep as sweeps
     from s2c2a.jobs.run_folder import open_run_directory
-    from s2c2a.jobs.search_space import varied_from
     from s2c2a.tasks import load_task
+    from s2c2a_experiments import sweep as sweeps
+    from s2c2a_experiments.search_space import varied_from
 
     spec = load_arm(arm)
     start = strategies.recipe_from(recipe)

@@ -7,27 +7,27 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.backlash import play_along
-from s2c2a.cli.response import (
-    cells,
-    check_response,
-    compare_responses,
-    kept,
-)
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import ModalFactors
-from s2c2a.estimation.delayed_response import second_order_response
-from s2c2a.estimation.excitation import AMPLITUDE, chirp_around, excite
-from s2c2a.estimation.expected_response import (
+from s2c2a.kinematics import configurations_from_bends
+from s2c2a.lab.cli.response import (
+    cells,
+    compare_responses,
+    kept,
+    measure_response,
+)
+from s2c2a.lab.response.delayed_response import second_order_response
+from s2c2a.lab.response.excitation import AMPLITUDE, chirp_around, excite
+from s2c2a.lab.response.expected_response import (
     equilibria_by_description,
     equilibria_by_model,
     expected_tilts,
 )
-from s2c2a.estimation.frequency_response import (
+from s2c2a.lab.response.frequency_response import (
     Response,
     fit_response,
     spectrum,
 )
-from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.robots import Robot
 from s2c2a.robots.simulation import SimulatedRobot
@@ -239,7 +239,7 @@ def test_the_worse_direction_is_compared_with_the_expected_response():
 
 def test_the_command_measures_prints_and_keeps_it(simulated, tmp_path, capsys):
     out = tmp_path / "response.json"
-    check_response(SimulatedRobot(simulated), None, out)
+    measure_response(SimulatedRobot(simulated), None, out)
     said = capsys.readouterr().out
     assert "first mode [Hz]" in said
     assert "the gain is" in said

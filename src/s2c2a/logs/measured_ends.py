@@ -10,7 +10,13 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
 from s2c2a.data.outliers import MeasuredEnds, Outliers
-from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure
+from s2c2a.viz.charts import (
+    LETTERS_PER_INCH,
+    headline,
+    new_axes,
+    new_figure,
+    save_figure,
+)
 from s2c2a.viz.colors import INK, MUTED
 
 WIDTH, HEIGHT = 11.0, 2.1  # of the figure, and of the panel of each end [inches]
@@ -18,7 +24,6 @@ COORDINATES = {"x": "#1f5fc4", "y": "#2b9a4b", "z": "#6b7280"}
 FROZEN = "#c77d0a"
 OTHER = "#b8327f"
 LINE: dict[str, Any] = {"linewidth": 0.7}
-LETTERS = 150  # in a line of a note
 
 
 class RowMark(NamedTuple):
@@ -81,7 +86,12 @@ def measured_ends_figure(
         headline(axes, f"end of module {module + 1}")
     if notes:
         axes.set_xlabel(
-            "\n".join(["row", *(fill(note, LETTERS) for note in notes)]),
+            "\n".join(
+                [
+                    "row",
+                    *(fill(note, round(LETTERS_PER_INCH * WIDTH)) for note in notes),
+                ]
+            ),
             color=INK,
             fontsize=9,
         )

@@ -1,4 +1,4 @@
-"""Command `s2c2a robot check --response`: measured and expected frequency response."""
+"""Command `s2c2a response`: measured and expected frequency response."""
 
 import json
 from collections.abc import Sequence
@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2c2a.arm import ArmSpec
-from s2c2a.cli.console import print_table, progress_bar
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.emergency import emergency_controls
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    robot_factory_for,
+)
 from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.estimation import ModalFactors
-    from s2c2a.estimation.excitation import Excitation
-    from s2c2a.estimation.frequency_response import Response
+    from s2c2a.lab.response.excitation import Excitation
+    from s2c2a.lab.response.frequency_response import Response
     from s2c2a.robots import Robot
     from s2c2a.strategies import TrainedNetworks
 
@@ -54,7 +61,8 @@ class ExpectedDynamics:
     @property
     def frequency(self) -> float:
         """Frequency of the first mode, without payload [Hz]."""
-        from s2c2a.estimation.modal_model import LinearizedArm, modal_step, modes
+        from s2c2a.estimation.modal_model import LinearizedArm, modal_step
+        from s2c2a.lab.response.expected_response import modes
 
         period = self.arm.control_period
         step = modal_step(LinearizedArm.of(self.arm), self.modal_factors, period)
@@ -63,12 +71,12 @@ class ExpectedDynamics:
     def tilts(self, chirps: "Excitation", direction: int) -> np.ndarray:
         """Expected tilt of the tip during a chirp [rad]."""
         from s2c2a.estimation import MODAL_MODEL
-        from s2c2a.estimation.expected_response import (
+        from s2c2a.kinematics import configurations_from_bends
+        from s2c2a.lab.response.expected_response import (
             equilibria_by_description,
             equilibria_by_model,
             expected_tilts,
         )
-        from s2c2a.kinematics import configurations_from_bends
 
         factors = self.modal_factors
         bends = chirps.encoders[direction]
@@ -80,7 +88,36 @@ class ExpectedDynamics:
         return expected_tilts(self.arm, factors, equilibria)[:, direction]
 
 
-def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> None:
+def response(
+    robot: RobotName = "sim",
+    arm: Arm = "twin_arm",
+    robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
+    weights: Path | None = None,
+    out: Path | None = None,
+) -> None:
+    """Measure the frequency response of a robot: first mode, gain, delay, backlash.
+
+    The arm vibrates for about a minute, slowly at first and then faster; every module
+    bends by a tenth of its limit. Keep clear of it (docs/guides/sensors.md).
+
+    Args:
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
+        arm: a preset or an arm file that describes the robot.
+        robot_option: arguments of the class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
+        weights: networks from `s2c2a train`; they give the expected response.
+        out: a file (.json) for the measured response, with a figure next to it.
+    """
+    factory = robot_factory_for(robot, robot_option, tracking=tracking)
+    opened = factory.seeded(load_arm(arm), 0)
+    with emergency_controls(factory):
+        measure_response(opened, weights, out)
+
+
+def measure_response(robot: "Robot", weights: Path | None, out: Path | None) -> None:
     """Measure the frequency response of a robot, and compare it with the expected one.
 
     Args:
@@ -88,9 +125,9 @@ def check_response(robot: "Robot", weights: Path | None, out: Path | None) -> No
         weights: networks from `s2c2a train`, if any.
         out: a JSON file for the responses, with a figure next to it.
     """
-    from s2c2a.estimation.excitation import excite, tip_sensor_of
-    from s2c2a.estimation.frequency_response import fit_response
     from s2c2a.executors import limit_jax_to_one_thread
+    from s2c2a.lab.response.excitation import excite, tip_sensor_of
+    from s2c2a.lab.response.frequency_response import fit_response
     from s2c2a.strategies import load_networks
 
     limit_jax_to_one_thread()
@@ -181,8 +218,8 @@ def _save(
     arm: ArmSpec,
 ) -> None:
     """Save responses as JSON, and their spectra as a figure."""
-    from s2c2a.estimation.frequency_response import spectrum
-    from s2c2a.viz.response import response_figure
+    from s2c2a.lab.response.figure import response_figure
+    from s2c2a.lab.response.frequency_response import spectrum
 
     content: dict = {"arm": arm.name, "seen_by": chirps.sensor}
     content["measured"] = dict(zip(DIRECTIONS, map(kept, measured), strict=True))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from s2c2a.kinematics import states_from_bends
-from s2c2a.viz.reconstruction import completed
+from s2c2a.live.reconstruction import completed
 
 LENGTHS = np.full(3, 0.2)
 ARC = np.asarray(states_from_bends(np.tile([0.2, 0.3], (3, 1)), LENGTHS), float)

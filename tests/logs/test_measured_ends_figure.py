@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from s2c2a.data.outliers import MeasuredEnds, Outliers
-from s2c2a.viz import measured_ends, measured_ends_figure
-from s2c2a.viz.measured_ends import RowMark
+from s2c2a.logs import measured_ends
+from s2c2a.logs.measured_ends import RowMark, measured_ends_figure
 
 ROWS = 60
 

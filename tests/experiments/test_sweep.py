@@ -1,13 +1,15 @@
-"""What a sweep writes belongs to the strategy that it tried."""
+"""What a sweep varies and writes belongs to the strategy that it tries."""
 
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.jobs import Cache, sweep
-from s2c2a.jobs.search_space import varied_from
+from s2c2a.errors import S2C2AError
+from s2c2a.jobs import Cache
 from s2c2a.progress import quiet
 from s2c2a.strategies import STRATEGIES, load_recipe, recipe_named
 from s2c2a.tasks import load_task
+from s2c2a_experiments import sweep
+from s2c2a_experiments.search_space import varied_from
 
 TWIN = load_arm("twin_arm")
 BEST = recipe_named("best")
@@ -44,3 +46,15 @@ def test_the_networks_of_the_best_trial_are_those_of_its_runs(
     assert saved == ([] if strategy == "pcc" else [weights])
     for artifact in needed:
         assert STRATEGIES.name_of(type(artifact.strategy)) == strategy
+
+
+@pytest.mark.parametrize("place", ["c2s.hidden", "planner.solver.iterations"])
+@pytest.mark.parametrize("name", STRATEGIES.known)
+def test_a_sweep_varies_what_its_strategy_uses(name, place):
+    tasks = (load_task("circle", TWIN),)
+    varied = varied_from([f"{place}=16,32"], BEST)
+    if place.partition(".")[0] in STRATEGIES.named(name).recipe_keys:
+        assert sweep.Sweep(TWIN, tasks, BEST, varied, strategy=name)
+        return
+    with pytest.raises(S2C2AError, match=f"--vary {place} would have no effect"):
+        sweep.Sweep(TWIN, tasks, BEST, varied, strategy=name)

@@ -9,18 +9,29 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.estimation.excitation import tilts
 from s2c2a.estimation.modal_model import (
     LinearizedArm,
     ModalFactors,
+    ModalStep,
     modal_step,
     simulate,
 )
 from s2c2a.kinematics import bends_from_states
 from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.lab.response.excitation import tilts
 from s2c2a.models.forward_model import ForwardModel
 
 BendSeries = Float[np.ndarray, "steps modules 2"]
+
+
+def modes(step: ModalStep, period: float) -> Float[np.ndarray, "modes 2"]:
+    """Frequencies [Hz] and damping ratios, slowest first."""
+    poles = np.log(np.linalg.eigvals(step.transition).astype(complex)) / period
+    poles = poles[np.argsort(np.abs(poles))]
+    poles = poles[poles.imag >= 0]
+    sizes = np.abs(poles)
+    ratios = -poles.real / np.maximum(sizes, 1e-12)
+    return np.stack([sizes / (2.0 * np.pi), ratios], axis=-1)
 
 
 def expected_tilts(

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.jobs.search_space import Varied, value_at, varied_from, with_values
 from s2c2a.planning import LeastSquares
 from s2c2a.strategies import recipe_named
+from s2c2a_experiments.search_space import Varied, value_at, varied_from, with_values
 
 BEST, PAPER = recipe_named("best"), recipe_named("paper")
 

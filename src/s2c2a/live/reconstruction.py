@@ -6,8 +6,6 @@ from jaxtyping import Float
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.mesh import unit
 
-UP = np.array([0.0, 0.0, 1.0])
-
 
 def completed(states: States, lengths: Float[np.ndarray, " modules"]) -> States:
     """Complete the missing positions and axes of one arm's states.
@@ -27,7 +25,7 @@ def completed(states: States, lengths: Float[np.ndarray, " modules"]) -> States:
     known = np.isfinite(states[:, POSITION]).all(axis=1)
     previous = -1
     position = np.zeros(3)
-    axis = UP
+    axis = np.array([0.0, 0.0, 1.0])
     for module in map(int, np.flatnonzero(known)):
         chord = states[module, POSITION] - position
         for inner in range(previous + 1, module + 1):

@@ -1,0 +1,1 @@
+"""Response of an arm to chirps: excitation, identification, and what models expect."""

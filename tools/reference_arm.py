@@ -1,0 +1,22 @@
+"""Tables of the keys of an arm file, as docs/reference/arm-file.md ends with them."""
+
+from collections.abc import Iterable
+from itertools import groupby
+
+from s2c2a.arm import Key, file_keys
+
+from tools.markdown import table
+
+COLUMNS = "key", "allowed", "default", "meaning"
+
+
+def arm_keys() -> str:
+    """A Markdown table for every table of the file."""
+    tables = groupby(file_keys(), key=lambda key: key.table)
+    return "\n".join(_keys_of_table(name, keys) for name, keys in tables)
+
+
+def _keys_of_table(name: str, keys: Iterable[Key]) -> str:
+    title = f"`{name}`" if name else "The arm itself"
+    rows = [(f"`{key.name}`", *key[2:]) for key in keys]
+    return f"### {title}\n\n{table(COLUMNS, rows)}"
