@@ -10,10 +10,10 @@ from s2c2a.errors import RecordingError
 EPISODES, SAMPLES = 2, 100
 STRETCHES = {
     "training": range(0, 70),
-    "validation": range(70, 85),
-    "test": range(85, 100),
+    "validation": range(75, 85),
+    "test": range(85, 95),
 }
-NOW = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
+NOW = {"training": range(0, 69), "validation": range(80, 84), "test": range(90, 94)}
 """Steps of the windows, which cross no border; before an episode the arm is at rest."""
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
@@ -51,33 +51,34 @@ def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
     return np.array(rows)[:, None] + np.arange(features) + offset
 
 
-def test_an_episode_of_100_samples_is_split_at_70_and_85():
+def test_an_episode_of_100_samples_is_split_with_gaps_beside_its_training_samples():
     parts = [
         [list(range(100))[place] for _, place in part] for part in stretches([100])
     ]
     assert parts == [[list(moments)] for moments in STRETCHES.values()]
 
 
-@pytest.mark.parametrize("samples", [50, 51, 77, 100, 500, 501])
-def test_stretches_share_an_episode_70_15_15_without_gap_or_overlap(samples):
+@pytest.mark.parametrize("samples", [80, 81, 97, 100, 500, 501])
+def test_stretches_share_an_episode_without_overlap(samples):
     parts = [np.arange(samples)[part[0][1]] for part in stretches([samples])]
-    np.testing.assert_array_equal(np.concatenate(parts), np.arange(samples))
+    assert (np.diff(np.concatenate(parts)) > 0).all()
     np.testing.assert_allclose(
-        [len(part) for part in parts], np.array([0.7, 0.15, 0.15]) * samples, atol=1.0
+        [len(part) for part in parts], np.array([0.7, 0.1, 0.1]) * samples, atol=1.0
     )
 
 
-def test_five_hundred_samples_are_split_350_75_75():
-    assert [part[0][1].stop - part[0][1].start for part in stretches([500])] == [
-        350,
-        75,
-        75,
+def test_no_sample_that_judges_is_within_25_of_a_training_sample():
+    training, *others = [
+        np.concatenate([np.arange(2000)[place] for _, place in part])
+        for part in stretches([2000])
     ]
+    for part in others:
+        assert np.abs(part[:, None] - training).min() >= 25
 
 
 def test_an_episode_too_short_to_be_split_is_refused():
-    with pytest.raises(RecordingError, match=r"49 samples.*at least 50"):
-        stretches([49])
+    with pytest.raises(RecordingError, match=r"79 samples.*at least 80"):
+        stretches([79])
 
 
 def test_a_very_long_episode_is_split_piece_by_piece():
@@ -90,7 +91,7 @@ def test_a_very_long_episode_is_split_piece_by_piece():
             for _, place in part
         ]
     )
-    np.testing.assert_array_equal(np.sort(rows), np.arange(2063))
+    assert len(np.unique(rows)) == len(rows) > 0.89 * 2063
 
 
 def test_short_episodes_belong_to_one_part_as_a_whole():
@@ -113,19 +114,19 @@ def test_samples_without_any_known_state_are_dropped_and_partial_ones_stay():
 
 
 def test_padding_of_shorter_episodes_is_ignored():
-    split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 60))
+    split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 80))
     rows = np.concatenate(
         [
             part.targets[:, 0, 0]
             for part in (split.training, split.validation, split.test)
         ]
     )
-    assert len(rows) == 160
-    assert rows.max() < 10000.0 * 2 + 10.0 * 60
+    assert len(rows) == 90 + 72
+    assert rows.max() < 10000.0 * 2 + 10.0 * 80
 
 
 def test_the_shortest_episode_has_a_window_in_every_stretch():
-    split = controller_samples(CONFIGURATIONS[:, :50], ACTIONS[:, :50], NEUTRAL)
+    split = controller_samples(CONFIGURATIONS[:, :80], ACTIONS[:, :80], NEUTRAL)
     assert (
         min(
             len(samples.targets)

@@ -45,7 +45,7 @@ class Split:
         return self.training, self.validation, self.test
 
 
-SHORTEST_EPISODE = 50  # samples: 15 % of fewer may hold no complete window
+SHORTEST_EPISODE = 80  # samples: 10 % of fewer may hold no complete window
 PIECE = 500
 """Approximate samples of a piece that is divided among the parts.
 
