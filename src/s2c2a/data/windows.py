@@ -95,7 +95,6 @@ def forward_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     states: Float[np.ndarray, "episodes samples modules 6"],
     lengths: Lengths = None,
-    hidden: Bool[np.ndarray, "episodes samples"] | None = None,
 ) -> Split:
     """Samples for C2S: sensed configuration in, true state at the same time out.
 
@@ -105,33 +104,34 @@ def forward_samples(
         configurations: sensed configurations.
         states: true states; NaN: unknown.
         lengths: number of samples of each episode, if they differ; the rest is padding.
-        hidden: samples that are kept, with unknown states.
     """
     rows = _known_rows(states, lengths)
-    if hidden is not None:
-        states = np.where(hidden[..., None, None], np.nan, states)
+    parts = stretches([len(indices) for indices in rows])
+    return Split(*(_samples_of(configurations, states, rows, part) for part in parts))
 
-    def select(values: np.ndarray, part: list[Stretch]) -> np.ndarray:
+
+def known_samples(
+    configurations: Float[np.ndarray, "episodes samples modules 3"],
+    states: Float[np.ndarray, "episodes samples modules 6"],
+    lengths: Lengths = None,
+) -> Samples:
+    """All samples with a known state, in order of time (`forward_samples`)."""
+    rows = _known_rows(states, lengths)
+    whole = [(episode, slice(None)) for episode in range(len(rows))]
+    return _samples_of(configurations, states, rows, whole)
+
+
+def _samples_of(
+    configurations: np.ndarray,
+    states: np.ndarray,
+    rows: list[np.ndarray],
+    part: list[Stretch],
+) -> Samples:
+    def select(values: np.ndarray) -> np.ndarray:
         parts = [values[episode, rows[episode][span]] for episode, span in part]
         return np.concatenate(parts).astype(np.float32)
 
-    samples = [
-        Samples({"configurations": select(configurations, part)}, select(states, part))
-        for part in stretches([len(indices) for indices in rows])
-    ]
-    return Split(*samples)
-
-
-def validation_samples(
-    states: Float[np.ndarray, "episodes samples modules 6"], lengths: Lengths = None
-) -> Bool[np.ndarray, "episodes samples"]:
-    """Mask of the samples that `forward_samples` validates with."""
-    rows = _known_rows(states, lengths)
-    mask = np.zeros(states.shape[:2], bool)
-    validation = stretches([len(indices) for indices in rows])[1]
-    for episode, span in validation:
-        mask[episode, rows[episode][span]] = True
-    return mask
+    return Samples({"configurations": select(configurations)}, select(states))
 
 
 def _known_rows(states: np.ndarray, lengths: Lengths) -> list[np.ndarray]:

@@ -23,6 +23,6 @@ from s2c2a.evaluation.report import (
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout
 from s2c2a.evaluation.training_report import (
+    describe_held_out_errors,
     describe_modal_model,
-    describe_unseen_errors,
 )
