@@ -457,7 +457,7 @@ class Samples(NamedTuple):
 
 
 # of each episode, with a gap, since neighbors in time are alike; the rest is for tests
-PARTS = {"training": (0.0, 0.70), "validation": (0.75, 0.85)}
+PARTS = {"training": (0.0, 0.65), "validation": (0.70, 0.85)}
 
 
 def stretch(samples: int, part: str) -> slice:

@@ -23,7 +23,8 @@ def samples(count=SAMPLES, seed=0, noise=0.01):
 
 
 def fit(features, targets) -> ResidualProcess:
-    return fit_process(features, targets, np.eye(features.shape[1]), POINTS)
+    kinds = np.eye(features.shape[1])
+    return fit_process(features, targets, kinds, np.zeros(len(kinds)), POINTS)
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +93,14 @@ def test_vibration_is_noise_though_it_follows_each_motion():
     process = fit(features, vibration[:, None])
     assert process.noise > 5 * process.amplitude
     assert np.abs(means(process, features)).mean() < 0.3
+
+
+def test_the_motion_of_a_second_is_no_longer_than_the_length_scale(fitted):
+    features, targets = samples()
+    kinds, motion = np.eye(3), np.full(3, 5.0)
+    smooth = fit_process(features, targets, kinds, motion, POINTS)
+    assert np.linalg.norm(fitted.rates * motion) > 1.1
+    assert np.linalg.norm(smooth.rates * motion) < 1.001
 
 
 def test_deviations_are_those_of_errors_that_it_has_not_seen(fitted):

@@ -10,12 +10,13 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import RecordingError
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
-PARTS = ((0.0, 0.70), (0.75, 0.85), (0.85, 0.95))
+PARTS = ((0.0, 0.65), (0.70, 0.85), (0.85, 1.0))
 """Training, validation and test samples, as shares of a piece in order of time.
 
-The gaps lie between training and other samples, also before the next piece: neighbors in
-time are alike, and a model that interpolates them would look better than it is.
+The gap after the training samples is there because neighbors in time are alike: a model
+that interpolates them would look better than it is.
 """
+GAP = 0.05  # of a piece; also before the training samples of the next piece
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Split:
         return self.training, self.validation, self.test
 
 
-SHORTEST_EPISODE = 80  # samples: 10 % of fewer may hold no complete window
+SHORTEST_EPISODE = 50  # samples: 15 % of fewer may hold no complete window
 PIECE = 500
 """Approximate samples of a piece that is divided among the parts.
 
@@ -81,6 +82,8 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
         borders = np.linspace(0, samples, 1 + pieces).astype(int)
         for begin, end in pairwise(borders):
             edges = begin + np.rint(np.array(PARTS) * (end - begin)).astype(int)
+            if end < samples:
+                edges[2, 1] -= round(GAP * (end - begin))
             for part, (start, stop) in zip(parts, edges.tolist(), strict=True):
                 part.append((episode, slice(start, stop)))
     if not all(parts):

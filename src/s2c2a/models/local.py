@@ -1,7 +1,7 @@
 """The forward model of the recipe `best`: the chain, and a process of its residual.
 
 The chain extrapolates. Near the data, a Gaussian process (`ResidualProcess`) predicts the
-residual of the chain from the displacements, their hysteresis, and their lag. Away from
+residual of the chain from the displacements and their hysteresis. Away from
 the data it is zero, so that the chain predicts alone, and the deviation grows
 (`DataRegion`).
 """
@@ -195,22 +195,14 @@ class LocalC2S(ForwardModel):
     ) -> Float[Array, "*batch features"]:
         """Features of the process: bends and common displacements.
 
-        They are those of the present displacements, of some play operators, and of the
-        lag of the filters at the last reading. The lag follows from readings alone: a
-        plan is ahead of the arm, and would look like speed.
+        They are those of the present displacements and of some play operators. Those of
+        the filters would show speed and vibration, which a plan does not have.
         """
-        hysteresis = self.chain.hysteresis
-        operators = hysteresis.operators
-        plays = len(operators.widths)
-        shares = operators.shares[:, None]
-        now = inputs[..., :1, :]
-        after_play = inputs[..., 1 : plays + 1, :]
-        last = inputs[..., plays + 1 : plays + 2, :]
-        filtered = (inputs[..., plays + 2 :, :] - shares * now) / (1.0 - shares)
-        lag = last - filtered
-        if hysteresis.arrived:
-            lag = lag.at[..., : hysteresis.delays, :].set(0.0)
-        used = jnp.concatenate([now, after_play[..., EVERY_OTHER, :], lag], axis=-2)
+        plays = len(self.chain.hysteresis.operators.widths)
+        used = jnp.concatenate(
+            [inputs[..., :1, :], inputs[..., 1 : plays + 1, :][..., EVERY_OTHER, :]],
+            axis=-2,
+        )
         bends = jnp.einsum("mkn,...mjn->...mjk", self.chain.body.inverses, used)
         common = jnp.mean(used, axis=-1, keepdims=True)
         return jnp.concatenate([bends, common], axis=-1).reshape(*used.shape[:-3], -1)

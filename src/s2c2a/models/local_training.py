@@ -162,19 +162,31 @@ class LocalOptions(ChainOptions):
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         inputs = hysteresis_inputs(result.network, data)
         split = forward_samples(inputs, data.states, data.lengths)
-        probe = _with_deviations(self._fitted(blank, split.training), split)
+        probe = _with_deviations(
+            self._fitted(blank, split.training, data.arm.control_rate), split
+        )
         trained = evaluated(FitResult(probe, result.curve), predicted_targets, split)
         every = known_samples(inputs, data.states, data.lengths)
-        model = self._with_region(self._fitted(blank, every), split)
+        model = self._with_region(
+            self._fitted(blank, every, data.arm.control_rate), split
+        )
         process = replace(model.process, scale=probe.process.scale)
         errors = _tip_errors(probe, split.test)
         return replace(trained, network=replace(model, process=process), errors=errors)
 
-    def _fitted(self, model: LocalC2S, samples: Samples) -> LocalC2S:
-        """The model with a process of what its chain leaves."""
+    def _fitted(self, model: LocalC2S, samples: Samples, rate: float) -> LocalC2S:
+        """The model with a process of what its chain leaves.
+
+        Args:
+            model: with a trained chain.
+            samples: in order of time.
+            rate: of the samples [Hz].
+        """
         residual = _residual(model, samples)
         features = _features(model, samples)
-        process = fit_process(features, residual, _kinds(model.chain), self.points)
+        motion = _motion(features, round(rate))
+        kinds = _kinds(model.chain)
+        process = fit_process(features, residual, kinds, motion, self.points)
         return replace(model, process=process)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
@@ -203,7 +215,7 @@ def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
     operators = chain.hysteresis.operators
     modules = len(chain.body.lengths)
     components = 3 * modules
-    inputs = 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
+    inputs = 1 + len(operators.widths[EVERY_OTHER])
     module, number, axis = np.unravel_index(
         np.arange(components * inputs), (modules, inputs, 3)
     )
@@ -216,6 +228,14 @@ def _features(
 ) -> Float[np.ndarray, "samples features"]:
     inputs = jnp.asarray(samples.inputs["configurations"])
     return np.asarray(eqx.filter_jit(model.features)(inputs))
+
+
+def _motion(
+    features: Float[np.ndarray, "samples features"], steps: int
+) -> Float[np.ndarray, " features"]:
+    """Root mean square change of the features in so many steps, at least one."""
+    steps = min(max(steps, 1), len(features) - 1)
+    return np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
 
 
 @eqx.filter_jit

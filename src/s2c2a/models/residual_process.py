@@ -7,7 +7,8 @@ deviation is then that of the residual.
 
 Samples of a recording are alike if they follow each other, since an arm vibrates and
 creeps: to a likelihood of all of them, the process would look exact, and it would be
-rough. So hyperparameters maximize the likelihood of samples that are far apart in time.
+rough. So hyperparameters maximize the likelihood of samples that are far apart in time,
+and the motion of a second, for which a plan is made, is no longer than the length scale.
 """
 
 from dataclasses import replace
@@ -134,6 +135,7 @@ def fit_process(
     features: Float[np.ndarray, "samples features"],
     targets: Float[np.ndarray, "samples outputs"],
     kinds: Float[np.ndarray, "features kinds"],
+    motion: Float[np.ndarray, " features"],
     points: int,
     seed: int = 0,
 ) -> ResidualProcess:
@@ -144,6 +146,7 @@ def fit_process(
         targets: residuals, in comparable units; NaN: unknown.
         kinds: groups of features that share a factor of their length scales: one if a
             feature is in a group, else zero.
+        motion: root mean square change of the features in a second.
         points: number of inducing points.
         seed: of the subsets for the likelihood.
 
@@ -164,10 +167,15 @@ def fit_process(
     scale = np.maximum(y.std(axis=0), 1e-9)
     subsets = _subsets(len(x), np.random.default_rng(seed))
     normalized = (y - mean) / scale
-    fitted = _most_likely(
-        ((x - center) * rates)[subsets], normalized[subsets], kinds, rates > 0.0
-    )
-    rates = rates * np.exp(np.asarray(fitted["all"] + kinds @ fitted["kinds"]))
+    inputs = [
+        ((x - center) * rates)[subsets],
+        normalized[subsets],
+        kinds,
+        motion * rates,
+    ]
+    inputs = [jnp.asarray(each, jnp.float32) for each in inputs]
+    fitted = _maximize(_initial(kinds, rates > 0.0), *inputs)
+    rates = rates * np.asarray(_rates(fitted, *inputs[2:]), np.float64)
     amplitude, noise = (float(jnp.exp(fitted[name])) for name in ("kernel", "noise"))
     scaled = (x - center) * rates
     inducing, weights, root = _posterior(scaled, normalized, noise / amplitude, points)
@@ -207,35 +215,49 @@ def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:
     return np.array([np.sort(random.permutation(each)[:size]) for each in rows])
 
 
-def _most_likely(
-    x: Float[np.ndarray, "subsets size features"],
-    y: Float[np.ndarray, "subsets size outputs"],
-    kinds: Float[np.ndarray, "features kinds"],
-    used: Bool[np.ndarray, " features"],
+def _initial(
+    kinds: Float[np.ndarray, "features kinds"], used: Bool[np.ndarray, " features"]
 ) -> dict[str, Array]:
-    """Logarithms of the hyperparameters that maximize the mean likelihood."""
-    half = jnp.log(0.5)  # of the variance is noise, at first
-    initial = {
+    """Logarithms of the hyperparameters at first; half of the variance is noise."""
+    half = jnp.log(0.5)
+    return {
         "kinds": jnp.zeros(kinds.shape[1]),
         "all": -0.5 * jnp.log(max(1, int(used.sum()))),
         "kernel": half,
         "noise": half,
     }
-    return _maximize(
-        initial, *(jnp.asarray(each, jnp.float32) for each in (x, y, kinds))
-    )
+
+
+def _rates(
+    logarithms: dict[str, Array],
+    kinds: Float[Array, "features kinds"],
+    motion: Float[Array, " features"],
+) -> Float[Array, " features"]:
+    """Inverse length scales of normalized features, for which the motion is short."""
+    rates = jnp.exp(logarithms["all"] + kinds @ logarithms["kinds"])
+    squared = jnp.sum((rates * motion) ** 2)
+    # the slope of a root is infinite at zero
+    return rates / jnp.sqrt(jnp.maximum(1.0, squared))
 
 
 @jax.jit
-def _maximize(initial: dict, x: Array, y: Array, kinds: Array) -> dict:
+def _maximize(
+    initial: dict,
+    x: Float[Array, "subsets size features"],
+    y: Float[Array, "subsets size outputs"],
+    kinds: Float[Array, "features kinds"],
+    motion: Float[Array, " features"],
+) -> dict:
+    """Logarithms of the hyperparameters that maximize the mean likelihood."""
     # made here: as an argument, each new optimizer would be another program
     optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
 
     def loss(logarithms: dict) -> Array:
-        each = jax.vmap(lambda x, y: _negative_log_likelihood(logarithms, x, y, kinds))
+        scaled = x * _rates(logarithms, kinds, motion)
+        each = jax.vmap(lambda x, y: _negative_log_likelihood(logarithms, x, y))
         # each factor is log-normal, with a deviation of one
         prior = jnp.sum(logarithms["kinds"] ** 2) / (2.0 * y[0].size)
-        return jnp.mean(each(x, y)) + prior
+        return jnp.mean(each(scaled, y)) + prior
 
     def step(carry, _):
         logarithms, state = carry
@@ -247,16 +269,15 @@ def _maximize(initial: dict, x: Array, y: Array, kinds: Array) -> dict:
 
 
 def _negative_log_likelihood(
-    logarithms: dict, x: Array, y: Array, kinds: Array
+    logarithms: dict, scaled: Float[Array, "size features"], y: Array
 ) -> Array:
     """Per sample and output."""
-    scaled = x * jnp.exp(logarithms["all"] + kinds @ logarithms["kinds"])
     noise = jnp.exp(logarithms["noise"]) + JITTER
     covariance = jnp.exp(logarithms["kernel"]) * matern(scaled, scaled)
-    root = jnp.linalg.cholesky(covariance + noise * jnp.eye(len(x)))
+    root = jnp.linalg.cholesky(covariance + noise * jnp.eye(len(y)))
     whitened = jax.scipy.linalg.solve_triangular(root, y, lower=True)
     misfit = jnp.sum(whitened**2) / (2.0 * y.size)
-    return misfit + jnp.sum(jnp.log(jnp.diag(root))) / len(x)
+    return misfit + jnp.sum(jnp.log(jnp.diag(root))) / len(y)
 
 
 def _posterior(
