@@ -19,6 +19,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
+from s2c2a.files import LARGEST
 from s2c2a.validation import EACH, ONE
 
 
@@ -77,6 +78,8 @@ def _reject_text_and_bool(value):
 
 
 Number = Annotated[float, BeforeValidator(_reject_text_and_bool)]
+Free = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+"""A number without a range of its own, such as an azimuth."""
 
 
 Numbers = Annotated[
