@@ -66,7 +66,7 @@ RIGIDITY = Quantity("N m2", 0.0005, 50)
 """The arms of the package have 0.125 and 0.4, and a bending stiffness in N mm2 exceeds
 it."""
 SHARE = Quantity("1", 0, 1)
-"""Of a whole, by definition."""
+"""Of a whole, by definition; also a friction coefficient."""
 ERROR = Quantity("1", -0.9, 9)
 """Of a nominal value: the true one is a tenth to ten times as large."""
 
