@@ -18,7 +18,8 @@ def with_value(description: dict, path: str, value) -> str:
     *parents, key = [int(part) if part.isdigit() else part for part in path.split(".")]
     place = changed
     for parent in parents:
-        place = place[parent]
+        is_list = isinstance(place, list)
+        place = place[parent] if is_list else place.setdefault(parent, {})
     place[key] = value
     return tomli_w.dumps(changed)
 
@@ -87,6 +88,25 @@ def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
         with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0])
     )
     assert "modules.1.cable_angles_deg.1: write a finite number" in fault
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("modules.1.cable_angles_deg", [0.0, 1e9, 240.0]),
+        ("modules.1.mismatch.rest_azimuth_deg", 1e9),
+        ("modules.1.mismatch.stiff_direction_deg", -1e9),
+        ("modules.1.mismatch.relaxation_times", [1e9, 1.0]),
+        ("sensing_coupling", [[1e9, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        ("sensors.flex.angles_deg", [1e9]),
+    ],
+)
+def test_a_number_without_a_range_of_its_own_is_finite_in_single_precision(path, value):
+    assert f"  {path}" in fault_in(with_value(TWIN, path, value))
+
+
+def test_an_empty_source_of_poses_is_refused():
+    assert "tracking.source" in fault_in(with_value(TWIN, "tracking.source", ""))
 
 
 @pytest.mark.parametrize(

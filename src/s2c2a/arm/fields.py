@@ -19,6 +19,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
+from s2c2a.files import LARGEST
 from s2c2a.validation import EACH, ONE
 
 
@@ -65,7 +66,7 @@ RIGIDITY = Quantity("N m2", 0.0005, 50)
 """The arms of the package have 0.125 and 0.4, and a bending stiffness in N mm2 exceeds
 it."""
 SHARE = Quantity("1", 0, 1)
-"""Of a whole, by definition."""
+"""Of a whole, by definition; also a friction coefficient."""
 ERROR = Quantity("1", -0.9, 9)
 """Of a nominal value: the true one is a tenth to ten times as large."""
 
@@ -77,6 +78,8 @@ def _reject_text_and_bool(value):
 
 
 Number = Annotated[float, BeforeValidator(_reject_text_and_bool)]
+Free = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+"""A number without a range of its own, such as an azimuth."""
 
 
 Numbers = Annotated[

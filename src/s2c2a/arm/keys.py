@@ -82,8 +82,6 @@ def _allowed(form: dict) -> str:
         if least is None:
             return "rows of numbers"
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"
-    if form["type"] == "number":
-        return "any number"
     if form["type"] == "boolean":
         return "true or false"
     if form["type"] != "string":

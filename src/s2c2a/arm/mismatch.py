@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from s2c2a.arm.fields import (
     ERROR,
     SHARE,
+    Free,
     Frozen,
     Number,
     Numbers,
@@ -47,7 +48,7 @@ class Mismatch(Frozen):
         "EI in the stiff direction over EI across it; the geometric mean is EI",
         1.0,
     )
-    stiff_direction_deg: Number = absent(
+    stiff_direction_deg: Free = absent(
         "azimuth of the stiff direction, from x to y [deg]"
     )
     hardening: Number = between(
@@ -64,7 +65,7 @@ class Mismatch(Frozen):
         default=(0.0, 0.0),
         description="shares of the stiffness that relax, with a sum below 1 [1]",
     )
-    relaxation_times: tuple[Number, Number] = Field(
+    relaxation_times: tuple[Free, Free] = Field(
         default=RELAXATION_TIMES, description="time constants of the two shares [s]"
     )
     axial_stiffness: Number | None = between(
@@ -75,7 +76,7 @@ class Mismatch(Frozen):
         None,
     )
     rest_bend_deg: Number = between(0, 90, "deg", "bend without any force", 0.0)
-    rest_azimuth_deg: Number = absent("azimuth of that bend, from x to y [deg]")
+    rest_azimuth_deg: Free = absent("azimuth of that bend, from x to y [deg]")
     drift: Number = between(
         -0.5,
         0.5,

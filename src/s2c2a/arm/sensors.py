@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import Frozen, Number, between
+from s2c2a.arm.fields import Free, Frozen, Number, between
 
 RESERVED_NAMES = {
     "accelerations",
@@ -76,7 +76,7 @@ class Flex(Frozen):
     in a soft arm.
     """
 
-    angles_deg: tuple[Number, ...] = Field(
+    angles_deg: tuple[Free, ...] = Field(
         default=(0.0, 120.0, 240.0),
         min_length=1,
         max_length=12,

@@ -12,6 +12,7 @@ from s2c2a.arm.fields import (
     LOST_MOTION,
     RIGIDITY,
     SHARE,
+    Free,
     Frozen,
     Number,
     Numbers,
@@ -95,7 +96,7 @@ class Module(Frozen):
     cable_radius: Number = LENGTH.key(
         "distance of the cables from the center line; at most the length"
     )
-    cable_angles_deg: tuple[Number, ...] = Field(
+    cable_angles_deg: tuple[Free, ...] = Field(
         min_length=3,
         max_length=8,
         description=(
@@ -241,7 +242,7 @@ class ArmSpec(Frozen):
         ),
         json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
     )
-    sensing_coupling: tuple[tuple[Number, ...], ...] | None = Field(
+    sensing_coupling: tuple[tuple[Free, ...], ...] | None = Field(
         None,
         description="matrix from true to sensed configurations, one row a module [1]",
     )

@@ -44,6 +44,11 @@ class Tracking(Frozen):
 
     @model_validator(mode="after")
     def _validate(self):
+        if not self.source:
+            raise ValueError(
+                "tracking.source is empty; name a source, such as udp:9763, or leave "
+                "out the table [tracking]"
+            )
         if self.ends is None:
             return self
         tracked = [name for name in (self.base, *self.ends) if name]

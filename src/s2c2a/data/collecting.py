@@ -196,9 +196,9 @@ def _open_writer(
             "choose another name"
         )
     writer = EpisodeWriter(path)
-    kept = {key: writer.options.get(key) for key in options}
+    random = {"active": False}  # version 0.3 wrote it: half of the targets were chosen
     differences = [
-        *_differences(kept, options),
+        *_differences(random | writer.options, options | random),
         *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
     ]
     if differences:

@@ -56,7 +56,7 @@ def measured_ends_figure(
         modules: of the ends.
         outliers: excluded poses of these rows; None if all are kept.
         marks: rows to be marked.
-        notes: sentences above the figure.
+        notes: sentences below the figure.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Returns:

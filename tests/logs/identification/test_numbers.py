@@ -2,7 +2,10 @@
 
 import pytest
 
+from s2c2a.arm import file_keys
 from s2c2a.logs.identification.numbers import KINDS, POLAR_KEYS, Unknown, unknowns_of
+
+ALLOWED = {(key.table, key.name): key.allowed for key in file_keys()}
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.key)
@@ -31,3 +34,16 @@ def test_tension_drives_have_no_cable_stiffness_or_backlash(make_arm):
     assert "modules.0.cable.friction" in names
     assert "modules.0.cable.stiffness" not in names
     assert not any("backlash" in name for name in names)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [kind for kind in KINDS if not kind.key.endswith("*")],
+    ids=lambda kind: kind.key,
+)
+def test_a_number_is_searched_in_the_whole_range_that_an_arm_file_allows(kind):
+    *tables, name = kind.key.replace("modules.*", "modules").split(".")
+    table = ".".join(tables)
+    titles = f"[{table}]", f"[[{table}]]"
+    allowed = next(ALLOWED[title, name] for title in titles if (title, name) in ALLOWED)
+    assert f"{kind.low:.10g} to {kind.high:.10g}" == allowed

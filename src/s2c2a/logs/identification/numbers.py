@@ -10,7 +10,9 @@ from jaxtyping import Float
 from pydantic import BaseModel
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.fields import FORCE, LENGTH, LOST_MOTION, RIGIDITY
 from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.files import LARGEST
 
 Path = tuple[str | int, ...]
 EACH = "*"
@@ -46,23 +48,43 @@ class Kind:
 
 
 KINDS = (
-    Kind("stiffness", "modules.*.bending_stiffness", 0.7, 0.0005, 50, ratio=True),
+    Kind(
+        "stiffness",
+        "modules.*.bending_stiffness",
+        0.7,
+        RIGIDITY.low,
+        RIGIDITY.high,
+        ratio=True,
+    ),
     # components of the logarithm
     Kind("axes", "modules.*.mismatch.stiffness_ratio.*", 0.2, -2.3, 2.3),
     Kind("hardening", "modules.*.mismatch.hardening", 0.3, 0, 5),
     Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
-    Kind("cables", "modules.*.pretension", 20.0, 0, 500),
-    Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -3600, 3600),
-    Kind("routing", "modules.*.cable_radius", 0.2, 0.0015, 0.3, ratio=True),
-    Kind("routing", "modules.*.length", 0.2, 0.005, 2, ratio=True),
+    Kind("cables", "modules.*.pretension", 20.0, 0, FORCE.high),
+    Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -LARGEST, LARGEST),
+    Kind("routing", "modules.*.cable_radius", 0.2, LENGTH.low, LENGTH.high, ratio=True),
+    Kind("routing", "modules.*.length", 0.2, LENGTH.low, LENGTH.high, ratio=True),
     Kind("routing", "modules.*.mismatch.coupling", 0.3, 0, 1),
     Kind("radii", "modules.*.mismatch.radius_errors.*", 0.1, -0.5, 0.5),
-    Kind("backlash", "modules.*.cable.backlash.*", 0.0005, 0, 0.02),
+    Kind(
+        "backlash",
+        "modules.*.cable.backlash.*",
+        0.0005,
+        LOST_MOTION.low,
+        LOST_MOTION.high,
+    ),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
     Kind("mass", "modules.*.mass", 0.5, 0.0005, 10, ratio=True),
     Kind("rest", "modules.*.mismatch.rest_bend_deg.*", 5.0, -90, 90),
-    Kind("shortening", "modules.*.mismatch.axial_stiffness", 1.5, 10, 1e7, ratio=True),
+    Kind(
+        "shortening",
+        "modules.*.mismatch.axial_stiffness",
+        1.5,
+        MIN_AXIAL_STIFFNESS,
+        MAX_AXIAL_STIFFNESS,
+        ratio=True,
+    ),
     Kind(
         "damping", "modules.*.damping_time", 0.7, 0.005, 2, ratio=True, only_moving=True
     ),

@@ -104,7 +104,7 @@ class FeetechBus(SerialBus):
             self._lock_at_new_rate(new_id, baud_rate)
 
     def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
-        """See `ServoBus`; both modes limit the current.
+        """See `ServoBus`; the current is limited last, once the servos are ready.
 
         Raises:
             BusError: a servo does not answer, or a limit is not a positive number.
