@@ -14,8 +14,8 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions, local_training, residual_process
-from s2c2a.models.chain_training import hysteresis_inputs, hysteresis_samples
+from s2c2a.models import LocalOptions, residual_process
+from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, NO_FALLBACK, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
@@ -226,22 +226,6 @@ def test_where_cables_move_together_that_counts_too(arm):
     ).network
     said = SIZE.predictions(model, replace(data, displacements=moved))
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
-
-
-def test_a_process_stays_only_if_it_reduces_the_error_of_held_out_samples(arm, trained):
-    split = hysteresis_samples(trained.chain, data_of(arm, seed=4))
-    process = trained.process
-    useless, harmful = (
-        replace(
-            process, weights=sign * process.weights, constant=sign * process.constant
-        )
-        for sign in (0.0, -1.0)
-    )
-    helps = [
-        local_training._helps(replace(trained, process=each), split)
-        for each in (process, useless, harmful)
-    ]
-    assert helps == [True, False, False]
 
 
 def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, trained):

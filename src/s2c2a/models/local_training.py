@@ -37,7 +37,6 @@ from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
-GROUPS = 20  # of held-out samples in a row, whose means are nearly independent
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ class LocalOptions(ChainOptions):
     def _with_process(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
     ) -> Trained[LocalC2S]:
-        """A trained chain with a process of its residual, if one helps.
+        """A trained chain with a process of its residual.
 
         The test error and the deviation are those of a process of the training samples
         alone; that of the model has all samples.
@@ -164,17 +163,13 @@ class LocalOptions(ChainOptions):
         inputs = hysteresis_inputs(result.network, data)
         split = forward_samples(inputs, data.states, data.lengths)
         rate = data.arm.control_rate
-        probe = self._fitted(blank, split.training, rate)
-        if _helps(probe, split):
-            every = known_samples(inputs, data.states, data.lengths)
-            model = self._fitted(blank, every, rate)
-        else:
-            model = probe = blank
-        probe = _with_deviations(probe, split)
-        process = replace(model.process, scale=probe.process.scale)
-        model = self._with_region(replace(model, process=process), split)
+        probe = _with_deviations(self._fitted(blank, split.training, rate), split)
         trained = evaluated(FitResult(probe, result.curve), predicted_targets, split)
-        return replace(trained, network=model, errors=_tip_errors(probe, split.test))
+        every = known_samples(inputs, data.states, data.lengths)
+        model = self._with_region(self._fitted(blank, every, rate), split)
+        process = replace(model.process, scale=probe.process.scale)
+        errors = _tip_errors(probe, split.test)
+        return replace(trained, network=replace(model, process=process), errors=errors)
 
     def _fitted(self, model: LocalC2S, samples: Samples, rate: float) -> LocalC2S:
         """The model with a process of what its chain leaves.
@@ -197,20 +192,6 @@ class LocalOptions(ChainOptions):
             _region_features(model, part) for part in (split.training, split.validation)
         )
         return replace(model, region=fit_region(training, held_out, self.few))
-
-
-def _helps(model: LocalC2S, split: Split) -> bool:
-    """Whether the process reduces the held-out error by more than a standard error.
-
-    Otherwise the chain alone is the simpler model (Breiman et al., Classification and
-    Regression Trees, 1984, sec. 3.4.3: the one-standard-error rule).
-    """
-    held_out = _joined(split.validation, split.test)
-    residual = _residual(model, held_out)
-    left = residual - np.asarray(_means(model, _features(model, held_out)))
-    gains = np.nanmean(residual**2 - left**2, axis=1)
-    means = np.array([part.mean() for part in np.array_split(gains, GROUPS)])
-    return bool(means.mean() > means.std(ddof=1) / np.sqrt(GROUPS))
 
 
 def _with_deviations(model: LocalC2S, split: Split) -> LocalC2S:
