@@ -306,6 +306,7 @@ def real(
     block: int = 25,
     last: int = 0,
     largest: float = 0.0,
+    gap: int = 25,
     models: tuple[str, ...] = (),
     seeds: int = 1,
     folder: Folder = NEW_FOLDER,
@@ -324,19 +325,22 @@ def real(
             if zero.
         largest: hold out this share of the rows, those with the largest pulls, in a
             separate training, such as 0.15; none if zero.
+        gap: rows on either side of held-out ones that are not used at all: neighbors in
+            time are alike.
         models: names of models; all by default.
         seeds: number of training seeds, from zero.
         folder: run directory.
     """
     from s2c2a_experiments.real import EXPERIMENT, RealComparison, real_rows
 
-    study = RealComparison.of(recording, unseen, block, last, models, largest)
+    study = RealComparison.of(recording, unseen, block, last, models, largest, gap)
     options = {
         "recording": str(recording),
         "unseen": [str(path) for path in unseen],
         "block": block,
         "last": last,
         "largest": largest,
+        "gap": gap,
         "models": models,
         "seeds": seeds,
     }

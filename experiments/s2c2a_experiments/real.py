@@ -2,7 +2,9 @@
 
 Held-out samples are whole blocks, the ends of episodes, those with the largest pulls, or
 other recordings. The hysteresis state follows the whole recording, as on the arm; the
-true states of held-out samples are hidden from training.
+true states of held-out samples are hidden from training, and so are those beside them:
+neighbors in time are alike, and a model that interpolates them would look better than it
+is.
 """
 
 from bisect import bisect_left
@@ -15,7 +17,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import label
+from scipy.ndimage import binary_dilation, label
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
@@ -32,6 +34,7 @@ EXPERIMENT = "real"
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
 STRETCH_END = 0.9  # of the threshold of a stretch of large pulls
 MAX_LARGEST = 0.5  # share of the rows with the largest pulls
+GAP = 25  # rows over which errors of recorded arms are correlated
 BEST = recipe_named("best")
 PAPER = recipe_named("paper")
 MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
@@ -56,6 +59,11 @@ class HeldOutSplit:
 
     name: str
     held_out: Bool[np.ndarray, "episodes samples"]
+
+    def hidden(self, gap: int) -> Bool[np.ndarray, "episodes samples"]:
+        """Held-out samples and so many on either side of them, within an episode."""
+        neighbors = np.ones((1, 2 * gap + 1), bool)
+        return binary_dilation(self.held_out, neighbors)
 
 
 def _no_samples(recording: Recording) -> np.ndarray:
@@ -173,12 +181,14 @@ class RealComparison(NamedTuple):
         splits: of it.
         unseen: other recordings of the same arm, for tests only, by file path.
         models: names of `MODELS`.
+        gap: samples beside held-out ones that nothing uses.
     """
 
     recording: Recording
     splits: tuple[HeldOutSplit, ...]
     unseen: dict[str, Recording]
     models: tuple[str, ...]
+    gap: int = GAP
 
     @classmethod
     def of(
@@ -189,6 +199,7 @@ class RealComparison(NamedTuple):
         last: int,
         models: Sequence[str],
         largest: float = 0.0,
+        gap: int = GAP,
     ) -> "RealComparison":
         """Load a comparison from files.
 
@@ -199,6 +210,7 @@ class RealComparison(NamedTuple):
             last: held-out samples at the end of every episode; 0 for none.
             models: names of `MODELS`; all if empty.
             largest: held-out share of the samples with the largest pulls; 0 for none.
+            gap: samples beside held-out ones that nothing uses.
 
         Raises:
             RecordingError: a file is no recording, is of another arm, or is too short;
@@ -211,9 +223,9 @@ class RealComparison(NamedTuple):
                 f"unknown model {', '.join(unknown)}{did_you_mean(unknown[0], MODELS)}; "
                 f"choose among {', '.join(MODELS)}"
             )
-        if min(block, last) < 0:
+        if min(block, last, gap) < 0:
             raise RecordingError(
-                f"--block {block} and --last {last}: give zero or more rows"
+                f"--block {block}, --last {last} and --gap {gap}: give zero or more rows"
             )
         whole = load_recording(recording)
         others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
@@ -233,7 +245,8 @@ class RealComparison(NamedTuple):
                     "nothing out; give a positive number, or --unseen RECORDING"
                 )
             splits.append(HeldOutSplit("nothing", _no_samples(whole)))
-        return cls(whole, tuple(splits), others, tuple(models) or tuple(MODELS))
+        names = tuple(models) or tuple(MODELS)
+        return cls(whole, tuple(splits), others, names, gap)
 
 
 def _check_same_arm(
@@ -274,7 +287,9 @@ def real_rows(
     for number, (split, name) in enumerate(pairs):
         progress("models", number, len(pairs))
         unseen = comparison.unseen if split is comparison.splits[-1] else {}
-        rows += split_rows(comparison.recording, split, [name], seeds, unseen)
+        rows += split_rows(
+            comparison.recording, split, [name], seeds, unseen, comparison.gap
+        )
         keep(rows)
     return rows
 
@@ -285,6 +300,7 @@ def split_rows(
     models: Sequence[str],
     seeds: Sequence[int],
     unseen: Mapping[str, Recording] | None = None,
+    gap: int = GAP,
 ) -> Iterator[Row]:
     """Make rows of one split, model by model: errors of the tip where it is known [mm].
 
@@ -294,14 +310,15 @@ def split_rows(
         models: names of `MODELS`.
         seeds: of training.
         unseen: other recordings of the same arm, for tests only, by name.
+        gap: samples beside held-out ones that nothing uses.
     """
     data = training_data(recording, BEST)
     states = np.array(data.states)
-    states[split.held_out] = np.nan
+    states[split.hidden(gap)] = np.nan
     training = replace(data, states=states)
     tests: list[tuple[str, TrainingData, np.ndarray | None]] = []
     if split.held_out.any():
-        tests.append((split.name, data, split.held_out))
+        tests.append((f"{split.name}, gap {gap}", data, split.held_out))
     for name, other in (unseen or {}).items():
         tests.append((name, training_data(other, BEST), None))
     for name in models:

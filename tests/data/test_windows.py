@@ -9,11 +9,11 @@ from s2c2a.errors import RecordingError
 
 EPISODES, SAMPLES = 2, 100
 STRETCHES = {
-    "training": range(0, 70),
+    "training": range(0, 65),
     "validation": range(70, 85),
     "test": range(85, 100),
 }
-NOW = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
+NOW = {"training": range(0, 64), "validation": range(75, 84), "test": range(90, 99)}
 """Steps of the windows, which cross no border; before an episode the arm is at rest."""
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0]])
 
@@ -51,7 +51,7 @@ def expected(moments, features: int, offset: float = 0.0) -> np.ndarray:
     return np.array(rows)[:, None] + np.arange(features) + offset
 
 
-def test_an_episode_of_100_samples_is_split_at_70_and_85():
+def test_an_episode_of_100_samples_is_split_with_a_gap_after_its_training_samples():
     parts = [
         [list(range(100))[place] for _, place in part] for part in stretches([100])
     ]
@@ -59,20 +59,21 @@ def test_an_episode_of_100_samples_is_split_at_70_and_85():
 
 
 @pytest.mark.parametrize("samples", [50, 51, 77, 100, 500, 501])
-def test_stretches_share_an_episode_70_15_15_without_gap_or_overlap(samples):
+def test_stretches_share_an_episode_without_overlap(samples):
     parts = [np.arange(samples)[part[0][1]] for part in stretches([samples])]
-    np.testing.assert_array_equal(np.concatenate(parts), np.arange(samples))
+    assert (np.diff(np.concatenate(parts)) > 0).all()
     np.testing.assert_allclose(
-        [len(part) for part in parts], np.array([0.7, 0.15, 0.15]) * samples, atol=1.0
+        [len(part) for part in parts], np.array([0.65, 0.15, 0.15]) * samples, atol=1.0
     )
 
 
-def test_five_hundred_samples_are_split_350_75_75():
-    assert [part[0][1].stop - part[0][1].start for part in stretches([500])] == [
-        350,
-        75,
-        75,
+def test_no_sample_that_judges_is_within_25_of_a_training_sample():
+    training, *others = [
+        np.concatenate([np.arange(2000)[place] for _, place in part])
+        for part in stretches([2000])
     ]
+    for part in others:
+        assert np.abs(part[:, None] - training).min() >= 25
 
 
 def test_an_episode_too_short_to_be_split_is_refused():
@@ -90,7 +91,7 @@ def test_a_very_long_episode_is_split_piece_by_piece():
             for _, place in part
         ]
     )
-    np.testing.assert_array_equal(np.sort(rows), np.arange(2063))
+    assert len(np.unique(rows)) == len(rows) > 0.9 * 2063
 
 
 def test_short_episodes_belong_to_one_part_as_a_whole():
@@ -108,7 +109,7 @@ def test_samples_without_any_known_state_are_dropped_and_partial_ones_stay():
     states[0, :10] = np.nan
     states[0, 10, :, 3:] = np.nan
     split = forward_samples(CONFIGURATIONS, states)
-    assert len(split.training.targets) == 63 + 70
+    assert len(split.training.targets) == 58 + 65
     assert np.isnan(split.training.targets[0, :, 3:]).all()
 
 
@@ -120,7 +121,7 @@ def test_padding_of_shorter_episodes_is_ignored():
             for part in (split.training, split.validation, split.test)
         ]
     )
-    assert len(rows) == 160
+    assert len(rows) == 95 + 57
     assert rows.max() < 10000.0 * 2 + 10.0 * 60
 
 
@@ -190,7 +191,7 @@ def test_no_window_crosses_the_border_of_a_stretch():
 
 def test_one_window_is_as_computed_by_hand():
     """Episode two, t = 3: C_4; C_3 to C_0; A_2 A_1 A_0, 2 x neutral; target A_3."""
-    samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 69 + 3
+    samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 64 + 3
     np.testing.assert_array_equal(
         samples.inputs["desired"][row, 0], [20040, 20041, 20042]
     )
@@ -211,7 +212,7 @@ def test_shapes_hold_for_any_arm(recording):
     training = controller_samples(
         recording.sensor("configurations"), recording.actions, neutral
     ).training
-    rows = episodes * (round(0.7 * samples) - 1)
+    rows = episodes * (round(0.65 * samples) - 1)
     assert training.inputs["desired"].shape == (rows, modules, 3)
     assert training.inputs["configurations"].shape == (rows, modules, 4, 3)
     assert training.inputs["actions"].shape == (rows, modules, 5, cables)

@@ -52,6 +52,15 @@ def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
     )
 
 
+def test_rows_beside_held_out_ones_are_hidden_from_training(recording):
+    split = split_blocks(recording, 25)
+    rows = np.flatnonzero(split.hidden(10)[0])
+    np.testing.assert_array_equal(
+        rows, [*range(140, 185), *range(315, 360), *range(465, 510)]
+    )
+    np.testing.assert_array_equal(split.hidden(0), split.held_out)
+
+
 def test_more_last_rows_than_the_episode_has_are_rejected(recording):
     with pytest.raises(RecordingError, match="600"):
         split_end(recording, 600)
@@ -126,7 +135,7 @@ def log(recording, tmp_path_factory):
 
 def test_only_blocks_are_held_out_without_last_rows(log):
     rows = real_rows(RealComparison.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
-    assert [row.task.rpartition(", ")[2] for row in rows] == ["blocks of 25"] * 3
+    assert {row.task for row in rows} == {f"{rows[0].arm}, blocks of 25, gap 25"}
 
 
 @pytest.mark.parametrize(

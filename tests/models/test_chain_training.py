@@ -175,7 +175,7 @@ def test_trained_weights_of_plays_are_never_negative(trained):
 
 def test_too_few_samples_are_rejected(make_arm):
     sensed, states = synthetic(make_arm(1), samples=60, episodes=1)
-    with pytest.raises(TrainingError, match="42 training samples"):
+    with pytest.raises(TrainingError, match="39 training samples"):
         SIZE.train(of(make_arm(1), sensed, states), FitOptions(), jax.random.key(0))
 
 
