@@ -163,7 +163,7 @@ def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
 
 
 def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
-    desired = recording.sensor("states")[:, 1:70, -1, :3].reshape(-1, 3)
+    desired = recording.sensor("states")[:, 1:65, -1, :3].reshape(-1, 3)
     scaling = trained.networks["LSTM"].position_scaling
     np.testing.assert_allclose(
         scaling.half_range, np.ptp(desired, axis=0) / 2, rtol=1e-4

@@ -7,7 +7,7 @@ from s2c2a.data.windows import controller_samples
 from s2c2a_experiments.tip_lstm import lstm_samples
 
 NEUTRAL = np.array([[-1.0, -2.0, -3.0, -4.0], [-5.0, -6.0, -7.0, -8.0]])
-MOMENTS = {"training": range(0, 69), "validation": range(75, 84), "test": range(90, 99)}
+MOMENTS = {"training": range(0, 64), "validation": range(75, 84), "test": range(90, 99)}
 """Moments of the windows, as for C2A: none looks over a border, but before an episode
 the arm was at rest."""
 
@@ -50,7 +50,7 @@ def test_histories_hold_five_tips_and_the_five_actions_before_them_oldest_first(
 
 def test_one_window_at_the_start_of_an_episode_is_as_computed_by_hand():
     """Episode two, t = 2: tips 0 0 0 1 2; 3 x neutral, A_0 A_1; p_3; target A_2."""
-    row = 69 + 2
+    row = 64 + 2
     inputs = {name: values[row] for name, values in SPLIT.training.inputs.items()}
     np.testing.assert_array_equal(
         inputs["positions"][:, 0], [20000, 20000, 20000, 20010, 20020]

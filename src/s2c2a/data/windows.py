@@ -10,13 +10,10 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import RecordingError
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
+# Training, validation and test samples, as shares of a piece in order of time. The gap
+# after the training samples, and before those of the next piece, is there because
+# neighbors in time are alike: a model that interpolates them would look better than it is.
 PARTS = ((0.0, 0.65), (0.70, 0.85), (0.85, 1.0))
-"""Training, validation and test samples, as shares of a piece in order of time.
-
-The gap after the training samples is there because neighbors in time are alike: a model
-that interpolates them would look better than it is.
-"""
-GAP = 0.05  # of a piece; also before the training samples of the next piece
 
 
 @dataclass(frozen=True)
@@ -47,11 +44,9 @@ class Split:
 
 
 SHORTEST_EPISODE = 50  # samples: 15 % of fewer may hold no complete window
+# Approximate samples of a piece that is divided among the parts. Its gaps of 25 samples
+# are those over which errors of recorded arms are correlated.
 PIECE = 500
-"""Approximate samples of a piece that is divided among the parts.
-
-Its gaps of 25 samples are those over which errors of recorded arms are correlated.
-"""
 # part to which shorter episodes belong as a whole, in turn
 WHOLE = (0, 0, 0, 0, 1, 0, 2)
 
@@ -83,7 +78,7 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
         for begin, end in pairwise(borders):
             edges = begin + np.rint(np.array(PARTS) * (end - begin)).astype(int)
             if end < samples:
-                edges[2, 1] -= round(GAP * (end - begin))
+                edges[2, 1] -= edges[1, 0] - edges[0, 1]
             for part, (start, stop) in zip(parts, edges.tolist(), strict=True):
                 part.append((episode, slice(start, stop)))
     if not all(parts):
