@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from s2c2a_experiments.real_scores import TipScores, correlation_time
+from s2c2a.data.windows import validation_samples
+from s2c2a.training import TrainingData
+from s2c2a_experiments.real_models import ReferenceModel
+from s2c2a_experiments.real_scores import TipScores, correlation_time, tip_scores
 
 
 def scores(errors, deviations) -> TipScores:
@@ -50,3 +53,26 @@ def test_errors_that_stay_correlated_have_at_least_the_time_that_is_known():
     errors[0, :20] = 1.0
     errors[0, 100:120] = -1.0
     assert correlation_time(errors) == 20
+
+
+class Still(ReferenceModel):
+    """Predicts zero, and states no deviation."""
+
+    def train(self, data, fit, key, progress=None):
+        raise NotImplementedError
+
+    def predictions(self, model, data):
+        return np.zeros_like(data.states)
+
+
+def test_a_model_that_states_no_deviation_gets_that_of_its_validation_samples(make_arm):
+    states = np.zeros((1, 400, 1, 6))
+    states[0, :, 0, 0] = 0.001  # m
+    states[0, 390:] = np.nan
+    states[validation_samples(states), 0, 0] = 0.003
+    data = TrainingData(make_arm(1), states[..., :3], states[..., :3], states)
+    judged = np.zeros((1, 400), bool)
+    judged[0, 380:] = True  # half of them unknown
+    result = tip_scores(Still(), None, data, data, judged, judged)
+    np.testing.assert_allclose(result.distances, np.ones(10))
+    np.testing.assert_allclose(result.deviations, np.full(10, 3.0))
