@@ -69,7 +69,8 @@ class Regression(NamedTuple):
     Attributes:
         predict: from inputs to targets.
         deviations: root mean squared distances of the module ends on validation
-            samples before the last fit, which uses these samples too [m].
+            samples before the last fit, which uses these samples too [m]; zero if
+            unknown.
     """
 
     predict: Callable[[np.ndarray], np.ndarray]
@@ -123,10 +124,12 @@ class KernelRegression(ReferenceModel):
         errors = validated(inputs[1]).reshape(split.validation.targets.shape)
         errors -= split.validation.targets
         squares = np.sum(errors[..., POSITION] ** 2, axis=-1)
+        known = np.isfinite(squares)
+        sums = squares.sum(axis=0, where=known)
         all_inputs = np.concatenate(inputs)
         all_targets = np.concatenate(targets)
         predict = _ridge_regression(all_inputs, all_targets, *best[1:])
-        deviations = np.sqrt(squares.mean(axis=0, where=np.isfinite(squares)))
+        deviations = np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
         return without_curves(Regression(predict, deviations))
 
     def _inputs(self, data: TrainingData) -> np.ndarray:

@@ -117,7 +117,7 @@ def fit_process(
         jnp.asarray(points[thinned], jnp.float32),
         jnp.asarray(normalized[thinned][:, ever_known], jnp.float32),
     )
-    logarithms = Hyperparameters(*(np.asarray(each, float) for each in logarithms))
+    logarithms = jax.tree.map(lambda each: np.asarray(each, float), logarithms)
     noise = np.exp(logarithms.noise) + MIN_NOISE
     covariance = logarithms.covariance(points, points) + noise * np.eye(len(points))
     root, _ = cho_factor(covariance, lower=True)
