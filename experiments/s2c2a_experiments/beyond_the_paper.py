@@ -304,6 +304,7 @@ def real(
     recording: tyro.conf.Positional[Path],
     unseen: tuple[Path, ...] = (),
     block: int = 25,
+    episodes: int = 0,
     last: int = 0,
     largest: float = 0.0,
     gap: int = 25,
@@ -318,9 +319,12 @@ def real(
 
     Args:
         recording: training data.
-        unseen: other recordings of the same arm, used for testing only.
+        unseen: other recordings of the same arm, used for testing only, after a separate
+            training on all rows.
         block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
             none if zero.
+        episodes: hold out the last one of every so many episodes, in a separate
+            training; none if zero.
         last: hold out so many last rows of every episode, in a separate training; none
             if zero.
         largest: hold out this share of the rows, those with the largest pulls, in a
@@ -333,11 +337,14 @@ def real(
     """
     from s2c2a_experiments.real import EXPERIMENT, RealComparison, real_rows
 
-    study = RealComparison.of(recording, unseen, block, last, models, largest, gap)
+    study = RealComparison.of(
+        recording, unseen, block, last, models, largest, gap, episodes
+    )
     options = {
         "recording": str(recording),
         "unseen": [str(path) for path in unseen],
         "block": block,
+        "episodes": episodes,
         "last": last,
         "largest": largest,
         "gap": gap,
