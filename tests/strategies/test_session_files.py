@@ -113,7 +113,7 @@ def test_a_session_of_another_number_of_modules_is_refused(measured, networks):
 def test_a_session_that_does_not_improve_is_not_used(measured, networks):
     session = measured[0].model_copy(update={"before": 0.01, "after": 0.01})
     assert with_session(networks, session) is networks
-    assert "fits as it is" in describe_use(session)
+    assert "stays as it is" in describe_use(session)
 
 
 def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):

@@ -15,6 +15,12 @@ UNLIKELY = 0.05  # the usual level of a test: so often no change looks like one
 
 def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
     """Describe the error, and every cause with its size and its share, in sentences."""
+    lines = [
+        f"the tip is {1000 * fit.before:.1f} mm from where the model expects it; with "
+        f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
+    ]
+    if fit.after >= fit.before:
+        return [*lines, "no change of the arm explains it: the session changes nothing"]
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     part = fit.posterior.part
     homings = []
@@ -34,16 +40,10 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
             f"stiffness or backlash, as change of the bends: {'; '.join(stiffnesses)}"
         ),
     }
-    lines = [
-        f"the tip is {1000 * fit.before:.1f} mm from where the model expects it; with "
-        f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
-    ]
     for cause, text in causes.items():
         explained = fit.explained[cause]
         share = 100 * explained / fit.before
         lines.append(f"{text}; explains {1000 * explained:.1f} mm ({share:.0f} %)")
-    if fit.after >= fit.before:
-        lines.append("the model fits as it is: the session changes nothing")
     return lines
 
 
@@ -60,9 +60,11 @@ def describe_disagreement(episode: Episode) -> str:
     seen = next((name for name in SEEN if name in episode.sensors), None)
     if seen is None or not {"predicted", "predictive_std"} <= episode.columns.keys():
         return ""
-    tip = episode.after(seen)[:, -1, POSITION]
-    errors = tip - episode.ran("predicted")[:, -1, POSITION]
-    std = episode.ran("predictive_std")[:, -1]
+    steps = episode.running
+    steps = steps[steps + 1 < len(episode)]
+    tip = episode.sensor(seen)[steps + 1, -1, POSITION]
+    errors = tip - episode["predicted"][steps, -1, POSITION]
+    std = episode["predictive_std"][steps, -1]
     known = np.isfinite(errors).all(axis=-1) & (std > 0.0)
     if not known.any():
         return ""

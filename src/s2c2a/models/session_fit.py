@@ -125,7 +125,7 @@ class _Fit:
     def __init__(self, model: ForwardModel, data: TrainingData):
         self._sensed = jnp.asarray(data.sensed, jnp.float32)
         self._states = np.asarray(data.states, np.float32)
-        self.known = np.isfinite(self._states).all(axis=-1)
+        self.known = np.asarray(np.isfinite(self._states).all(axis=-1))
         for episode, length in enumerate(data.lengths or ()):
             self.known[episode, length:] = False
         if not np.isfinite(data.sensed[self.known.any(axis=-1)]).all():

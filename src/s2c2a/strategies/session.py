@@ -81,7 +81,7 @@ class Session(BaseModel):
     std: Numbers
     before: Error
     after: Error
-    explained: dict[Literal["frame", "homing", "stiffness"], float]
+    explained: dict[str, float]
 
     @property
     def improves(self) -> bool:
@@ -196,7 +196,7 @@ def describe_use(session: Session) -> str:
     when = f"session of {session.date:%Y-%m-%d %H:%M} UTC"
     before = f"{1000 * session.before:.1f} mm"
     if not session.improves:
-        return f"{when}: the model fits as it is, to {before} at the tip"
+        return f"{when}: the model stays as it is, with {before} at the tip"
     after = f"{1000 * session.after:.1f} mm"
     return f"{when}: the model is corrected, from {before} to {after} at the tip"
 
