@@ -8,7 +8,7 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import RecordingError
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.models.session import Change, SessionC2S, rotated
+from s2c2a.models.session import DayChange, SessionC2S, rotated
 from s2c2a.models.session_fit import fit_session
 from s2c2a.spaces import AXIS
 from s2c2a.training import TrainingData
@@ -21,9 +21,11 @@ OFFSETS = np.array([[0.03, -0.02], [-0.01, 0.035], [0.02, 0.01]])
 GAINS = np.array([0.05, -0.06, 0.04])
 
 
-def change(**parts) -> Change:
-    none = vars(Change.none(ARM.module_count))
-    return Change(**{name: jnp.asarray(parts.get(name, none[name])) for name in none})
+def change(**parts) -> DayChange:
+    none = vars(DayChange.none(ARM.module_count))
+    return DayChange(
+        **{name: jnp.asarray(parts.get(name, none[name])) for name in none}
+    )
 
 
 def motion(samples: int = 200) -> np.ndarray:
@@ -34,7 +36,7 @@ def motion(samples: int = 200) -> np.ndarray:
     return np.asarray(configurations_from_bends(waves.reshape(samples, -1, 2)))
 
 
-def data(true: Change, noise: float = 5e-4, tip_only: bool = False) -> TrainingData:
+def data(true: DayChange, noise: float = 5e-4, tip_only: bool = False) -> TrainingData:
     sensed = motion()
     states = np.array(SessionC2S.of(MODEL, true).predict(jnp.asarray(sensed), ()))
     states += np.random.default_rng(0).normal(scale=noise, size=states.shape)
@@ -46,7 +48,7 @@ def data(true: Change, noise: float = 5e-4, tip_only: bool = False) -> TrainingD
 
 def test_no_change_is_the_model_itself():
     sensed = jnp.asarray(motion(5))
-    session = SessionC2S.of(MODEL, Change.none(ARM.module_count))
+    session = SessionC2S.of(MODEL, DayChange.none(ARM.module_count))
     np.testing.assert_allclose(
         session.predict(sensed, ()), MODEL.predict(sensed, ()), atol=1e-6
     )
@@ -107,7 +109,7 @@ def test_causes_add_up_to_the_whole_reduction():
 
 
 def test_what_the_motion_does_not_show_keeps_its_prior():
-    still = data(Change.none(ARM.module_count), tip_only=True)
+    still = data(DayChange.none(ARM.module_count), tip_only=True)
     at_rest = np.repeat(still.sensed[:, :1], still.sensed.shape[1], axis=1)
     states = np.repeat(still.states[:, :1], still.sensed.shape[1], axis=1)
     noise = np.random.default_rng(1).normal(scale=1e-3, size=states.shape)
@@ -116,7 +118,7 @@ def test_what_the_motion_does_not_show_keeps_its_prior():
 
 
 def test_a_tip_that_is_never_seen_is_refused():
-    unseen = data(Change.none(ARM.module_count))
+    unseen = data(DayChange.none(ARM.module_count))
     unseen.states[..., -1, :] = np.nan
     with pytest.raises(RecordingError, match="tip was never seen"):
         fit_session(MODEL, unseen)

@@ -12,7 +12,7 @@ from s2c2a.data import load_recording
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import describe_session
 from s2c2a.jobs import GivenNetworks
-from s2c2a.models.session import Change, SessionC2S
+from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.models.session_fit import fit_session
 from s2c2a.strategies import (
     describe_use,
@@ -119,7 +119,7 @@ def test_a_session_that_does_not_improve_is_not_used(measured, networks):
 def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
     data = training_data(short, networks.recipe)
     moved = replace(
-        Change.none(data.arm.module_count),
+        DayChange.none(data.arm.module_count),
         translation=jnp.array([3e-3, -2e-3, 3.5e-3]),
         rotation=jnp.deg2rad(jnp.array([1.0, -2.0, 2.0])),
     )
@@ -134,7 +134,7 @@ def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
 
 def test_slack_changes_what_a_model_of_cables_predicts(networks, short):
     data = training_data(short, networks.recipe)
-    none = Change.none(data.arm.module_count)
+    none = DayChange.none(data.arm.module_count)
     loose = replace(none, slack=jnp.full(data.arm.module_count, 0.04))
     sensed = jnp.asarray(data.sensed[0, 20], jnp.float32)
     states = []
@@ -149,7 +149,7 @@ def test_a_plan_near_a_configuration_keeps_the_session(networks, short):
         training_data(short, networks.recipe).sensed[0, 20], jnp.float32
     )
     change = replace(
-        Change.none(networks.arm.module_count),
+        DayChange.none(networks.arm.module_count),
         translation=jnp.full(3, 0.01),
         slack=jnp.full(networks.arm.module_count, 0.02),
     )

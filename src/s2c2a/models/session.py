@@ -24,7 +24,7 @@ from s2c2a.models.trunk import slackened
 from s2c2a.spaces import AXIS, POSITION
 
 
-class Change(eqx.Module):
+class DayChange(eqx.Module):
     """What differs from the day of the training; zeros change nothing.
 
     Attributes:
@@ -43,7 +43,7 @@ class Change(eqx.Module):
     gains: Float[Array, " modules"]
 
     @classmethod
-    def none(cls, modules: int) -> "Change":
+    def none(cls, modules: int) -> "DayChange":
         """No change of an arm with so many modules."""
         nothing = jnp.zeros(modules)
         offsets = jnp.zeros((modules, 2))
@@ -87,10 +87,10 @@ class SessionC2S(ForwardModel):
     """
 
     inner: ForwardModel
-    change: Change
+    change: DayChange
 
     @classmethod
-    def of(cls, model: ForwardModel, change: Change) -> "SessionC2S":
+    def of(cls, model: ForwardModel, change: DayChange) -> "SessionC2S":
         """A model after a change."""
         return cls(slackened(model, change.slack), change)
 

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RecordingError
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.session import Change, SessionC2S
+from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
 
@@ -39,10 +39,10 @@ GROUPS = {
     "homing": ("offsets", "slack"),
     "stiffness": ("gains",),
 }
-"""Causes of a change, and the parts of a `Change` that they are."""
+"""Causes of a change, and the parts of a `DayChange` that they are."""
 
 
-class Posterior(NamedTuple):
+class DayPosterior(NamedTuple):
     """A change, and how well it is known.
 
     Attributes:
@@ -50,7 +50,7 @@ class Posterior(NamedTuple):
         covariance: of its numbers, in the order of its parts.
     """
 
-    change: Change
+    change: DayChange
     covariance: Float[np.ndarray, "numbers numbers"]
 
     def part(
@@ -63,7 +63,7 @@ class Posterior(NamedTuple):
         return np.asarray(values, float)[rows], self.covariance[np.ix_(rows, rows)]
 
     @property
-    def std(self) -> Change:
+    def std(self) -> DayChange:
         """Standard deviation of every number of the change."""
         as_change = ravel_pytree(self.change)[1]
         std = np.sqrt(np.diag(self.covariance))
@@ -80,7 +80,7 @@ class SessionFit(NamedTuple):
         explained: part of the error that each cause explains [m] (`GROUPS`).
     """
 
-    posterior: Posterior
+    posterior: DayPosterior
     before: float
     after: float
     explained: dict[str, float]
@@ -96,7 +96,7 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     Raises:
         RecordingError: the tip is not seen, or the sensed configurations are not finite.
     """
-    fit = _Fit(model, data)
+    fit = _Residuals(model, data)
     known = fit.known
     if not known[..., -1].any():
         raise RecordingError(
@@ -105,7 +105,7 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     order = np.cumsum(known.any(axis=-1)).reshape(known.shape[:2]) / known.any(-1).sum()
     first = (order <= FITTED)[..., None]
     last = (order > 1.0 - FITTED)[..., None]
-    none = Change.none(data.arm.module_count)
+    none = DayChange.none(data.arm.module_count)
     before = fit.tip_error(none, first | last)
     crossed = [(fit.posterior(first), last), (fit.posterior(last), first)]
     after = [fit.tip_error(fitted.change, judged) for fitted, judged in crossed]
@@ -116,10 +116,12 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
 
 def tip_error(model: ForwardModel, data: TrainingData) -> float:
     """Mean distance of the seen tip from a model's [m]."""
-    return _Fit(model, data).tip_error(Change.none(data.arm.module_count), True)
+    return _Residuals(model, data).tip_error(
+        DayChange.none(data.arm.module_count), True
+    )
 
 
-class _Fit:
+class _Residuals:
     """Residuals of a model on a recording, and their derivatives by the change."""
 
     def __init__(self, model: ForwardModel, data: TrainingData):
@@ -151,7 +153,7 @@ class _Fit:
             slopes(model, whitened, self._sensed)
         )
 
-    def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> Posterior:
+    def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
         """The change that fits some samples, and its covariance."""
         whitened = np.zeros(len(self._scales), np.float32)
         precision = np.eye(len(whitened))
@@ -170,10 +172,10 @@ class _Fit:
                     gradient += weight * np.einsum("tki,tk->i", slope, error)
             whitened += np.linalg.solve(precision, gradient).astype(np.float32)
         covariance = np.linalg.inv(precision) * np.outer(self._scales, self._scales)
-        return Posterior(self._as_change(whitened * self._scales), covariance)
+        return DayPosterior(self._as_change(whitened * self._scales), covariance)
 
     def tip_error(
-        self, change: Change, judged: Bool[np.ndarray, "episodes samples 1"] | bool
+        self, change: DayChange, judged: Bool[np.ndarray, "episodes samples 1"] | bool
     ) -> float:
         """Mean distance of the seen tip from the model's, after a change [m]."""
         whitened = ravel_pytree(change)[0] / self._scales
@@ -182,10 +184,10 @@ class _Fit:
         return float(np.linalg.norm(errors[seen][:, -1, POSITION], axis=-1).mean())
 
 
-def _scales(arm: ArmSpec) -> Change:
+def _scales(arm: ArmSpec) -> DayChange:
     """Standard deviations of the prior."""
     radii = jnp.asarray(ArmGeometry.of(arm).cable_radii, jnp.float32)
-    return Change(
+    return DayChange(
         jnp.full(3, TRANSLATION),
         jnp.full(3, ROTATION),
         jnp.repeat(CABLE / radii[:, None], 2, axis=1),
@@ -228,7 +230,7 @@ def correlation_time(errors: Float[np.ndarray, "samples 3"]) -> float:
     return time
 
 
-def _explained(fit: _Fit, change: Change) -> dict[str, float]:
+def _explained(fit: _Residuals, change: DayChange) -> dict[str, float]:
     """Reduction of the tip's error by each cause [m], mean over the orders of causes.
 
     Shapley values: they add up to the reduction by all causes.
@@ -250,11 +252,11 @@ def _explained(fit: _Fit, change: Change) -> dict[str, float]:
     return gained
 
 
-def _only(change: Change, causes: Iterable[str]) -> Change:
+def _only(change: DayChange, causes: Iterable[str]) -> DayChange:
     """A change by some causes alone."""
     kept = [name for cause in causes for name in GROUPS[cause]]
-    none = Change.none(len(change.gains))
+    none = DayChange.none(len(change.gains))
     parts = {
         name: getattr(change if name in kept else none, name) for name in vars(change)
     }
-    return Change(**parts)
+    return DayChange(**parts)

@@ -18,7 +18,7 @@ from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
 from s2c2a.json_files import load_json, save_json
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.session import Change, SessionC2S
+from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.models.session_fit import SessionFit, fit_session
 from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.s2c2a import training_data
@@ -34,7 +34,7 @@ Error = Annotated[float, Field(ge=0.0)]
 
 
 class Numbers(BaseModel):
-    """The numbers of a change, or their standard deviations; see `Change`."""
+    """The numbers of a change, or their standard deviations; see `DayChange`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -45,14 +45,14 @@ class Numbers(BaseModel):
     gains: tuple[Gain, ...]
 
     @classmethod
-    def of(cls, change: Change) -> "Numbers":
+    def of(cls, change: DayChange) -> "Numbers":
         """The numbers of a change."""
         return cls(**{name: part.tolist() for name, part in vars(change).items()})
 
-    def change(self) -> Change:
+    def change(self) -> DayChange:
         """The change of these numbers."""
         parts = self.model_dump()
-        return Change(
+        return DayChange(
             **{name: jnp.asarray(part, jnp.float32) for name, part in parts.items()}
         )
 
