@@ -216,6 +216,40 @@ def repetition(
         results.keep(study.repetition_rows(repeated, results.make))
 
 
+def session(
+    arm_seeds: tuple[int, ...] = (31, 33, 32),
+    strengths: tuple[float, ...] = (0.5, 0.5, 1.0),
+    task: str = "circle",
+    base: Arm = "twin_arm",
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Moved frames, other homing and other stiffness, before and after a session.
+
+    Repeat the command to continue an interrupted run (docs/guides/session.md).
+
+    Args:
+        arm_seeds: of randomized arms, as `s2c2a arm random` samples them.
+        strengths: magnitude of the mismatch of each.
+        task: name of a task.
+        base: a preset or an arm file.
+        seed: of data, training, start and days.
+        work: run directory and parallel execution.
+    """
+    from s2c2a.arm import randomized_arm
+    from s2c2a_experiments import session as study
+
+    nominal = load_arm(base)
+    arms = tuple(
+        randomized_arm(nominal, *drawn)
+        for drawn in zip(arm_seeds, strengths, strict=True)
+    )
+    options = {"arms": [one.name for one in arms], "task": task, "seed": seed}
+    with _study(study.EXPERIMENT, options, work) as results:
+        changed = study.SessionStudy(arms, task, seed, results.directory)
+        results.keep(study.session_rows(changed, results.make))
+
+
 def sensor_faults(
     arm: Arm = "twin_arm",
     sets: tuple[str, ...] = ("encoders", "bends", "imu", "current", "camera"),

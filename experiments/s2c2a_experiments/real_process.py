@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from s2c2a.models import ChainOptions
-from s2c2a.models.kernels import matern
+from s2c2a.models.residual_process import matern
 from s2c2a.spaces import POSITION
 from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
 from s2c2a_experiments.real_models import (

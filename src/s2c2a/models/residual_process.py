@@ -19,6 +19,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float
 
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.training.fit import Fixed
 
 GAP = 25  # samples over which residuals of recorded arms are correlated
@@ -118,17 +119,22 @@ class ResidualProcess(Fixed):
 
 
 def matern(
-    features: Float[Array, "*batch features"], points: Float[Array, "points features"]
-) -> Float[Array, "*batch points"]:
+    features: Float[Numbers, "*batch features"],
+    points: Float[Numbers, "points features"],
+):
     """Matern kernel of order 5/2: (1 + d + d^2 / 3) exp(-d), d = sqrt(5) |x - z|.
 
-    The gradient at zero distance is zero.
+    The gradient at zero distance is zero. Inputs and result are both NumPy or both JAX.
+
+    Returns:
+        Kernel values, shape (*batch, points).
     """
-    squared_features = jnp.sum(features**2, axis=-1)[..., None]
-    squared_points = jnp.sum(points**2, axis=-1)
+    xp = points.__array_namespace__()
+    squared_features = xp.sum(features**2, axis=-1)[..., None]
+    squared_points = xp.sum(points**2, axis=-1)
     squared = squared_features + squared_points - 2.0 * features @ points.T
-    distance = jnp.sqrt(5.0 * jnp.maximum(squared, 1e-9))
-    return (1.0 + distance + distance**2 / 3.0) * jnp.exp(-distance)
+    distance = xp.sqrt(5.0 * xp.maximum(squared, 1e-9))
+    return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
 
 
 def fit_process(
