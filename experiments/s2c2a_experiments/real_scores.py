@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.stats import spearmanr
 
-from s2c2a.data.windows import validation_samples
+from s2c2a.data.windows import forward_samples
 from s2c2a.models import ForwardOptions
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.spaces import POSITION
@@ -89,12 +89,21 @@ def tip_scores(
     judged = judged & np.isfinite(errors).all(axis=-1)
     deviations = MM * options.deviations(model, data)[..., -1]
     if not deviations[judged].any():
-        validation = validation_samples(training.states, training.lengths)
-        validated = tip_errors(options, model, training)[validation]
-        constant = np.sqrt(np.nanmean(np.sum(validated**2, axis=-1)))
+        constant = _validation_rms(options, model, training)
         deviations = np.full_like(deviations, constant)
     lag = correlation_time(np.where(hidden[..., None], errors, np.nan))
     return TipScores(errors[judged], deviations[judged], lag)
+
+
+def _validation_rms(
+    options: ForwardOptions, model: ForwardModel, training: TrainingData
+) -> float:
+    """Root mean square error on the validation samples of a training [mm]."""
+    predicted = options.predictions(model, training)
+    samples = forward_samples(predicted, training.states, training.lengths).validation
+    differences = samples.inputs["configurations"] - samples.targets
+    errors = MM * differences[:, -1, POSITION]
+    return float(np.sqrt(np.nanmean(np.sum(errors**2, axis=-1))))
 
 
 def tip_errors(

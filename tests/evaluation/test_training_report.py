@@ -31,8 +31,8 @@ def test_errors_on_held_out_samples_are_listed_in_millimeters(networks):
     [
         (40.0, 0.5, "it reduces the fast part of the C2S error by 60 %"),
         (99.7, 0.5, "it reduces the fast part of the C2S error by 0.3 %"),
-        (99.999979, 0.5, "the recording does not show the vibration; frequency"),
-        (100.0, 0.5, "the recording does not show the vibration; frequency"),
+        (99.999979, 0.5, "frequency and damping fit the recording, but do not reduce"),
+        (100.0, 0.5, "frequency and damping fit the recording, but do not reduce"),
         (100.0, 0.0, "the recording has no complete episode that is long enough"),
     ],
 )

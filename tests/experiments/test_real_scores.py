@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.data.windows import validation_samples
+from s2c2a.data.windows import stretches
 from s2c2a.training import TrainingData
 from s2c2a_experiments.real_models import ReferenceModel
 from s2c2a_experiments.real_scores import TipScores, correlation_time, tip_scores
@@ -69,7 +69,8 @@ def test_a_model_that_states_no_deviation_gets_that_of_its_validation_samples(ma
     states = np.zeros((1, 400, 1, 6))
     states[0, :, 0, 0] = 0.001  # m
     states[0, 390:] = np.nan
-    states[validation_samples(states), 0, 0] = 0.003
+    for _, validation in stretches([390])[1]:
+        states[0, validation, 0, 0] = 0.003
     data = TrainingData(make_arm(1), states[..., :3], states[..., :3], states)
     judged = np.zeros((1, 400), bool)
     judged[0, 380:] = True  # half of them unknown

@@ -33,7 +33,10 @@ def describe_modal_model(networks: TrainedNetworks) -> str:
         )
     # also true for NaN
     if not percent < 100.0 - MIN_REDUCTION:
-        return f"modal model: the recording does not show the vibration; {nominal}"
+        return (
+            "modal model: frequency and damping fit the recording, but do not reduce the "
+            "fast part of the C2S error, so that little of it is vibration"
+        )
     return (
         f"modal model: it reduces the fast part of the C2S error by "
         f"{100.0 - percent:.2g} %"
