@@ -14,7 +14,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions, residual_process
+from s2c2a.models import LocalOptions, local, local_training, residual_process
 from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, NO_FALLBACK, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
@@ -175,8 +175,11 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     )
 
 
-def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, trained):
+def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(
+    arm, trained, monkeypatch
+):
     """Half a radian about each axis was seen; the target asks for more than the limit."""
+    monkeypatch.setattr(local, "PRIOR_STD", 0.3)  # of a chain after three epochs
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
     cautious = replace(BEST, fallback=NO_FALLBACK)
     terms = tuple(term for term in BEST.terms if not isinstance(term, Extrapolation))
@@ -238,3 +241,22 @@ def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, train
         look(trained.chain, far)[:, :3] + trained.unit * constant[:, :3],
         atol=1e-4,
     )
+
+
+@pytest.mark.parametrize(("share", "is_smaller"), [(0.5, True), (0.999, False)])
+def test_a_smaller_error_counts_if_it_is_sure(share, is_smaller):
+    random = np.random.default_rng(0)
+    errors = random.normal(size=(500, 6))
+    others = random.normal(size=(500, 6))
+    assert local_training._is_smaller(share * errors, others) == is_smaller
+
+
+def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):
+    data = data_of(arm)
+    noise = np.random.default_rng(0).normal(0, 0.05, data.states.shape)
+    trained = SIZE.train(
+        replace(data, states=data.states + noise), FIT, jax.random.key(0)
+    )
+    process = trained.network.process
+    assert float(process.scale.min()) > 0.0
+    assert trained.errors["held-out samples"] > 0.02

@@ -103,15 +103,17 @@ def test_the_motion_of_a_second_is_no_longer_than_the_length_scale(fitted):
     assert np.linalg.norm(smooth.rates * motion) < 1.001
 
 
-def test_deviations_are_those_of_errors_that_it_has_not_seen(fitted):
-    features, targets = samples(300, seed=2, noise=0.3)
-    errors = targets - means(fitted, features)
-    errors[:, 1] = np.nan
-    process = fitted.with_deviations_of(features, errors)
-    deviation = np.sqrt(variances(process, features) + process.noise)
-    ratio = errors[:, 0] / (deviation * process.scale[0])
-    assert np.mean(ratio**2) == pytest.approx(1.0, rel=1e-3)
-    assert process.scale[1] == 0.0
+def test_given_other_samples_it_keeps_its_hyperparameters_and_knows_these_alone(fitted):
+    features, targets = samples(300, seed=2)
+    near = features[:, 0] < 0.0
+    half = fitted.given(features[near], targets[near])
+    assert (half.rates == fitted.rates).all()
+    errors = np.abs(means(half, features) - targets).mean(axis=1)
+    assert errors[near].mean() < 0.3 * errors[~near].mean()
+    deviations = half.deviations(features)
+    assert deviations[near].mean() < deviations[~near].mean()
+    # noise included: its own samples deviate, too
+    assert deviations.min() > 0.999 * np.sqrt(float(fitted.noise))
 
 
 def test_the_kernel_is_one_at_its_point_falls_with_distance_and_is_smooth():

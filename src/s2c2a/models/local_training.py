@@ -6,7 +6,7 @@ that neither the chain nor a first fit has seen give its deviation.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,19 +16,24 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
-from s2c2a.data.windows import Samples, Split, forward_samples, known_samples
+from s2c2a.data.windows import (
+    APART,
+    Samples,
+    Split,
+    forward_samples,
+    known_samples,
+)
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
     hysteresis_inputs,
     hysteresis_samples,
-    predict_states,
     predicted_targets,
 )
 from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
-from s2c2a.models.residual_process import ResidualProcess, fit_process
+from s2c2a.models.residual_process import GAP, ResidualProcess, fit_process
 from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.spaces import POSITION
 from s2c2a.training.fit import FitOptions, FitResult, TrainingProgress, quiet
@@ -37,6 +42,7 @@ from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
+SURE = 2.0  # standard errors, which chance exceeds in one of 40 cases
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,8 @@ class LocalOptions(ChainOptions):
         chain = options.pretrain(arms, fit, key, progress)
         model = replace(self.untrained(together.arm, key), chain=chain.mean.network)
         split = hysteresis_samples(model.chain, together)
-        model = self._with_region(_with_deviations(model, split), split)
+        process = replace(model.process, scale=_judged(model, split).scale)
+        model = self._with_region(replace(model, process=process), split)
         mean = Trained(model, chain.mean.curve, chain.mean.percent)
         return Pretrained(mean, chain.spread)
 
@@ -154,37 +161,40 @@ class LocalOptions(ChainOptions):
     def _with_process(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
     ) -> Trained[LocalC2S]:
-        """A trained chain with a process of its residual.
+        """A trained chain with a process of its residual, if it predicts better with it.
 
-        The test error and the deviation are those of a process of the training samples
-        alone; that of the model has all samples.
+        Samples that the chain has not seen, half of them unseen by the process, too,
+        decide. They also give the deviation and the error that are stated.
         """
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         inputs = hysteresis_inputs(result.network, data)
-        split = forward_samples(inputs, data.states, data.lengths)
-        rate = data.arm.control_rate
-        probe = _with_deviations(self._fitted(blank, split.training, rate), split)
-        trained = evaluated(FitResult(probe, result.curve), predicted_targets, split)
+        split = forward_samples(inputs, data.states, data.lengths, APART)
         every = known_samples(inputs, data.states, data.lengths)
-        model = self._with_region(self._fitted(blank, every, rate), split)
-        process = replace(model.process, scale=probe.process.scale)
-        errors = _tip_errors(probe, split.test)
-        return replace(trained, network=replace(model, process=process), errors=errors)
+        process = self._fitted(blank, every, data.arm.control_rate)
+        judged = _judged(replace(blank, process=process), split)
+        if not judged.is_better:
+            process = blank.process
+        process = replace(process, scale=judged.scale)
+        model = replace(blank, process=process)
+        unseen = _given(model, _joined(split.training, split.validation))
+        trained = evaluated(FitResult(unseen, result.curve), predicted_targets, split)
+        network = self._with_region(model, split)
+        return replace(trained, network=network, errors=judged.tip_errors)
 
-    def _fitted(self, model: LocalC2S, samples: Samples, rate: float) -> LocalC2S:
-        """The model with a process of what its chain leaves.
+    def _fitted(
+        self, model: LocalC2S, samples: Samples, rate: float
+    ) -> ResidualProcess:
+        """A process of what a chain leaves.
 
         Args:
             model: with a trained chain.
             samples: in order of time.
             rate: of the samples [Hz].
         """
-        residual = _residual(model, samples)
         features = _features(model, samples)
         motion = _motion(features, round(rate))
-        kinds = _kinds(model.chain)
-        process = fit_process(features, residual, kinds, motion, self.points)
-        return replace(model, process=process)
+        residual = _residual(model, samples)
+        return fit_process(features, residual, _kinds(model.chain), motion, self.points)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
@@ -194,13 +204,68 @@ class LocalOptions(ChainOptions):
         return replace(model, region=fit_region(training, held_out, self.few))
 
 
-def _with_deviations(model: LocalC2S, split: Split) -> LocalC2S:
-    """The model with the deviation that its errors on held-out samples show."""
-    held_out = _joined(split.validation, split.test)
-    features = _features(model, held_out)
-    errors = _residual(model, held_out) - np.asarray(_means(model, features))
-    process = model.process.with_deviations_of(features, errors)
+class _Judged(NamedTuple):
+    """A model judged on samples that neither chain nor process have seen.
+
+    Attributes:
+        is_better: whether the process reduces the squared error (`_is_smaller`).
+        scale: standard deviation of each output, per deviation of the process.
+        tip_errors: mean error of the tip [m]; empty if it is unknown.
+    """
+
+    is_better: bool
+    scale: Float[Array, " outputs"]
+    tip_errors: dict[str, float]
+
+
+def _judged(model: LocalC2S, split: Split) -> _Judged:
+    """Judge chain and process on validation and test samples.
+
+    The process has the samples of training and of the other of these two.
+    """
+    chain_errors = []
+    errors = []
+    deviations = []
+    held_out = split.validation, split.test
+    for judged, other in (held_out, held_out[::-1]):
+        process = _given(model, _joined(split.training, other)).process
+        features = _features(model, judged)
+        residual = _residual(model, judged)
+        means = np.asarray(process(jnp.asarray(features, jnp.float32)))
+        chain_errors.append(residual)
+        errors.append(residual - means)
+        deviations.append(process.deviations(features))
+    without, remaining = np.concatenate(chain_errors), np.concatenate(errors)
+    relative = remaining / np.concatenate(deviations)[:, None]
+    is_better = bool(model.process.is_fitted) and _is_smaller(remaining, without)
+    if not is_better:
+        remaining = relative = without
+    known = np.isfinite(relative)
+    squares = np.where(known, relative, 0.0) ** 2
+    scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    tip_errors = _tip_errors(remaining, model.unit)
+    return _Judged(is_better, jnp.asarray(scale, jnp.float32), tip_errors)
+
+
+def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
+    """The model with a process of these samples alone."""
+    process = model.process.given(_features(model, samples), _residual(model, samples))
     return replace(model, process=process)
+
+
+def _is_smaller(
+    errors: Float[np.ndarray, "samples outputs"],
+    others: Float[np.ndarray, "samples outputs"],
+) -> bool:
+    """Whether errors are surely smaller than others: by two standard errors.
+
+    Blocks of samples count once, since neighbors in time are alike.
+    """
+    gains = np.nansum(others**2 - errors**2, axis=1)
+    blocks = np.array_split(gains, max(2, len(gains) // GAP))
+    means = [block.mean() for block in blocks]
+    standard_error = np.std(means, ddof=1) / np.sqrt(len(means))
+    return bool(np.mean(means) > SURE * standard_error)
 
 
 def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
@@ -233,11 +298,6 @@ def _motion(
     """Root mean square change of the features in so many steps, at least one."""
     steps = min(max(steps, 1), len(features) - 1)
     return np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
-
-
-@eqx.filter_jit
-def _means(model: LocalC2S, features: Any) -> Float[Array, "samples outputs"]:
-    return model.process(features)
 
 
 def _residual(
@@ -276,10 +336,11 @@ def _joined(*parts: Samples) -> Samples:
     return Samples({"configurations": inputs}, targets)
 
 
-def _tip_errors(model: LocalC2S, samples: Samples) -> dict[str, float]:
-    """Mean error of the tip on samples [m]; empty if it is unknown."""
-    inputs = jnp.asarray(samples.inputs["configurations"])
-    differences = np.asarray(predict_states(model, inputs)) - samples.targets
-    distances = np.linalg.norm(differences[:, -1, POSITION], axis=-1)
+def _tip_errors(
+    errors: Float[np.ndarray, "samples outputs"], unit: float
+) -> dict[str, float]:
+    """Mean error of the tip [m]; empty if it is unknown."""
+    ends = errors.reshape(len(errors), -1, 6)[:, -1, POSITION]
+    distances = unit * np.linalg.norm(ends, axis=-1)
     known = distances[np.isfinite(distances)]
     return {HELD_OUT: float(known.mean())} if len(known) else {}

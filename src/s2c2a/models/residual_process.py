@@ -99,23 +99,51 @@ class ResidualProcess(Fixed):
     ) -> Float[Array, "*batch points"]:
         return matern((features - self.center) * self.rates, self.points)
 
-    def with_deviations_of(
+    def given(
         self,
         features: Float[np.ndarray, "samples features"],
-        errors: Float[np.ndarray, "samples outputs"],
+        targets: Float[np.ndarray, "samples outputs"],
     ) -> "ResidualProcess":
-        """The process with the mean squared deviation of errors that it has not seen.
+        """The process with these samples alone; its hyperparameters stay.
 
         Args:
-            features: of samples without neighbors in time among those of the process.
-            errors: of predictions there; NaN: unknown.
+            features: of samples, in order of time.
+            targets: residuals in the units of the outputs; those of outputs that the
+                process does not know are ignored.
         """
+        if not self.is_fitted:
+            return self
+        known = np.asarray(self.scale) > 0.0
+        complete = np.isfinite(targets[:, known]).all(axis=1)
+        complete &= np.isfinite(features).all(axis=1)
+        y = targets[complete][:, known].astype(np.float64)
+        mean = y.mean(axis=0)
+        scale = np.asarray(self.scale, np.float64)[known]
+        scaled = (features[complete] - np.asarray(self.center)) * np.asarray(self.rates)
+        noise = float(self.noise / self.amplitude)
+        count = len(self.points)
+        posterior = _posterior(scaled, (y - mean) / scale, noise, count)
+        points, weights, root = posterior
+
+        def for_all_outputs(values: np.ndarray) -> Array:
+            complete = np.zeros((*values.shape[:-1], len(known)), np.float32)
+            complete[..., known] = values
+            return jnp.asarray(complete)
+
+        return replace(
+            self,
+            points=jnp.asarray(points, jnp.float32),
+            weights=for_all_outputs(weights * scale),
+            root=jnp.asarray(root, jnp.float32),
+            constant=for_all_outputs(mean),
+        )
+
+    def deviations(
+        self, features: Float[np.ndarray, "samples features"]
+    ) -> Float[np.ndarray, " samples"]:
+        """Deviation of samples over that of the outputs, with their noise."""
         variances = self.variance(jnp.asarray(features, jnp.float32)) + self.noise
-        known = np.isfinite(errors)
-        counts = np.maximum(known.sum(axis=0), 1)
-        squares = np.where(known, errors, 0.0) ** 2 / np.asarray(variances)[:, None]
-        scale = np.sqrt(squares.sum(axis=0) / counts)
-        return replace(self, scale=jnp.asarray(scale, jnp.float32))
+        return np.sqrt(np.asarray(variances))
 
 
 def matern(
@@ -172,36 +200,25 @@ def fit_process(
     mean = y.mean(axis=0)
     scale = np.maximum(y.std(axis=0), 1e-9)
     subsets = _subsets(len(x), np.random.default_rng(seed))
-    normalized = (y - mean) / scale
     inputs = [
         ((x - center) * rates)[subsets],
-        normalized[subsets],
+        ((y - mean) / scale)[subsets],
         kinds,
         motion * rates,
     ]
     inputs = [jnp.asarray(each, jnp.float32) for each in inputs]
     fitted = _maximize(_initial(kinds, rates > 0.0), *inputs)
-    rates = rates * np.asarray(_rates(fitted, *inputs[2:]), np.float64)
-    amplitude, noise = (float(jnp.exp(fitted[name])) for name in ("kernel", "noise"))
-    scaled = (x - center) * rates
-    inducing, weights, root = _posterior(scaled, normalized, noise / amplitude, points)
-
-    def for_all_outputs(values: np.ndarray) -> Array:
-        complete = np.zeros((*values.shape[:-1], len(known)), np.float32)
-        complete[..., known] = values
-        return jnp.asarray(complete)
-
-    return ResidualProcess(
+    all_scales = np.zeros(len(known))
+    all_scales[known] = scale
+    process = replace(
+        ResidualProcess.none(features.shape[1], targets.shape[1], points),
         center=jnp.asarray(center, jnp.float32),
-        rates=jnp.asarray(rates, jnp.float32),
-        points=jnp.asarray(inducing, jnp.float32),
-        weights=for_all_outputs(weights * scale),
-        root=jnp.asarray(root, jnp.float32),
-        constant=for_all_outputs(mean),
-        amplitude=jnp.asarray(amplitude, jnp.float32),
-        noise=jnp.asarray(noise, jnp.float32),
-        scale=for_all_outputs(scale),
+        rates=jnp.asarray(rates, jnp.float32) * _rates(fitted, *inputs[2:]),
+        amplitude=jnp.exp(fitted["kernel"]),
+        noise=jnp.exp(fitted["noise"]),
+        scale=jnp.asarray(all_scales, jnp.float32),
     )
+    return process.given(features, targets)
 
 
 def _inverse_widths(
