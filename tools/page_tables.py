@@ -8,12 +8,14 @@ from s2c2a.tasks import registry
 from tools.markdown import table
 from tools.results_tables import (
     MISSING,
+    RESULTS,
     Column,
     Line,
     find_row,
     find_rows,
     number,
     table_of,
+    three_digits,
     with_spread,
 )
 
@@ -470,27 +472,42 @@ def _from_prior(strategy: str) -> str:
     return number(row["mean"])
 
 
-REAL_MODELS = ("best", "kernels with plays", "kernels", "chain")
-
-
-def _real_line(file: str, task: str) -> list[str]:
-    """Errors of all models on one kind of held-out rows."""
-    cells = [task]
-    for model in REAL_MODELS:
-        match = {"task": task, "strategy": model, "metric": "tip"}
-        cells.append(number(find_row(f"real/{file}.json", **match)["mean"], 1))
-    return cells
+REAL_FILES = (
+    "opencr_v4",
+    "opencr_v4_largest",
+    "stanford_trunk",
+    "stanford_trunk_largest",
+    "kosice",
+)
+REAL_SCORES = {
+    "tip": "tip [mm]",
+    "log likelihood": "log likelihood [nats]",
+    "coverage": "coverage",
+    "rank correlation": "rank correlation",
+    "correlation time": "correlation time [rows]",
+}
 
 
 @shown_as("real")
 def real_table() -> str:
-    """Errors of models on recordings of real arms."""
-    lines = [
-        _real_line(file, row["task"])
-        for file in ("opencr_v4", "opencr_v4_largest", "stanford_trunk_largest")
-        for row in find_rows(f"real/{file}.json", strategy="best", metric="tip")
+    """Scores of models on recordings of real arms: all models and splits of the rows."""
+    rows = [
+        (file, row)
+        for file in REAL_FILES
+        if (RESULTS / f"real/{file}.json").exists()
+        for row in find_rows(f"real/{file}.json")
+        if row["metric"] in REAL_SCORES
     ]
-    return table(["held out", *(f"{model} [mm]" for model in REAL_MODELS)], lines)
+    models = list(dict.fromkeys(row["strategy"] for _, row in rows))
+    means: dict[tuple[str, str, str], dict[str, float]] = {}
+    for file, row in rows:
+        line = means.setdefault((file, row["task"], row["metric"]), {})
+        line[row["strategy"]] = row["mean"]
+    lines = [
+        [task, REAL_SCORES[metric], *(three_digits(line.get(each)) for each in models)]
+        for (_, task, metric), line in means.items()
+    ]
+    return table(["held out", "score", *models], lines)
 
 
 @shown_as("payloads")

@@ -45,6 +45,11 @@ def number(value: float | None, digits: int = 2) -> str:
     return MISSING if value is None else f"{value:.{digits}f}"
 
 
+def three_digits(value: float | None) -> str:
+    """A number of a table with values of different size."""
+    return MISSING if value is None else f"{value:#.3g}".rstrip(".")
+
+
 def with_spread(row: dict[str, Any]) -> str:
     """Mean of a row with its standard deviation between seeds."""
     if row["std_seeds"] is None:

@@ -216,6 +216,40 @@ def repetition(
         results.keep(study.repetition_rows(repeated, results.make))
 
 
+def session(
+    arm_seeds: tuple[int, ...] = (31, 33, 32),
+    strengths: tuple[float, ...] = (0.5, 0.5, 1.0),
+    task: str = "circle",
+    base: Arm = "twin_arm",
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Moved frames, other homing and other stiffness, before and after a session.
+
+    Repeat the command to continue an interrupted run (docs/guides/session.md).
+
+    Args:
+        arm_seeds: of randomized arms, as `s2c2a arm random` samples them.
+        strengths: magnitude of the mismatch of each.
+        task: name of a task.
+        base: a preset or an arm file.
+        seed: of data, training, start and days.
+        work: run directory and parallel execution.
+    """
+    from s2c2a.arm import randomized_arm
+    from s2c2a_experiments import session as study
+
+    nominal = load_arm(base)
+    arms = tuple(
+        randomized_arm(nominal, *drawn)
+        for drawn in zip(arm_seeds, strengths, strict=True)
+    )
+    options = {"arms": [one.name for one in arms], "task": task, "seed": seed}
+    with _study(study.EXPERIMENT, options, work) as results:
+        changed = study.SessionStudy(arms, task, seed, results.directory)
+        results.keep(study.session_rows(changed, results.make))
+
+
 def sensor_faults(
     arm: Arm = "twin_arm",
     sets: tuple[str, ...] = ("encoders", "bends", "imu", "current", "camera"),
@@ -304,6 +338,7 @@ def real(
     recording: tyro.conf.Positional[Path],
     unseen: tuple[Path, ...] = (),
     block: int = 25,
+    episodes: int = 0,
     last: int = 0,
     largest: float = 0.0,
     gap: int = 25,
@@ -318,9 +353,12 @@ def real(
 
     Args:
         recording: training data.
-        unseen: other recordings of the same arm, used for testing only.
+        unseen: other recordings of the same arm, used for testing only, after a separate
+            training on all rows.
         block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
             none if zero.
+        episodes: hold out the last one of every so many episodes, in a separate
+            training; none if zero.
         last: hold out so many last rows of every episode, in a separate training; none
             if zero.
         largest: hold out this share of the rows, those with the largest pulls, in a
@@ -333,11 +371,14 @@ def real(
     """
     from s2c2a_experiments.real import EXPERIMENT, RealComparison, real_rows
 
-    study = RealComparison.of(recording, unseen, block, last, models, largest, gap)
+    study = RealComparison.of(
+        recording, unseen, block, last, models, largest, gap, episodes
+    )
     options = {
         "recording": str(recording),
         "unseen": [str(path) for path in unseen],
         "block": block,
+        "episodes": episodes,
         "last": last,
         "largest": largest,
         "gap": gap,

@@ -1,7 +1,7 @@
 """Forward models compared on recordings of real arms, with held-out data.
 
-Held-out samples are whole blocks, the ends of episodes, those with the largest pulls, or
-other recordings. The hysteresis state follows the whole recording, as on the arm; the
+Held-out samples are blocks, whole episodes, the ends of episodes, those with the largest
+pulls, or other recordings. The hysteresis state follows the whole recording, as on the arm; the
 true states of held-out samples are hidden from training, and so are those beside them:
 neighbors in time are alike, and a model that interpolates them would look better than it
 is.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -25,10 +25,11 @@ from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, StrategyError, did_you_mean
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
-from s2c2a.spaces import POSITION
 from s2c2a.strategies import recipe_named, training_data
 from s2c2a.training import FitOptions, TrainingData
 from s2c2a_experiments.real_models import FittedArcs, KernelRegression, Recurrent
+from s2c2a_experiments.real_process import Process
+from s2c2a_experiments.real_scores import TipScores, tip_scores
 
 EXPERIMENT = "real"
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
@@ -44,6 +45,8 @@ MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
     "pcc-fitted": (FittedArcs(), PAPER.c2s_fit),
     "kernels": (KernelRegression(plays=False), PAPER.c2s_fit),
     "kernels with plays": (KernelRegression(), PAPER.c2s_fit),
+    "process": (Process(), PAPER.c2s_fit),
+    "chain + process": (Process(chain=True), BEST.c2s_fit),
     "recurrent": (Recurrent(), BEST.c2s_fit),
 }
 
@@ -92,6 +95,30 @@ def split_blocks(recording: Recording, size: int) -> HeldOutSplit:
             f"give a block of at most {total // (HELD_OUT_BLOCKS[0] + 1)} rows"
         )
     return HeldOutSplit(f"blocks of {size}", held_out)
+
+
+def split_episodes(recording: Recording, every: int) -> HeldOutSplit:
+    """Hold out whole episodes: the last one of every so many.
+
+    Args:
+        recording: to split.
+        every: number of episodes, of which one is held out.
+
+    Raises:
+        RecordingError: the recording has too few episodes, or all would be held out.
+    """
+    count = len(recording.episodes)
+    if not 1 < every <= count:
+        raise RecordingError(
+            f"cannot hold out one of every {every} of {count} episodes; give 2 to {count}, or "
+            "hold out blocks (--block) of a recording with few episodes"
+        )
+    held_out = _no_samples(recording)
+    for row, length in zip(
+        held_out[every - 1 :: every], recording.lengths[every - 1 :: every], strict=True
+    ):
+        row[:length] = True
+    return HeldOutSplit(f"one of {every} episodes", held_out)
 
 
 def split_end(recording: Recording, count: int) -> HeldOutSplit:
@@ -179,7 +206,8 @@ class RealComparison(NamedTuple):
     Attributes:
         recording: to train on.
         splits: of it.
-        unseen: other recordings of the same arm, for tests only, by file path.
+        unseen: other recordings of the same arm, for tests only, by file path. They judge
+            a training on the whole recording: the split that holds nothing out.
         models: names of `MODELS`.
         gap: samples beside held-out ones that nothing uses.
     """
@@ -200,6 +228,7 @@ class RealComparison(NamedTuple):
         models: Sequence[str],
         largest: float = 0.0,
         gap: int = GAP,
+        episodes: int = 0,
     ) -> "RealComparison":
         """Load a comparison from files.
 
@@ -211,6 +240,7 @@ class RealComparison(NamedTuple):
             models: names of `MODELS`; all if empty.
             largest: held-out share of the samples with the largest pulls; 0 for none.
             gap: samples beside held-out ones that nothing uses.
+            episodes: hold out one of every so many episodes; 0 for none.
 
         Raises:
             RecordingError: a file is no recording, is of another arm, or is too short;
@@ -223,9 +253,10 @@ class RealComparison(NamedTuple):
                 f"unknown model {', '.join(unknown)}{did_you_mean(unknown[0], MODELS)}; "
                 f"choose among {', '.join(MODELS)}"
             )
-        if min(block, last, gap) < 0:
+        if min(block, last, gap, episodes) < 0:
             raise RecordingError(
-                f"--block {block}, --last {last} and --gap {gap}: give zero or more rows"
+                f"--block {block}, --episodes {episodes}, --last {last} and --gap {gap}: "
+                "give zero or more"
             )
         whole = load_recording(recording)
         others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
@@ -234,17 +265,19 @@ class RealComparison(NamedTuple):
         splits = []
         if block:
             splits.append(split_blocks(whole, block))
+        if episodes:
+            splits.append(split_episodes(whole, episodes))
         if last:
             splits.append(split_end(whole, last))
         if largest:
             splits.append(split_largest(whole, largest))
-        if not splits:
-            if not others:
-                raise RecordingError(
-                    f"--block {block}, --last {last} and --largest {largest:g} hold "
-                    "nothing out; give a positive number, or --unseen RECORDING"
-                )
+        if others:
             splits.append(HeldOutSplit("nothing", _no_samples(whole)))
+        if not splits:
+            raise RecordingError(
+                "--block, --episodes, --last and --largest are zero and hold nothing out; "
+                "give a positive number, or --unseen RECORDING"
+            )
         names = tuple(models) or tuple(MODELS)
         return cls(whole, tuple(splits), others, names, gap)
 
@@ -286,7 +319,7 @@ def real_rows(
     pairs = list(product(comparison.splits, comparison.models))
     for number, (split, name) in enumerate(pairs):
         progress("models", number, len(pairs))
-        unseen = comparison.unseen if split is comparison.splits[-1] else {}
+        unseen = {} if split.held_out.any() else comparison.unseen
         rows += split_rows(
             comparison.recording, split, [name], seeds, unseen, comparison.gap
         )
@@ -302,7 +335,7 @@ def split_rows(
     unseen: Mapping[str, Recording] | None = None,
     gap: int = GAP,
 ) -> Iterator[Row]:
-    """Make rows of one split, model by model: errors of the tip where it is known [mm].
+    """Make rows of one split, model by model: scores of the tip where it is known.
 
     Args:
         recording: to train on.
@@ -316,48 +349,58 @@ def split_rows(
     states = np.array(data.states)
     states[split.hidden(gap)] = np.nan
     training = replace(data, states=states)
-    tests: list[tuple[str, TrainingData, np.ndarray | None]] = []
+    tests = []
     if split.held_out.any():
-        tests.append((f"{split.name}, gap {gap}", data, split.held_out))
+        title = f"{split.name}, gap {gap}"
+        tests.append(_Test(title, data, split.held_out, split.hidden(gap)))
     for name, other in (unseen or {}).items():
-        tests.append((name, training_data(other, BEST), None))
+        other_data = training_data(other, BEST)
+        everything = np.ones(other_data.states.shape[:2], bool)
+        tests.append(_Test(name, other_data, everything, everything))
     for name in models:
         options, fit = MODELS[name]
         networks = [
             options.train(training, fit, jax.random.key(seed)).network for seed in seeds
         ]
-        for test_name, test_data, mask in tests:
-            errors = [
-                _tip_errors(options, network, test_data, mask) for network in networks
+        for test in tests:
+            scores = [
+                tip_scores(options, network, training, *test[1:])
+                for network in networks
             ]
-            yield from _error_rows(recording.arm.name, test_name, name, errors, seeds)
+            yield from _score_rows(recording.arm.name, test.name, name, scores, seeds)
 
 
-def _tip_errors(
-    options: ForwardOptions, network: Any, data: TrainingData, mask: np.ndarray | None
-) -> np.ndarray:
-    """Distances between predicted and known positions of the tip [mm]."""
-    errors = (options.predictions(network, data) - data.states)[:, :, -1, POSITION]
-    known = np.isfinite(data.states[:, :, -1, POSITION]).all(axis=-1)
-    for row, length in zip(known, data.lengths or (), strict=False):
-        row[length:] = False
-    if mask is not None:
-        known &= mask
-    return 1e3 * np.linalg.norm(errors, axis=-1)[known]
+class _Test(NamedTuple):
+    """Samples that judge: the first attribute is in the rows, `tip_scores` takes others."""
+
+    name: str
+    data: TrainingData
+    judged: Bool[np.ndarray, "episodes samples"]
+    hidden: Bool[np.ndarray, "episodes samples"]
 
 
-def _error_rows(
-    arm: str, split: str, model: str, errors: list[np.ndarray], seeds: Sequence[int]
+def _score_rows(
+    arm: str, split: str, model: str, scores: list[TipScores], seeds: Sequence[int]
 ) -> list[Row]:
+    """Rows of one split and model; without rank correlation if a deviation is constant."""
     rows = []
 
-    def add(metric: str, values: list, spreads: Sequence[float] = ()) -> None:
+    def add(
+        metric: str, unit: str, values: list, spreads: Sequence[float] = ()
+    ) -> None:
         heading = (EXPERIMENT, f"{arm}, {split}", arm, "real", model, model)
         statistics = over_seeds([float(value) for value in values], spreads)
-        rows.append(Row(*heading, metric, "mm", seeds=tuple(seeds), **statistics))
+        rows.append(Row(*heading, metric, unit, seeds=tuple(seeds), **statistics))
 
-    spreads = [float(each.std()) for each in errors]
-    add("tip", [each.mean() for each in errors], spreads)
-    add("tip, rms", [np.sqrt(np.mean(each**2)) for each in errors])
-    add("tip, 95 %", [np.percentile(each, 95) for each in errors])
+    distances = [each.distances for each in scores]
+    spreads = [float(each.std()) for each in distances]
+    add("tip", "mm", [each.mean() for each in distances], spreads)
+    add("tip, rms", "mm", [np.sqrt(np.mean(each**2)) for each in distances])
+    add("tip, 95 %", "mm", [np.percentile(each, 95) for each in distances])
+    add("log likelihood", "nats", [each.log_likelihood for each in scores])
+    add("coverage", "share", [each.coverage for each in scores])
+    correlations = [each.rank_correlation for each in scores]
+    if None not in correlations:
+        add("rank correlation", "1", correlations)
+    add("correlation time", "rows", [each.correlation_time for each in scores])
     return rows

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ from s2c2a.models import ForwardOptions
 from s2c2a.models.cables import Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.trunk import Trunk
+from s2c2a.spaces import POSITION
 from s2c2a.training import (
     FitOptions,
     Trained,
@@ -43,21 +44,41 @@ def cable_displacements(
     return np.asarray(Trunk.of(data.arm).displacements(sensed))
 
 
-def _without_curves(model: Any) -> Trained:
+def without_curves(model: Any) -> Trained:
     """A model that was not trained by epochs."""
     return Trained(model, np.zeros((0, 3)), (np.nan, np.nan))
 
 
-class _ReferenceModel(ForwardOptions):
+class ReferenceModel(ForwardOptions):
     """A model for comparisons; it is neither saved nor used for planning."""
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ForwardModel:
         """See `ForwardOptions`; raises, because no file holds such a model."""
         raise NotImplementedError(f"{type(self).__name__} is for comparisons only")
 
+    def deviations(
+        self, model: Any, data: TrainingData
+    ) -> Float[np.ndarray, "episodes samples modules"]:
+        """See `ForwardOptions`; unknown."""
+        return np.zeros(data.states.shape[:3])
+
+
+class Regression(NamedTuple):
+    """A function of inputs.
+
+    Attributes:
+        predict: from inputs to targets.
+        deviations: root mean squared distances of the module ends on validation
+            samples before the last fit, which uses these samples too [m]; zero if
+            unknown.
+    """
+
+    predict: Callable[[np.ndarray], np.ndarray]
+    deviations: Float[np.ndarray, " modules"]
+
 
 @dataclass(frozen=True)
-class KernelRegression(_ReferenceModel):
+class KernelRegression(ReferenceModel):
     """Ridge regression with a Gaussian kernel; validation chooses its width and ridge.
 
     Attributes:
@@ -71,8 +92,14 @@ class KernelRegression(_ReferenceModel):
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         inputs = self._inputs(data)
-        states = model(inputs.reshape(-1, inputs.shape[-1]))
+        states = model.predict(inputs.reshape(-1, inputs.shape[-1]))
         return states.reshape(*inputs.shape[:2], -1, 6)
+
+    def deviations(
+        self, model: Any, data: TrainingData
+    ) -> Float[np.ndarray, "episodes samples modules"]:
+        """See `ForwardOptions`; constant."""
+        return np.broadcast_to(model.deviations, data.states.shape[:3])
 
     def train(
         self,
@@ -93,15 +120,31 @@ class KernelRegression(_ReferenceModel):
                 predict = _ridge_regression(inputs[0], targets[0], width, ridge)
                 error = float(np.nanmean((predict(inputs[1]) - targets[1]) ** 2))
                 best = min(best, (error, width, ridge), key=lambda trial: trial[0])
+        validated = _ridge_regression(inputs[0], targets[0], *best[1:])
+        errors = validated(inputs[1]).reshape(split.validation.targets.shape)
+        errors -= split.validation.targets
+        squares = np.sum(errors[..., POSITION] ** 2, axis=-1)
+        known = np.isfinite(squares)
+        sums = squares.sum(axis=0, where=known)
         all_inputs = np.concatenate(inputs)
         all_targets = np.concatenate(targets)
-        return _without_curves(_ridge_regression(all_inputs, all_targets, *best[1:]))
+        predict = _ridge_regression(all_inputs, all_targets, *best[1:])
+        deviations = np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
+        return without_curves(Regression(predict, deviations))
 
     def _inputs(self, data: TrainingData) -> np.ndarray:
-        displacements = cable_displacements(data)
         if self.plays:
-            displacements = _with_plays(displacements)
+            return inputs_with_plays(data)
+        displacements = cable_displacements(data)
         return displacements.reshape(*displacements.shape[:2], -1)
+
+
+def inputs_with_plays(
+    data: TrainingData,
+) -> Float[np.ndarray, "episodes samples inputs"]:
+    """Displacements over their radius, and the states of their play operators [rad]."""
+    displacements = _with_plays(cable_displacements(data))
+    return displacements.reshape(*displacements.shape[:2], -1)
 
 
 def _with_plays(displacements: np.ndarray) -> np.ndarray:
@@ -151,7 +194,7 @@ def _ridge_regression(
 
 
 @dataclass(frozen=True)
-class Recurrent(_ReferenceModel):
+class Recurrent(ReferenceModel):
     """An LSTM over the last readings.
 
     Attributes:
@@ -203,7 +246,7 @@ class Recurrent(_ReferenceModel):
 
 
 @dataclass(frozen=True)
-class FittedArcs(_ReferenceModel):
+class FittedArcs(ReferenceModel):
     """Constant curvature with a gain and a length for each module, fitted to states."""
 
     model: str = field(default="fitted PCC", kw_only=True)
@@ -240,7 +283,7 @@ class FittedArcs(_ReferenceModel):
 
         start = np.concatenate([np.ones_like(lengths), lengths])
         result = least_squares(residuals, start, diff_step=1e-3, max_nfev=30)
-        return _without_curves(result.x)
+        return without_curves(result.x)
 
     def _bends(self, data: TrainingData) -> np.ndarray:
         sensed = jnp.asarray(data.sensed, jnp.float32)

@@ -98,6 +98,7 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         "frames",
         "sweep",
         "response",
+        "session",
     }
     # `live` obeys the signal in its control process; `motors` has its own tests
     # (hardware/test_motors_in_memory.py)

@@ -22,6 +22,16 @@ REFUSED = {
         "recipe"
     ],
     "run circle --strategy lstm --recipe paper": ["recipe"],
+    "run circle --session none": ["session"],
+    "session some.safetensors --recording some.episodes --robot dynamixel "
+    "--robot-option a=1 --tracking udp:9763 --fidelity accurate --seconds 20 --seed 2": [
+        "robot",
+        "robot_option",
+        "tracking",
+        "fidelity",
+        "seconds",
+        "seed",
+    ],
     "live --robot dynamixel --seed 3": ["seed"],
     "reproduce sensors --strength 0.9": ["strength"],
     "reproduce stability --random-arms 0 --strengths 2.0": ["strengths"],

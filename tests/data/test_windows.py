@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2c2a.data import controller_samples, forward_samples
-from s2c2a.data.windows import stretches
+from s2c2a.data.windows import APART, stretches
 from s2c2a.errors import RecordingError
 
 EPISODES, SAMPLES = 2, 100
@@ -74,6 +74,14 @@ def test_no_sample_that_judges_is_within_25_of_a_training_sample():
     ]
     for part in others:
         assert np.abs(part[:, None] - training).min() >= 25
+
+
+def test_validation_and_test_samples_may_be_25_apart_too():
+    validation, test = (
+        np.concatenate([np.arange(2000)[place] for _, place in part])
+        for part in stretches([2000], APART)[1:]
+    )
+    assert np.abs(validation[:, None] - test).min() >= 25
 
 
 def test_an_episode_too_short_to_be_split_is_refused():

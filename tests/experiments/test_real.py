@@ -12,16 +12,25 @@ from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
 from s2c2a.progress import quiet
 from s2c2a.strategies import recipe_named, training_data
+from s2c2a_experiments import real_process
 from s2c2a_experiments.real import (
     RealComparison,
     real_rows,
     split_blocks,
     split_end,
+    split_episodes,
     split_largest,
     split_rows,
 )
-from s2c2a_experiments.real_models import KernelRegression, Recurrent
+from s2c2a_experiments.real_models import (
+    FittedArcs,
+    KernelRegression,
+    Recurrent,
+    without_curves,
+)
 from s2c2a_experiments.tip_lstm import LSTM
+
+METRICS = ["tip", "tip, rms", "tip, 95 %", "log likelihood", "coverage"]
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +119,7 @@ def test_equal_pulls_cannot_be_split(recording):
 def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, name):
     split = split_end(recording, 100)
     rows = list(split_rows(recording, split, [name], [0]))
-    assert [row.metric for row in rows] == ["tip", "tip, rms", "tip, 95 %"]
+    assert [row.metric for row in rows] == [*METRICS, "correlation time"]
     episode = recording.episodes[0]
     shifted = episode["sensor.states"].copy()
     shifted[-100:, :, :3] += 10.0  # m; a model that saw it would predict it
@@ -200,4 +209,51 @@ def test_rows_of_finished_models_are_kept_when_a_later_one_fails(log, monkeypatc
     comparison = RealComparison.of(log, (), 25, 0, ["pcc-fitted", "kernels"])
     with pytest.raises(ValueError, match="broken"):
         real_rows(comparison, [0], quiet, lambda rows: kept.append(len(rows)))
-    assert kept == [3]
+    assert kept == [6]
+
+
+def test_whole_episodes_are_held_out(recording):
+    several = replace(recording, episodes=recording.episodes * 5)
+    split = split_episodes(several, 2)
+    assert split.name == "one of 2 episodes"
+    np.testing.assert_array_equal(split.held_out.all(axis=1), [0, 1, 0, 1, 0])
+    # the gap stays within an episode
+    np.testing.assert_array_equal(split.hidden(25), split.held_out)
+    with pytest.raises(RecordingError, match="of 5 episodes; give 2 to 5"):
+        split_episodes(several, 6)
+
+
+def test_one_command_compares_all_splits_and_judges_a_recording_by_a_whole_training(
+    log, monkeypatch
+):
+    hidden = []
+
+    def train(self, data, *_):
+        hidden.append(int(np.isnan(data.states[..., 0]).sum()))
+        return without_curves(np.array([1.0, 0.2]))
+
+    monkeypatch.setattr(FittedArcs, "train", train)
+    comparison = RealComparison.of(log, [log], 25, 100, ["pcc-fitted"], 0.15, 10)
+    rows = real_rows(comparison, [0], quiet)
+    assert list(dict.fromkeys(row.task for row in rows)) == [
+        "test_arm, blocks of 25, gap 10",
+        "test_arm, last 100, gap 10",
+        "test_arm, largest 15 %, gap 10",
+        f"test_arm, {log.with_suffix('')}",
+    ]
+    # 3 blocks, and the last rows, with their gaps; nothing is hidden for another session
+    assert hidden[:2] == [3 * 45, 110]
+    assert hidden[3] == 0
+
+
+def test_a_model_that_states_a_deviation_is_also_judged_by_its_rank(
+    recording, monkeypatch
+):
+    monkeypatch.setattr(real_process, "STEPS", 3)
+    monkeypatch.setattr(real_process, "ROWS", 100)
+    rows = split_rows(recording, split_end(recording, 100), ["process"], [0])
+    assert [row.metric for row in rows] == [
+        *METRICS,
+        "rank correlation",
+        "correlation time",
+    ]

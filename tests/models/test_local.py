@@ -14,8 +14,8 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions, kernels
-from s2c2a.models.chain_training import hysteresis_inputs, predict_states
+from s2c2a.models import LocalOptions, local, local_training, residual_process
+from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, NO_FALLBACK, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
@@ -28,11 +28,9 @@ SIZE = LocalOptions(
     points=150,
     few=40,
 )
-UNCALIBRATED = replace(SIZE, calibrate=False)
 FIT = FitOptions(max_epochs=3, epochs_per_call=3)
 predict = eqx.filter_jit(lambda model, *inputs: model.predict(*inputs))
 predictive_std = eqx.filter_jit(lambda model, *inputs: model.predictive_std(*inputs))
-support = eqx.filter_jit(lambda model, x: model.kernels.support(model.features(x)))
 
 
 def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
@@ -55,10 +53,10 @@ def data_of(arm, observed=slice(None), seed=0) -> TrainingData:
 
 @pytest.fixture(scope="module", autouse=True)
 def few_likelihood_samples():
-    """Find the length scales of kernels from fewer samples, in fewer steps."""
+    """Find the length scales in fewer steps."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(kernels, "LIKELIHOOD_SAMPLES", 150)
-        patched.setattr(kernels, "STEPS", 20)
+        patched.setattr(residual_process, "SUBSETS", 2)
+        patched.setattr(residual_process, "STEPS", 20)
         yield
 
 
@@ -100,7 +98,7 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
         np.testing.assert_allclose(
             predict(trained.chain, now, memory), chained[step], atol=2e-5
         )
-        # weights of the kernels are up to 30: single precision leaves hundredths of a
+        # weights of the process are up to 30: single precision leaves hundredths of a
         # millimeter of their sum
         np.testing.assert_allclose(
             predict(trained, now, memory), along[step], atol=1e-4
@@ -177,8 +175,11 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     )
 
 
-def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(arm, trained):
+def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(
+    arm, trained, monkeypatch
+):
     """Half a radian about each axis was seen; the target asks for more than the limit."""
+    monkeypatch.setattr(local, "PRIOR_STD", 0.3)  # of a chain after three epochs
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
     cautious = replace(BEST, fallback=NO_FALLBACK)
     terms = tuple(term for term in BEST.terms if not isinstance(term, Extrapolation))
@@ -205,7 +206,7 @@ def test_of_the_tip_alone_it_learns_the_tip_and_leaves_the_rest_to_the_chain(arm
     data, tip = data_of(arm), data_of(arm)
     tip.states[..., :-1, :] = np.nan
     tip.states[..., 3:] = np.nan
-    model = UNCALIBRATED.train(tip, FIT, jax.random.key(0)).network
+    model = SIZE.train(tip, FIT, jax.random.key(0)).network
     said = SIZE.predictions(model, data)
     assert np.isfinite(said).all()
     assert np.linalg.norm((said - data.states)[..., -1, :3], axis=-1).mean() < 0.02
@@ -223,40 +224,39 @@ def test_where_cables_move_together_that_counts_too(arm):
         SIZE.untrained(arm, jax.random.key(0)).chain.body.displacements(data.sensed)
     )
     data.states[..., 2] += 0.05 * together[..., 0]
-    model = UNCALIBRATED.train(
+    model = SIZE.train(
         replace(data, displacements=moved), FIT, jax.random.key(0)
     ).network
     said = SIZE.predictions(model, replace(data, displacements=moved))
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_half_of_it_lies_halfway_between_the_chain_and_all_of_it(arm, trained, share):
-    """What is known of states; of the rest the chain alone is_fitted."""
-    known = np.ones((arm.module_count, 6), bool)
-    known[0] = False
-    none, half, whole = (
-        trained.mixed(share, weight, known) for weight in (0.0, 0.5, 1.0)
-    )
-    features, chained = (
-        jnp.zeros(len(trained.kernels.center)),
-        jnp.ones((arm.module_count, 6)) / np.sqrt(3),
-    )
-    ends = [
-        one._corrected(chained, one.kernels(features), jnp.ones(()))[..., :3]
-        for one in (none, half, whole)
-    ]
-    np.testing.assert_allclose(ends[0], chained[:, :3], atol=1e-6)
-    np.testing.assert_allclose(ends[1], (ends[0] + ends[2]) / 2, atol=1e-5)
-    np.testing.assert_allclose(whole.share[0], 1.0)
-
-
-def test_away_from_the_data_the_chain_predicts_alone(arm, trained):
-    known = np.ones((arm.module_count, 6), bool)
-    mixed = trained.mixed(0.0, 1.0, known)
-    inputs = jnp.asarray(hysteresis_inputs(mixed.chain, data_of(arm, seed=2))[0, -1])
+def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, trained):
+    inputs = jnp.asarray(hysteresis_inputs(trained.chain, data_of(arm, seed=2))[0, -1])
+    look = eqx.filter_jit(lambda model, inputs: model.states(inputs))
     far = 50.0 * inputs
-    assert float(support(mixed, far)) < 1e-3
+    constant = np.asarray(trained.process.constant).reshape(-1, 6)
     np.testing.assert_allclose(
-        predict_states(mixed, far), predict_states(mixed.chain, far), atol=1e-3
+        look(trained, far)[:, :3],
+        look(trained.chain, far)[:, :3] + trained.unit * constant[:, :3],
+        atol=1e-4,
     )
+
+
+@pytest.mark.parametrize(("share", "is_smaller"), [(0.5, True), (0.999, False)])
+def test_a_smaller_error_counts_if_it_is_sure(share, is_smaller):
+    random = np.random.default_rng(0)
+    errors = random.normal(size=(500, 6))
+    others = random.normal(size=(500, 6))
+    assert local_training._is_smaller(share * errors, others) == is_smaller
+
+
+def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):
+    data = data_of(arm)
+    noise = np.random.default_rng(0).normal(0, 0.05, data.states.shape)
+    trained = SIZE.train(
+        replace(data, states=data.states + noise), FIT, jax.random.key(0)
+    )
+    process = trained.network.process
+    assert float(process.scale.min()) > 0.0
+    assert trained.errors["held-out samples"] > 0.02

@@ -94,7 +94,7 @@ def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_rec
     assert change(0.01) < 0.5 * change(100.0)
 
 
-def test_the_local_model_of_a_prior_has_no_kernels(prior_key, cache):
+def test_the_local_model_of_a_prior_has_no_process(prior_key, cache):
     recipe = prior_key.recipe
     chain = recipe.c2s
     local = LocalOptions(
@@ -102,7 +102,7 @@ def test_the_local_model_of_a_prior_has_no_kernels(prior_key, cache):
     )
     arms = [training_data(need.load(cache), recipe) for need in prior_key.needs]
     learned = local.pretrain(arms, recipe.c2s_fit, jax.random.key(0))
-    assert float(learned.mean.network.kernels.is_fitted) == 0.0
+    assert not learned.mean.network.process.is_fitted
 
 
 @pytest.mark.parametrize("change", [{"arms": 1}, {"strength": 0.0}])

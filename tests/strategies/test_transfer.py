@@ -124,19 +124,13 @@ def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(
     options = LocalOptions(**chain, points=16, few=8)
     arm = of_count(twin, 5)
     model = options.untrained(twin, jax.random.key(0))
-    model = replace(
-        model,
-        uncertainty=replace(
-            model.uncertainty, interpolation_error=jnp.array([0.01, 0.02, 0.03])
-        ),
-    )
+    scale = jnp.repeat(jnp.array([0.01, 0.02, 0.03]), 6)
+    model = replace(model, process=replace(model.process, scale=scale))
     babbling = replace(recipe_named("best"), episodes=2).collect_options()
     begun = options.adapted(model, twin, arm, babbling, jax.random.key(1))
     straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (5, 1))
     np.testing.assert_allclose(
-        begun.uncertainty.interpolation_error[jnp.array([0, 4])],
-        [0.01 * 5 / 3, 0.03 * 5 / 3],
-        rtol=1e-5,
+        begun.process.scale.reshape(5, 6)[jnp.array([0, 4]), 0], [0.01, 0.03], rtol=1e-5
     )
     assert float(begun.extrapolation(straight)) < 0.01 * arm.length
 

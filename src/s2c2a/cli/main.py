@@ -12,7 +12,17 @@ from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
-from s2c2a.cli import arm, collect, demo, doctor, export, pretrain, run, train
+from s2c2a.cli import (
+    arm,
+    collect,
+    demo,
+    doctor,
+    export,
+    pretrain,
+    run,
+    session,
+    train,
+)
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files import manifests_of_one_command
@@ -62,6 +72,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "export": export.export,
     "pretrain": pretrain.pretrain,
     "train": train.train,
+    "session": session.session,
     "run": run.run,
     "doctor": doctor.doctor,
     "completion": completion,

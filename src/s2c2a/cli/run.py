@@ -1,9 +1,12 @@
 """`s2c2a run`: strategies on a task."""
 
 from dataclasses import asdict
+from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
 
 from s2c2a.cli.console import (
     Arm,
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from s2c2a import arm, jobs, robots, strategies, tasks
 
 
+@effective("session", where="with --weights", holds=lambda given: given["weights"])
 @effective(
     "recipe",
     where="with a strategy that uses a recipe",
@@ -46,6 +50,7 @@ def run(
     strategy: StrategyNames = ("s2c2a",),
     recipe: OptionalRecipe = None,
     weights: Path | None = None,
+    session: Annotated[str, tyro.conf.arg(metavar="FILE|none")] = "",
     pace: float = 1.0,
     seed: int = 0,
     seeds: int = 1,
@@ -79,6 +84,8 @@ def run(
         weights: a file of `s2c2a train`, or "shipped" for the networks of the package
             (presets, and copies with the same mechanics); without it, networks are
             trained or taken from the cache (S2C2A_CACHE sets its directory).
+        session: file of `s2c2a session`; by default that beside the weights, if there
+            is one. none leaves it out.
         pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
         seed: of data, training and start; the first of several.
         seeds: number of seeds; several run in parallel.
@@ -115,7 +122,7 @@ def run(
     conditions = jobs.Conditions(factory, strategies.RunOptions(guard, settings))
     check_parallel(factory, work.jobs, work.cluster)
     chosen = strategies.recipe_from(recipe) if recipe else None
-    given = _given_networks(weights, spec, chosen) if weights else None
+    given = _given_networks(weights, spec, chosen, session) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _paced_task(task, spec, pace)
     job_list = jobs.jobs_for(
@@ -128,6 +135,8 @@ def run(
         given,
         repeat,
     )
+    if given is not None and weights is not None and not factory.simulated:
+        _warn_of_age(factory, spec, weights, given.session)
     _check_used(given, job_list)
     _check_trained(factory, job_list)
     jobs.check_robots(job_list)
@@ -140,6 +149,7 @@ def run(
         "seeds": [job.seed for job in job_list],
         "conditions": asdict(conditions),
         "weights": weights,
+        "session": given and given.session and given.session.model_dump(mode="json"),
         "repeat": repeat,
     }
     if calibration := factory.describe_calibration(spec):
@@ -160,17 +170,46 @@ def run(
 
 
 def _given_networks(
-    weights: Path, spec: "arm.ArmSpec", recipe: "strategies.Recipe | None"
+    weights: Path,
+    spec: "arm.ArmSpec",
+    recipe: "strategies.Recipe | None",
+    session: str,
 ) -> "jobs.GivenNetworks":
-    """The networks of a file, or those of the package."""
-    from s2c2a import jobs
+    """The networks of a file with its session, or those of the package."""
+    from s2c2a import jobs, strategies
     from s2c2a.strategies.checkpoint import SHIPPED
     from s2c2a.strategies.shipped import shipped_file
 
     if str(weights) == SHIPPED:
         with shipped_file(spec) as path:
             return jobs.GivenNetworks.read(path, spec, recipe)
-    return jobs.GivenNetworks.read(weights, spec, recipe)
+    found = strategies.session_of(weights, session)
+    if found is not None:
+        print(strategies.describe_use(found))
+    return jobs.GivenNetworks.read(weights, spec, recipe, found)
+
+
+def _warn_of_age(
+    factory: "robots.RobotFactory",
+    spec: "arm.ArmSpec",
+    weights: Path,
+    session: "strategies.Session | None",
+) -> None:
+    """Say that an arm was homed or calibrated after its model was last compared with it."""
+    calibrated = factory.make(spec).calibrated
+    if calibrated is None or not weights.exists():
+        return
+    compared = datetime.fromtimestamp(weights.stat().st_mtime, UTC)
+    what = str(weights)
+    if session is not None and session.date > compared:
+        compared = session.date
+        what = "the session"
+    if calibrated.astimezone(UTC) > compared:
+        print(
+            f"{what} is of {compared:%Y-%m-%d %H:%M} UTC, and the arm was homed or "
+            f"calibrated later, {calibrated.astimezone(UTC):%Y-%m-%d %H:%M} UTC: run "
+            f"`s2c2a session {weights}` with the robot and its tracking"
+        )
 
 
 def _check_used(given: "jobs.GivenNetworks | None", jobs: "Sequence[jobs.Job]") -> None:
@@ -283,6 +322,7 @@ def _report(
     describe_all = (
         evaluation.describe_plans,
         evaluation.describe_lasting_error,
+        evaluation.describe_disagreement,
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
         evaluation.describe_faults,

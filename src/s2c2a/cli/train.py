@@ -93,7 +93,7 @@ def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None
     if start is not None:
         title += f"; networks that were not trained here are those of {start.arm.name}"
     print_held_out_errors(title, networks)
-    for line in evaluation.describe_unseen_errors(networks):
+    for line in evaluation.describe_held_out_errors(networks):
         print(line)
     # a training that starts from other networks keeps their modal model
     if start is None and (text := evaluation.describe_modal_model(networks)):

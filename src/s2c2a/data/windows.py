@@ -14,6 +14,9 @@ from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 # after the training samples, and before those of the next piece, is there because
 # neighbors in time are alike: a model that interpolates them would look better than it is.
 PARTS = ((0.0, 0.65), (0.70, 0.85), (0.85, 1.0))
+Shares = tuple[tuple[float, float], ...]
+APART = ((0.0, 0.65), (0.70, 0.825), (0.875, 1.0))
+"""The same with a gap between validation and test samples."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ Lengths = Sequence[int] | None
 Stretch = tuple[int, slice]
 
 
-def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
+def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stretch]]:
     """Training, validation, and test stretches: episode index and slice of samples.
 
     Long episodes are divided, very long ones in pieces (`PARTS`). Short ones, as in logs
@@ -62,6 +65,7 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
 
     Args:
         lengths: number of samples of each episode.
+        shares: of a piece.
 
     Raises:
         RecordingError: a part would be empty.
@@ -76,7 +80,7 @@ def stretches(lengths: Sequence[int]) -> list[list[Stretch]]:
         pieces = max(1, round(samples / PIECE))
         borders = np.linspace(0, samples, 1 + pieces).astype(int)
         for begin, end in pairwise(borders):
-            edges = begin + np.rint(np.array(PARTS) * (end - begin)).astype(int)
+            edges = begin + np.rint(np.array(shares) * (end - begin)).astype(int)
             if end < samples:
                 edges[2, 1] -= edges[1, 0] - edges[0, 1]
             for part, (start, stop) in zip(parts, edges.tolist(), strict=True):
@@ -93,7 +97,7 @@ def forward_samples(
     configurations: Float[np.ndarray, "episodes samples modules 3"],
     states: Float[np.ndarray, "episodes samples modules 6"],
     lengths: Lengths = None,
-    hidden: Bool[np.ndarray, "episodes samples"] | None = None,
+    shares: Shares = PARTS,
 ) -> Split:
     """Samples for C2S: sensed configuration in, true state at the same time out.
 
@@ -103,33 +107,35 @@ def forward_samples(
         configurations: sensed configurations.
         states: true states; NaN: unknown.
         lengths: number of samples of each episode, if they differ; the rest is padding.
-        hidden: samples that are kept, with unknown states.
+        shares: of a piece.
     """
     rows = _known_rows(states, lengths)
-    if hidden is not None:
-        states = np.where(hidden[..., None, None], np.nan, states)
+    parts = stretches([len(indices) for indices in rows], shares)
+    return Split(*(_samples_of(configurations, states, rows, part) for part in parts))
 
-    def select(values: np.ndarray, part: list[Stretch]) -> np.ndarray:
+
+def known_samples(
+    configurations: Float[np.ndarray, "episodes samples modules 3"],
+    states: Float[np.ndarray, "episodes samples modules 6"],
+    lengths: Lengths = None,
+) -> Samples:
+    """All samples with a known state, in order of time (`forward_samples`)."""
+    rows = _known_rows(states, lengths)
+    whole = [(episode, slice(None)) for episode in range(len(rows))]
+    return _samples_of(configurations, states, rows, whole)
+
+
+def _samples_of(
+    configurations: np.ndarray,
+    states: np.ndarray,
+    rows: list[np.ndarray],
+    part: list[Stretch],
+) -> Samples:
+    def select(values: np.ndarray) -> np.ndarray:
         parts = [values[episode, rows[episode][span]] for episode, span in part]
         return np.concatenate(parts).astype(np.float32)
 
-    samples = [
-        Samples({"configurations": select(configurations, part)}, select(states, part))
-        for part in stretches([len(indices) for indices in rows])
-    ]
-    return Split(*samples)
-
-
-def validation_samples(
-    states: Float[np.ndarray, "episodes samples modules 6"], lengths: Lengths = None
-) -> Bool[np.ndarray, "episodes samples"]:
-    """Mask of the samples that `forward_samples` validates with."""
-    rows = _known_rows(states, lengths)
-    mask = np.zeros(states.shape[:2], bool)
-    validation = stretches([len(indices) for indices in rows])[1]
-    for episode, span in validation:
-        mask[episode, rows[episode][span]] = True
-    return mask
+    return Samples({"configurations": select(configurations)}, select(states))
 
 
 def _known_rows(states: np.ndarray, lengths: Lengths) -> list[np.ndarray]:

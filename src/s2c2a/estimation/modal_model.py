@@ -219,8 +219,8 @@ def identify_modal_factors(
 
     Returns:
         The factors; the fast part of the error without and with the modal model, root
-        mean square [deg]. Nominal factors if the vibration is not observable in the
-        recording.
+        mean square [deg]. Nominal factors without a complete episode that is long
+        enough.
     """
     nominal = ModalFactors.nominal()
     window = max(3, round(SLOWEST * arm.control_rate) | 1)
@@ -247,8 +247,6 @@ def identify_modal_factors(
     options = {"maxfev": 80, "xatol": 0.02, "fatol": 1e-6}
     result = minimize(cost, start, method="Nelder-Mead", options=options)
     without = fast_error(inputs)
-    if result.fun >= without:
-        return nominal, np.rad2deg(without), np.rad2deg(without)
     return _factors(result.x), np.rad2deg(without), np.rad2deg(float(result.fun))
 
 

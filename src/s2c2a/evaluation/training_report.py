@@ -1,66 +1,19 @@
-"""Text on trainings: errors on unseen motion, data to record, and the modal model."""
-
-from collections.abc import Mapping
+"""Text on trainings: errors on held-out samples, and the modal model."""
 
 from s2c2a.estimation import MODAL_MODEL
-from s2c2a.models import calibration
 from s2c2a.strategies import TrainedNetworks
 
 MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
-DATA_TO_RECORD = {
-    calibration.SLOWER: "slow motion and holds",
-    calibration.FASTER: "fast motion",
-    calibration.LARGER: "bends near the limits",
-    calibration.REGION: "more combinations of bends, opposed ones too",
-}
-"""Motion to record where errors are large, by the group of samples."""
 
 
-def describe_unseen_errors(networks: TrainedNetworks) -> list[str]:
-    """Describe the errors of each network by the kind of motion, and what to record.
-
-    Args:
-        networks: of a training; those without a second training have no line.
-
-    Returns:
-        A line of errors at the tip [mm] for each network; where some are much larger
-        than on validation samples, a line of advice follows.
-    """
-    lines = []
-    for name, errors in networks.errors.items():
-        text = describe_tip_errors(errors)
-        lines.append(f"{name} on motion that a second training has not seen: {text}")
-        if advice := advise_on_data(errors):
-            lines.append(advice)
-    return lines
-
-
-def describe_tip_errors(errors: Mapping[str, float]) -> str:
-    """List mean errors of the tip [m] in millimeters, by the group of samples."""
-    texts: list[str] = []
-    for group, error in errors.items():
-        unit = "" if texts else " mm"
-        texts.append(f"{group} {1e3 * error:.1f}{unit}")
-    return ", ".join(texts)
-
-
-def advise_on_data(errors: Mapping[str, float]) -> str:
-    """Advise which data to record; empty if no error is much above the usual one.
-
-    Args:
-        errors: mean errors of the tip [m], by the group of samples.
-    """
-    usual = errors.get(calibration.INSIDE)
-    if usual is None:
-        return ""
-    large = [group for group in DATA_TO_RECORD if errors.get(group, 0.0) > 2 * usual]
-    if not large:
-        return ""
-    wanted = "; ".join(DATA_TO_RECORD[group] for group in large)
-    return (
-        f"errors on {' and '.join(large)} are more than twice those on "
-        f"{calibration.INSIDE}: record more data with {wanted}"
-    )
+def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
+    """A line of errors at the tip [mm] for each network that predicts it."""
+    return [
+        f"{name} at the tip: {1e3 * error:.1f} mm (mean) on {samples}, which have gaps of "
+        "time to those of the training"
+        for name, errors in networks.errors.items()
+        for samples, error in errors.items()
+    ]
 
 
 def describe_modal_model(networks: TrainedNetworks) -> str:
@@ -80,7 +33,10 @@ def describe_modal_model(networks: TrainedNetworks) -> str:
         )
     # also true for NaN
     if not percent < 100.0 - MIN_REDUCTION:
-        return f"modal model: the recording does not show the vibration; {nominal}"
+        return (
+            "modal model: frequency and damping fit the recording, but do not reduce the "
+            "fast part of the C2S error, so that little of it is vibration"
+        )
     return (
         f"modal model: it reduces the fast part of the C2S error by "
         f"{100.0 - percent:.2g} %"

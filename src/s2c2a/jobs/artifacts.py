@@ -265,15 +265,21 @@ class GivenNetworks(Networks):
         recipe: how to plan.
         strategy: name of the strategy whose networks they are.
         content: of the file.
+        session: of the present day; None for the networks as they were trained.
     """
 
     beside_runs = True
     strategy: str
     content: bytes = field(repr=False)
+    session: strategies.Session | None = None
 
     @classmethod
     def read(
-        cls, path: Path, arm: ArmSpec, recipe: Recipe | None = None
+        cls,
+        path: Path,
+        arm: ArmSpec,
+        recipe: Recipe | None = None,
+        session: strategies.Session | None = None,
     ) -> "GivenNetworks":
         """Read a file of networks.
 
@@ -281,26 +287,33 @@ class GivenNetworks(Networks):
             path: of the file.
             arm: that is driven.
             recipe: how to plan; the file's own if None.
+            session: of the present day.
 
         Raises:
-            StrategyError: no such file, damaged, for another arm, or the recipe trains
-                differently.
+            StrategyError: no such file, damaged, for another arm, the recipe trains
+                differently, or the session does not fit.
         """
-        networks = strategies.load_networks(path, arm)
+        networks = strategies.with_session(strategies.load_networks(path, arm), session)
         if recipe is not None:
             networks = strategies.planning_as(networks, recipe)
-        return cls(arm, networks.recipe, networks.strategy, path.read_bytes())
+        content = path.read_bytes()
+        return cls(arm, networks.recipe, networks.strategy, content, session)
 
     def are_of(self, strategy: str) -> bool:
         return strategy == self.strategy
 
     @property
     def file(self) -> str:
-        digest = hashlib.sha256(self.content).hexdigest()[:16]
-        return f"weights-{digest}.safetensors"
+        content = hashlib.sha256(self.content)
+        if self.session is not None:
+            content.update(self.session.model_dump_json().encode())
+        return f"weights-{content.hexdigest()[:16]}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:
         write_atomically(self.content, self.path(cache))
+
+    def load(self, cache: Cache) -> TrainedNetworks:
+        return strategies.with_session(super().load(cache), self.session)
 
     def __str__(self) -> str:
         return f"given networks of {self.arm.name}"

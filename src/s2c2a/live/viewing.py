@@ -11,7 +11,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import ReadingError
 from s2c2a.estimation import MODAL_MODEL
-from s2c2a.evaluation import describe_modal_model, describe_unseen_errors
+from s2c2a.evaluation import describe_held_out_errors, describe_modal_model
 from s2c2a.kinematics import PCC
 from s2c2a.live.plots import add_chart, unit_of_cables
 from s2c2a.live.reconstruction import completed
@@ -71,7 +71,7 @@ def view_training(networks: TrainedNetworks, port: int) -> Window:
     gui.add_markdown(
         f"**{arm.name}** · recipe {networks.recipe.name} · seed {networks.seed}"
     )
-    for line in describe_unseen_errors(networks):
+    for line in describe_held_out_errors(networks):
         gui.add_markdown(line)
     for name, rows in networks.curves.items():
         gui.add_markdown(_training_text(networks, name))

@@ -1,7 +1,7 @@
 """Options of forward models, and the paper's C2S: configurations to states."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import equinox as eqx
@@ -54,18 +54,20 @@ class ForwardOptions(Options, ABC):
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """Predict the states of whole episodes [m, 1], base frame."""
+        return _along_episodes(
+            lambda model, now, memory: model.predict(now, memory), model, data
+        )
 
-        @eqx.filter_jit
-        def predict(
-            model: ForwardModel, sensed: Float[Array, "samples modules 3"]
-        ) -> Array:
-            def step(memory, now):
-                return model.observe(now, memory), model.predict(now, memory)
+    def deviations(
+        self, model: ForwardModel, data: TrainingData
+    ) -> Float[np.ndarray, "episodes samples modules"]:
+        """Standard deviations of the end points of whole episodes [m]; zero: unknown.
 
-            return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
-
-        episodes = jnp.asarray(data.sensed, jnp.float32)
-        return np.stack([predict(model, sensed) for sensed in episodes])
+        Each is the root of the expected squared distance (`predictive_std`).
+        """
+        return _along_episodes(
+            lambda model, now, memory: model.predictive_std(now, memory), model, data
+        )
 
     @abstractmethod
     def train(
@@ -156,6 +158,24 @@ class ForwardOptions(Options, ABC):
             f"forward models '{self.model}' have no prior; choose a recipe with "
             "model = 'chain' or 'local', such as best"
         )
+
+
+def _along_episodes(
+    output: Callable[[ForwardModel, Float[Array, "modules 3"], Memory], Array],
+    model: ForwardModel,
+    data: TrainingData,
+) -> np.ndarray:
+    """An output of the model at every sample, with its memory along each episode."""
+
+    @eqx.filter_jit
+    def run(model: ForwardModel, sensed: Float[Array, "samples modules 3"]) -> Array:
+        def step(memory, now):
+            return model.observe(now, memory), output(model, now, memory)
+
+        return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
+
+    episodes = jnp.asarray(data.sensed, jnp.float32)
+    return np.stack([run(model, sensed) for sensed in episodes])
 
 
 class C2S(MemorylessModel):

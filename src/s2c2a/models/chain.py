@@ -75,12 +75,13 @@ class ChainC2S(ForwardModel):
         return replace(self, hysteresis=replace(self.hysteresis, arrived=arrived))
 
     def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
-        return self.hysteresis.start(self.body.displacements(sensed))
+        return self.hysteresis.start(self._slack(self.body.displacements(sensed)))
 
     def observe(
         self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
     ) -> HysteresisMemory:
-        return self.hysteresis.advance(self.body.displacements(sensed), memory)
+        moved = self._slack(self.body.displacements(sensed))
+        return self.hysteresis.advance(moved, memory)
 
     def with_moments(
         self,
@@ -130,7 +131,13 @@ class ChainC2S(ForwardModel):
         memory: HysteresisMemory,
     ) -> Float[Array, "*batch modules inputs cables"]:
         """The inputs of the hysteresis model (`Hysteresis.inputs`)."""
-        return self.hysteresis.inputs(displacements, memory)
+        return self.hysteresis.inputs(self._slack(displacements), memory)
+
+    def _slack(
+        self, displacements: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch modules cables"]:
+        """Displacements of cables that are longer than at the training."""
+        return displacements + self.body.slack[:, None]
 
     def states(
         self,

@@ -392,7 +392,7 @@ def _inputs_along(
 def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:
     """`forward_samples` with inputs of the hysteresis in place of configurations."""
     inputs = hysteresis_inputs(model, data)
-    return forward_samples(inputs, data.states, data.lengths, data.hidden)
+    return forward_samples(inputs, data.states, data.lengths)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

@@ -1,8 +1,7 @@
-"""Training of the forward model of the recipe `best`: chain, kernels, uncertainty.
+"""Training of the forward model of the recipe `best`: the chain, then its residual.
 
-The chain is trained first, then kernels are fitted to its residual. Validation samples
-choose the mixture of both, and a second training calibrates the uncertainty
-(`models.calibration`).
+The chain is trained first, then a Gaussian process is fitted to its residual. Samples
+that neither the chain nor a first fit has seen give its deviation.
 """
 
 from collections.abc import Sequence
@@ -12,66 +11,50 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
-from s2c2a.data.windows import Samples, Split, validation_samples
-from s2c2a.kinematics import bends_from_configurations
-from s2c2a.models import calibration
+from s2c2a.data.windows import (
+    APART,
+    Samples,
+    Split,
+    forward_samples,
+    known_samples,
+)
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
     hysteresis_inputs,
     hysteresis_samples,
-    predict_states,
     predicted_targets,
-    shortened,
 )
-from s2c2a.models.kernels import Kernels, fit_kernels
+from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
+from s2c2a.models.residual_process import GAP, ResidualProcess, fit_process
 from s2c2a.models.transfer import babbling_data, interpolation_weights
-from s2c2a.models.uncertainty import Uncertainty, fit_uncertainty
 from s2c2a.spaces import POSITION
 from s2c2a.training.fit import FitOptions, FitResult, TrainingProgress, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
 
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
-CALIBRATION_EPOCHS = 0.5  # of the training, for the model that calibrates errors
-SHARES = 0.0, 0.5, 1.0  # of the chain whose residual is fitted
-WEIGHTS = 0.5, 0.75, 1.0  # of the fitted residual
-
-
-class Mixture(NamedTuple):
-    """How the local model is mixed from chain and kernels.
-
-    Attributes:
-        share: of the chain whose residual the kernels are fitted to.
-        weight: of the kernels.
-    """
-
-    share: float
-    weight: float
-
-
-CHAIN_ALONE = Mixture(1.0, 0.0)
+HELD_OUT = "held-out samples"
+SURE = 2.0  # standard errors, which chance exceeds in one of 40 cases
 
 
 @dataclass(frozen=True)
 class LocalOptions(ChainOptions):
-    """Options of the chain and of the local model.
+    """Options of the chain and of the process.
 
     Attributes:
         play_widths: half-widths of the play operators, in parts of the cable radius
             [rad], for data with bends up to `FULL_BEND`; they scale with the largest
             bend of the data.
-        points: number of inducing points of the kernels.
-        few: number of inducing points of the predictive standard deviation.
-        calibrate: whether a second, shorter training calibrates that deviation
-            (`models.calibration`).
+        points: number of inducing points of the process.
+        few: number of inducing points of the region of the data.
     """
 
     play_widths: tuple[float, ...] = (
@@ -86,9 +69,8 @@ class LocalOptions(ChainOptions):
         0.09,
         0.13,
     )
-    points: int = 1536
+    points: int = 512
     few: int = 64
-    calibrate: bool = True
     limits: ClassVar[Ranges] = {
         **ChainOptions.limits,
         "points": (8, 10_000),
@@ -96,17 +78,12 @@ class LocalOptions(ChainOptions):
     }
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> LocalC2S:  # type: ignore[override]
-        """See `ForwardOptions`: the chain before training, without kernels."""
+        """See `ForwardOptions`: the chain before training, and a process without samples."""
         chain = super().untrained(arm, key)
-        modules = arm.module_count
-        kernels = Kernels.unfitted(len(_kinds(chain)), 6 * modules, self.points)
-        return LocalC2S(
-            chain,
-            kernels,
-            share=jnp.ones((modules, 6)),
-            uncertainty=Uncertainty.none(3 * modules, self.few, modules),
-            unit=LENGTH_UNIT * arm.length,
-        )
+        outputs = 6 * arm.module_count
+        process = ResidualProcess.none(len(_kinds(chain)), outputs, self.points)
+        region = DataRegion.everywhere(3 * arm.module_count, self.few)
+        return LocalC2S(chain, process, region, unit=LENGTH_UNIT * arm.length)
 
     def train(  # type: ignore[override]
         self,
@@ -115,12 +92,9 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain, then its residual, then the calibration."""
+        """See `ForwardOptions`: the chain, then its residual."""
         chain = self._chain_options(data).train(data, fit, key, progress)
-        trained, mixture = self._with_local(chain, data, key)
-        if not self.calibrate:
-            return trained
-        return self._calibrated(trained, mixture, data, fit, key)
+        return self._with_process(chain, data, key)
 
     def _chain_options(self, data: TrainingData) -> ChainOptions:
         """Options of the chain, with widths of play operators for the data."""
@@ -140,11 +114,9 @@ class LocalOptions(ChainOptions):
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
         chain = super().resume_training(model.chain, data, fit, key, progress, spread)
-        trained, _mixture = self._with_local(chain, data, key)
-        error = trained.network.uncertainty.interpolation_error
+        trained = self._with_process(chain, data, key)
         # plans may also use the region of the first arm's data
-        uncertainty = replace(model.uncertainty, interpolation_error=error)
-        network = replace(trained.network, uncertainty=uncertainty)
+        network = replace(trained.network, region=model.region)
         return replace(trained, network=network)
 
     def pretrain(  # type: ignore[override]
@@ -154,15 +126,14 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Pretrained[LocalC2S]:
-        """See `ForwardOptions`: of the chain alone; kernels belong to one arm."""
+        """See `ForwardOptions`: of the chain alone; a process belongs to one arm."""
         together = pooled(arms)
         options = self._chain_options(together)
         chain = options.pretrain(arms, fit, key, progress)
-        model = self.untrained(together.arm, key)
-        model = replace(model, chain=chain.mean.network)
-        samples = hysteresis_samples(model.chain, together)
-        uncertainty = self._uncertainty(model, samples, together.arm)
-        model = replace(model, uncertainty=uncertainty)
+        model = replace(self.untrained(together.arm, key), chain=chain.mean.network)
+        split = hysteresis_samples(model.chain, together)
+        process = replace(model.process, scale=_judged(model, split).scale)
+        model = self._with_region(replace(model, process=process), split)
         mean = Trained(model, chain.mean.curve, chain.mean.percent)
         return Pretrained(mean, chain.spread)
 
@@ -174,143 +145,127 @@ class LocalOptions(ChainOptions):
         babbling: CollectOptions,
         key: PRNGKeyArray,
     ) -> LocalC2S:
-        """See `ForwardOptions`: the chain; kernels belong to one arm alone."""
+        """See `ForwardOptions`: the chain; a process belongs to one arm alone."""
         chain = super().adapted(model.chain, old, new, babbling, key)
         blank = self.untrained(new, key)
-        adapted = replace(blank, chain=chain, uncertainty=model.uncertainty)
+        # a longer arm errs by more, in proportion: outputs are in units of its length
+        weights = interpolation_weights(old.module_count, new.module_count)
+        scale = weights @ np.asarray(model.process.scale).reshape(-1, 6)
+        process = replace(blank.process, scale=jnp.asarray(scale.ravel(), jnp.float32))
+        adapted = replace(blank, chain=chain, process=process, region=model.region)
         if old.module_count == new.module_count:
             return adapted
         samples = hysteresis_samples(chain, babbling_data(new, babbling))
-        uncertainty = self._uncertainty(adapted, samples, new)
-        weights = interpolation_weights(old.module_count, new.module_count)
-        scaled = jnp.asarray(weights) * new.length / old.length
-        known = model.uncertainty
-        uncertainty = uncertainty.with_errors(
-            np.asarray(scaled @ known.interpolation_error),
-            np.asarray(scaled @ known.speed_error),
-            np.asarray(scaled @ known.extrapolation_error),
-        )
-        return replace(adapted, uncertainty=uncertainty)
+        return self._with_region(adapted, samples)
 
-    def _with_local(
+    def _with_process(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
-    ) -> tuple[Trained[LocalC2S], Mixture]:
-        """A trained chain with the kernels that predict held-out samples best."""
-        blank = replace(self.untrained(data.arm, key), chain=result.network)
-        split = hysteresis_samples(result.network, data)
-        mixture, best = self._best_mixture(blank, split)
-        model = replace(best, uncertainty=self._uncertainty(best, split, data.arm))
-        trained = evaluated(FitResult(model, result.curve), predicted_targets, split)
-        if mixture == CHAIN_ALONE:
-            return trained, mixture
-        # fit again, with all samples; the closeness of held-out ones is that of the first
-        # fit, since they may be inducing points now
-        fitted = self._with_kernels(model, _all_samples(split), mixture.share)
-        usual = best.kernels.usual_closeness
-        kernels = replace(fitted.kernels, usual_closeness=usual)
-        final = replace(fitted, kernels=kernels)
-        return replace(trained, network=final.mixed(*mixture, _known(split))), mixture
-
-    def _best_mixture(self, blank: LocalC2S, split: Split) -> tuple[Mixture, LocalC2S]:
-        """The mixture of chain and kernels with the least error on validation samples."""
-        candidates = {CHAIN_ALONE: blank}  # first, so that it wins ties
-        for share in SHARES:
-            fitted = self._mixed(blank, split, Mixture(share, 1.0))
-            for weight in WEIGHTS:
-                mixed = fitted.mixed(share, weight, _known(split))
-                candidates[Mixture(share, weight)] = mixed
-        losses = {
-            mixture: _loss(model, split.validation)
-            for mixture, model in candidates.items()
-        }
-        best = min(losses, key=lambda mixture: losses[mixture])
-        return best, candidates[best]
-
-    def _mixed(self, blank: LocalC2S, split: Split, mixture: Mixture) -> LocalC2S:
-        """A mixture of chain and kernels, which are fitted to the training samples."""
-        if mixture == CHAIN_ALONE:
-            return blank
-        fitted = self._with_kernels(blank, split.training, mixture.share)
-        held_out = _features(blank, split.validation)
-        kernels = fitted.kernels.with_usual_closeness(held_out)
-        return replace(fitted, kernels=kernels).mixed(*mixture, _known(split))
-
-    def _with_kernels(
-        self, blank: LocalC2S, samples: Samples, share: float
-    ) -> LocalC2S:
-        """The model with kernels fitted to what a share of the chain leaves."""
-        features = _features(blank, samples)
-        targets = _residual(blank, samples, share)
-        kinds = _kinds(blank.chain)
-        kernels = fit_kernels(features, targets, kinds, self.points)
-        return replace(blank, kernels=kernels)
-
-    def _calibrated(
-        self,
-        trained: Trained[LocalC2S],
-        mixture: Mixture,
-        data: TrainingData,
-        fit: FitOptions,
-        key: PRNGKeyArray,
     ) -> Trained[LocalC2S]:
-        """The model with errors of another one that does not see parts of the data."""
-        groups = calibration.held_out_groups(data)
-        seen = replace(data, hidden=calibration.union(groups))
-        probe = self._probe(seen, mixture, fit, key)
-        errors = self._errors(probe, data, groups)
-        network = trained.network
-        uncertainty = calibration.calibrated(
-            network.uncertainty, probe.uncertainty, errors
+        """A trained chain with a process of its residual, if it predicts better with it.
+
+        Samples that the chain has not seen, half of them unseen by the process, too,
+        decide. They also give the deviation and the error that are stated.
+        """
+        blank = replace(self.untrained(data.arm, key), chain=result.network)
+        inputs = hysteresis_inputs(result.network, data)
+        split = forward_samples(inputs, data.states, data.lengths, APART)
+        every = known_samples(inputs, data.states, data.lengths)
+        process = self._fitted(blank, every, data.arm.control_rate)
+        judged = _judged(replace(blank, process=process), split)
+        if not judged.is_better:
+            process = blank.process
+        process = replace(process, scale=judged.scale)
+        model = replace(blank, process=process)
+        unseen = _given(model, _joined(split.training, split.validation))
+        trained = evaluated(FitResult(unseen, result.curve), predicted_targets, split)
+        network = self._with_region(model, split)
+        return replace(trained, network=network, errors=judged.tip_errors)
+
+    def _fitted(
+        self, model: LocalC2S, samples: Samples, rate: float
+    ) -> ResidualProcess:
+        """A process of what a chain leaves.
+
+        Args:
+            model: with a trained chain.
+            samples: in order of time.
+            rate: of the samples [Hz].
+        """
+        features = _features(model, samples)
+        motion = _motion(features, round(rate))
+        residual = _residual(model, samples)
+        return fit_process(features, residual, _kinds(model.chain), motion, self.points)
+
+    def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
+        """The model with the region of the training samples."""
+        training, held_out = (
+            _region_features(model, part) for part in (split.training, split.validation)
         )
-        network = replace(network, uncertainty=uncertainty)
-        tip_errors = {
-            name: group.tip_error
-            for name, group in errors.items()
-            if group.is_large_enough
-        }
-        return replace(trained, network=network, errors=tip_errors)
+        return replace(model, region=fit_region(training, held_out, self.few))
 
-    def _probe(
-        self, seen: TrainingData, mixture: Mixture, fit: FitOptions, key: PRNGKeyArray
-    ) -> LocalC2S:
-        """A model from a shorter training that does not see the hidden samples."""
-        short = shortened(fit, CALIBRATION_EPOCHS)
-        chain = self._chain_options(seen).train(seen, short, key)
-        blank = replace(self.untrained(seen.arm, key), chain=chain.network)
-        split = _seen(hysteresis_samples(chain.network, seen))
-        probe = self._mixed(blank, split, mixture)
-        return replace(probe, uncertainty=self._uncertainty(probe, split, seen.arm))
 
-    def _errors(
-        self,
-        probe: LocalC2S,
-        data: TrainingData,
-        groups: dict[str, calibration.Mask],
-    ) -> dict[str, calibration.GroupErrors]:
-        """Errors of a model on validation samples, and on groups that it has not seen."""
-        inputs = hysteresis_inputs(probe.chain, data)
-        bends = bends_from_configurations(jnp.asarray(data.sensed))
-        speeds = calibration.bend_speeds(np.asarray(bends))
-        # the first input is the displacement itself
-        features = probe.extrapolation_features(jnp.asarray(inputs[:, :, :, 0]))
-        extrapolation = np.asarray(probe.uncertainty.extrapolation(features))
-        differences = self.predictions(probe, data) - data.states
-        distances = np.linalg.norm(differences[..., POSITION], axis=-1)
-        inside = validation_samples(data.states, data.lengths)
-        inside &= ~calibration.union(groups)
-        return {
-            name: calibration.GroupErrors(
-                distances[mask], speeds[mask], extrapolation[mask]
-            )
-            for name, mask in {calibration.INSIDE: inside, **groups}.items()
-        }
+class _Judged(NamedTuple):
+    """A model judged on samples that neither chain nor process have seen.
 
-    def _uncertainty(self, model: LocalC2S, split: Split, arm: ArmSpec) -> Uncertainty:
-        """Predictive standard deviation from the held-out samples."""
-        training = _extrapolation_features(model, split.training)
-        held_out = _extrapolation_features(model, split.validation)
-        distances = _distances(model, split.validation)
-        return fit_uncertainty(training, held_out, distances, self.few, arm.length)
+    Attributes:
+        is_better: whether the process reduces the squared error (`_is_smaller`).
+        scale: standard deviation of each output, per deviation of the process.
+        tip_errors: mean error of the tip [m]; empty if it is unknown.
+    """
+
+    is_better: bool
+    scale: Float[Array, " outputs"]
+    tip_errors: dict[str, float]
+
+
+def _judged(model: LocalC2S, split: Split) -> _Judged:
+    """Judge chain and process on validation and test samples.
+
+    The process has the samples of training and of the other of these two.
+    """
+    chain_errors = []
+    errors = []
+    deviations = []
+    held_out = split.validation, split.test
+    for judged, other in (held_out, held_out[::-1]):
+        process = _given(model, _joined(split.training, other)).process
+        features = _features(model, judged)
+        residual = _residual(model, judged)
+        means = np.asarray(process(jnp.asarray(features, jnp.float32)))
+        chain_errors.append(residual)
+        errors.append(residual - means)
+        deviations.append(process.deviations(features))
+    without, remaining = np.concatenate(chain_errors), np.concatenate(errors)
+    relative = remaining / np.concatenate(deviations)[:, None]
+    is_better = bool(model.process.is_fitted) and _is_smaller(remaining, without)
+    if not is_better:
+        remaining = relative = without
+    known = np.isfinite(relative)
+    squares = np.where(known, relative, 0.0) ** 2
+    scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    tip_errors = _tip_errors(remaining, model.unit)
+    return _Judged(is_better, jnp.asarray(scale, jnp.float32), tip_errors)
+
+
+def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
+    """The model with a process of these samples alone."""
+    process = model.process.given(_features(model, samples), _residual(model, samples))
+    return replace(model, process=process)
+
+
+def _is_smaller(
+    errors: Float[np.ndarray, "samples outputs"],
+    others: Float[np.ndarray, "samples outputs"],
+) -> bool:
+    """Whether errors are surely smaller than others: by two standard errors.
+
+    Blocks of samples count once, since neighbors in time are alike.
+    """
+    gains = np.nansum(others**2 - errors**2, axis=1)
+    blocks = np.array_split(gains, max(2, len(gains) // GAP))
+    means = [block.mean() for block in blocks]
+    standard_error = np.std(means, ddof=1) / np.sqrt(len(means))
+    return bool(np.mean(means) > SURE * standard_error)
 
 
 def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
@@ -322,17 +277,12 @@ def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
     operators = chain.hysteresis.operators
     modules = len(chain.body.lengths)
     components = 3 * modules
-    inputs = 1 + len(operators.widths[EVERY_OTHER]) + len(operators.shares)
+    inputs = 1 + len(operators.widths[EVERY_OTHER])
     module, number, axis = np.unravel_index(
         np.arange(components * inputs), (modules, inputs, 3)
     )
     component = np.eye(components)[3 * module + axis]
     return np.hstack([component, np.eye(inputs)[number]])
-
-
-def _known(split: Split) -> Bool[np.ndarray, "modules 6"]:
-    """Which outputs the data hold."""
-    return np.isfinite(split.training.targets).any(axis=0)
 
 
 def _features(
@@ -342,15 +292,30 @@ def _features(
     return np.asarray(eqx.filter_jit(model.features)(inputs))
 
 
+def _motion(
+    features: Float[np.ndarray, "samples features"], steps: int
+) -> Float[np.ndarray, " features"]:
+    """Root mean square change of the features in so many steps, at least one."""
+    steps = min(max(steps, 1), len(features) - 1)
+    return np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
+
+
 def _residual(
-    model: LocalC2S, samples: Samples, share: float
+    model: LocalC2S, samples: Samples
 ) -> Float[np.ndarray, "samples outputs"]:
-    """What a share of the chain leaves, in units of the outputs."""
+    """What the chain leaves, in units of the outputs."""
     inputs = jnp.asarray(samples.inputs["configurations"])
-    predicted = np.asarray(eqx.filter_jit(model.chain.states)(inputs))
-    residual = samples.targets - share * predicted
-    scales = np.array([model.unit] * 3 + [1.0] * 3, residual.dtype)
-    return (residual / scales).reshape(len(residual), -1)
+    residual = samples.targets - np.asarray(eqx.filter_jit(model.chain.states)(inputs))
+    units = np.array([model.unit] * 3 + [1.0] * 3, residual.dtype)
+    return (residual / units).reshape(len(residual), -1)
+
+
+def _region_features(
+    model: LocalC2S, samples: Samples
+) -> Float[np.ndarray, "samples features"]:
+    """See `LocalC2S.region_features`; the first input is the displacement itself."""
+    displacements = samples.inputs["configurations"][:, :, 0]
+    return np.asarray(model.region_features(jnp.asarray(displacements)))
 
 
 def _reach(data: TrainingData) -> float:
@@ -365,36 +330,17 @@ def _reach(data: TrainingData) -> float:
     return max(float(np.arccos(smallest_cosine)), MIN_REACH)
 
 
-def _seen(split: Split) -> Split:
-    """The samples with a known target; hidden ones have none."""
-    known = [np.isfinite(part.targets).any(axis=(1, 2)) for part in split.parts]
-    return Split(*map(Samples.rows, split.parts, known))
-
-
-def _all_samples(split: Split) -> Samples:
-    """All samples of a split."""
-    inputs = np.concatenate([part.inputs["configurations"] for part in split.parts])
-    targets = np.concatenate([part.targets for part in split.parts])
+def _joined(*parts: Samples) -> Samples:
+    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
+    targets = np.concatenate([part.targets for part in parts])
     return Samples({"configurations": inputs}, targets)
 
 
-def _extrapolation_features(
-    model: LocalC2S, samples: Samples
-) -> Float[np.ndarray, "samples features"]:
-    """See `LocalC2S.extrapolation_features`."""
-    displacements = samples.inputs["configurations"][:, :, 0]
-    return np.asarray(model.extrapolation_features(jnp.asarray(displacements)))
-
-
-def _distances(
-    model: LocalC2S, samples: Samples
-) -> Float[np.ndarray, "samples modules"]:
-    """Distance of true from predicted end points [m]."""
-    states = predict_states(model, jnp.asarray(samples.inputs["configurations"]))
-    differences = np.asarray(states) - samples.targets
-    return np.linalg.norm(differences[..., POSITION], axis=-1)
-
-
-def _loss(model: LocalC2S, samples: Samples) -> float:
-    """Mean squared position error of the module ends [m^2]."""
-    return float(np.nanmean(_distances(model, samples) ** 2))
+def _tip_errors(
+    errors: Float[np.ndarray, "samples outputs"], unit: float
+) -> dict[str, float]:
+    """Mean error of the tip [m]; empty if it is unknown."""
+    ends = errors.reshape(len(errors), -1, 6)[:, -1, POSITION]
+    distances = unit * np.linalg.norm(ends, axis=-1)
+    known = distances[np.isfinite(distances)]
+    return {HELD_OUT: float(known.mean())} if len(known) else {}

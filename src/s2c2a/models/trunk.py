@@ -1,5 +1,9 @@
 """Constants of a forward model from the arm file: lengths, cables, masses."""
 
+from dataclasses import replace
+from typing import TypeVar
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -8,6 +12,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics import bends_from_cables, bends_from_configurations
 from s2c2a.training.fit import FromArm
 
+Model = TypeVar("Model")
 TAUT = 0.5  # typical share of cables that are taut
 
 
@@ -29,6 +34,8 @@ class Trunk(FromArm):
         lateral_compliances: deflection of module ends under a lateral force at fixed
             axes, C L^2 / 12 [m/N], shape (modules,).
         gravity: [m/s2], base frame.
+        slack: length by which all cables of a module are longer than at the training,
+            over their radius [rad], shape (modules,).
     """
 
     lengths: Float[Array, " modules"]
@@ -41,6 +48,7 @@ class Trunk(FromArm):
     weights: Float[Array, " modules"]
     lateral_compliances: Float[Array, " modules"]
     gravity: Float[Array, "3"]
+    slack: Float[Array, " modules"]
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Trunk":
@@ -61,6 +69,7 @@ class Trunk(FromArm):
             (masses[:-1] + masses[1:]) / 2.0,
             compliances * geometry.lengths**2 / 12.0,
             np.asarray(arm.gravity),
+            np.zeros(arm.module_count),
         )
         return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
 
@@ -76,3 +85,18 @@ class Trunk(FromArm):
     ) -> Float[Array, "*batch modules 2"]:
         """Bends of cable displacements [rad], shape (*batch, modules, 2)."""
         return bends_from_cables(self.inverses, displacements)
+
+
+def slackened(model: Model, slack: Float[Array, " modules"]) -> Model:
+    """A model with so much more slack of its cables [rad]; one without cables stays as it is."""
+
+    def is_trunk(part) -> bool:
+        return isinstance(part, Trunk)
+
+    return jax.tree.map(
+        lambda part: (
+            replace(part, slack=part.slack + slack) if is_trunk(part) else part
+        ),
+        model,
+        is_leaf=is_trunk,
+    )

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from datetime import datetime
 from typing import ClassVar, Self
 
 import numpy as np
@@ -31,6 +32,11 @@ class Robot(ABC):
 
     arm: ArmSpec
     own_time: ClassVar[bool] = False
+
+    @property
+    def calibrated(self) -> datetime | None:
+        """When the arm was last homed, or its tracking calibrated; None if unknown."""
+        return None
 
     @property
     @abstractmethod

@@ -27,6 +27,16 @@ from s2c2a.strategies.s2c2a import (
     train_s2c2a,
     training_data,
 )
+from s2c2a.strategies.session import (
+    Session,
+    describe_use,
+    load_session,
+    measured_session,
+    save_session,
+    session_of,
+    session_path,
+    with_session,
+)
 from s2c2a.strategies.shipped import networks_from, shipped_networks
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks

@@ -13,6 +13,7 @@ from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.files import arm_of_strategy, load_networks
 from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
+from s2c2a.strategies.session import session_of, with_session
 from s2c2a.strategies.trained import TrainedNetworks
 
 
@@ -51,13 +52,17 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
 def networks_from(
     file: str | os.PathLike, arm: ArmSpec | None = None
 ) -> TrainedNetworks:
-    """Networks of a weight file, or those of the package for "shipped".
+    """Networks of a weight file on the day of the session beside it, or the package's.
+
+    Args:
+        file: of weights; "shipped" for the networks of the package.
+        arm: that is driven; that of the file by default.
 
     Raises:
         StrategyError: see `load_networks` and `shipped_networks`.
     """
     if str(file) != SHIPPED:
-        return load_networks(file, arm)
+        return with_session(load_networks(file, arm), session_of(file))
     if arm is None:
         raise StrategyError(
             "networks of several arms come with the package, and no arm was given; give "

@@ -7,7 +7,7 @@ from typing import Generic
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
@@ -35,8 +35,6 @@ class TrainingData:
         lengths: number of samples of each episode, if they differ; the rest is padding.
         displacements: displacements of the cables over their radius [rad], if cables
             also move together, which configurations do not contain.
-        hidden: samples whose states are not known to the training; they keep their
-            places, so that the training is the same program as with them.
     """
 
     arm: ArmSpec
@@ -45,7 +43,6 @@ class TrainingData:
     states: Float[np.ndarray, "episodes samples modules 6"]
     lengths: tuple[int, ...] | None = None
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
-    hidden: Bool[np.ndarray, "episodes samples"] | None = None
 
 
 @dataclass(frozen=True)
@@ -57,8 +54,8 @@ class Trained(FitResult[ModelType]):
         curve: rows of epoch, training loss, validation loss.
         percent: mean and standard deviation of the test error, in percent of the full
             range.
-        errors: mean errors of the tip on samples that a second training has not seen
-            [m], by the kind of these samples; empty if there was none.
+        errors: of the tip on held-out samples [m], by the names of
+            `evaluation.training_report`; empty if they are unknown.
     """
 
     percent: tuple[float, float]

@@ -119,8 +119,8 @@ def train_sensor(
     Raises:
         TrainingError: too few samples.
     """
-    held_out = samples.step // BLOCK % BLOCKS_PER_TEST == BLOCKS_PER_TEST - 1
-    if not held_out.any() or (~held_out).sum() < FIT.batch_size:
+    held_out, seen = _held_out_and_seen(samples.step)
+    if not held_out.any() or seen.sum() < FIT.batch_size:
         raise TrainingError(
             f"{len(samples.step)} samples of a sensor are too few to learn from; "
             "collect more"
@@ -135,7 +135,7 @@ def train_sensor(
     fitted = fit(
         BiasedNetwork(network, biases),
         _loss,
-        samples.batch(scaling, ~held_out),
+        samples.batch(scaling, seen),
         samples.batch(scaling, held_out),
         FIT,
         fit_key,
@@ -149,6 +149,23 @@ def train_sensor(
         predicted[held_out], samples.values[held_out], full_ranges(samples.values)
     )
     return Trained(network, fitted.curve, percent)
+
+
+def _held_out_and_seen(
+    step: Int[np.ndarray, " samples"],
+) -> tuple[Bool[np.ndarray, " samples"], Bool[np.ndarray, " samples"]]:
+    """Samples that judge, and those that train, by their steps in an episode.
+
+    Half a block on either side does neither: neighbors in time are alike.
+    """
+
+    def is_held_out(steps: Int[np.ndarray, " samples"]) -> Bool[np.ndarray, " samples"]:
+        return steps // BLOCK % BLOCKS_PER_TEST == BLOCKS_PER_TEST - 1
+
+    gap = BLOCK // 2
+    beside = is_held_out(step + gap) | is_held_out(np.maximum(step - gap, 0))
+    held_out = is_held_out(step)
+    return held_out, ~held_out & ~beside
 
 
 def _loss(model: BiasedNetwork, batch: Batch, key: PRNGKeyArray | None) -> Array:

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import S2C2AError
+from s2c2a.json_files import load_json, save_json
 from s2c2a.lab.hardware.winch import Ticks
-from s2c2a.lab.json_files import load_json, save_json
 
 FORMAT = 1
 MAX_SERVOS = 160

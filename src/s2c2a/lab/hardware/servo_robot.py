@@ -5,6 +5,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime
 from typing import ClassVar
 
 import numpy as np
@@ -278,6 +279,11 @@ class ServoRobot(Robot):
         self._goal = displacements
         self._send_positions(positions)
         self.bus.set_torque(self._flat_ids, on=True)
+
+    @property
+    def calibrated(self) -> datetime:
+        """When the arm was homed."""
+        return self._calibration.date
 
     def _go_to_rest(self) -> None:
         """Wind all cables to rest together, slowly, and let the arm settle.

@@ -4,6 +4,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -249,6 +250,16 @@ class TrackedRobot(Robot):
                 f"{type(robot).__name__} measures {', '.join(sorted(common))} itself; "
                 "add --tracking none"
             )
+
+    @property
+    def calibrated(self) -> datetime | None:
+        """When the arm was homed or its tracking calibrated, the later of both."""
+        path = calibration_path(self.arm)
+        dates = [self._robot.calibrated]
+        if path.exists():
+            dates.append(load_tracking_calibration(path, self.arm).date)
+        known = [date.astimezone(UTC) for date in dates if date is not None]
+        return max(known, default=None)
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:

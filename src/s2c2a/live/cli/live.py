@@ -86,6 +86,8 @@ def live(
         release_after: time without a connected page until the arm returns to rest [s];
             until then it holds its position.
     """
+    from s2c2a.strategies import describe_use, session_of
+
     require("live", "viser", "websockets", "msgspec")
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     _check_host(host, factory)
@@ -98,6 +100,9 @@ def live(
         "release_after": release_after,
         "host": host,
     }
+    for session in map(session_of, weights):
+        if session is not None:
+            print(describe_use(session))
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         wait_for_interrupt()
     latest = control.latest

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from s2c2a.lab.json_files import load_json, save_json
+from s2c2a.json_files import load_json, save_json
 from s2c2a.lab.tracking.poses import TrackingError
 
 FORMAT = 1

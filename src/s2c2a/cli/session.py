@@ -1,0 +1,111 @@
+"""Command `s2c2a session`: measure the present day of an arm, and correct its model."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from s2c2a.cli.console import FidelityName, progress_bar
+from s2c2a.cli.dependent_options import effective
+from s2c2a.cli.emergency import emergency_controls
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    robot_factory_for,
+)
+
+if TYPE_CHECKING:
+    from s2c2a import data, strategies
+    from s2c2a.robots import RobotFactory
+
+OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
+
+
+@effective(
+    "robot",
+    "robot_option",
+    "tracking",
+    "fidelity",
+    "seconds",
+    "seed",
+    where="without --recording",
+    holds=lambda given: given["recording"] is None,
+)
+def session(
+    weights: tyro.conf.Positional[Path],
+    arm: OptionalArm = None,
+    recording: Path | None = None,
+    robot: RobotName = "sim",
+    robot_option: RobotOptions = (),
+    tracking: TrackingSource = "",
+    fidelity: FidelityName = "fast",
+    seconds: float = 50.0,
+    seed: int = 0,
+) -> None:
+    """Measure how an arm has changed since its training; `run` and `live` then use it.
+
+    The arm moves as in `collect`, with the tip tracked. What is found is printed, and
+    stored beside the weights (docs/guides/session.md).
+
+    Args:
+        weights: file of `s2c2a train`.
+        arm: a preset or an arm file; by default that of the weights.
+        recording: of the present day, of `s2c2a collect` or `s2c2a import`; the arm is
+            then not moved.
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
+        robot_option: further arguments of that class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
+        fidelity: of the simulation.
+        seconds: for which the arm moves.
+        seed: of its motion.
+    """
+    from s2c2a import data, evaluation, strategies
+    from s2c2a.arm import load_arm
+
+    spec = load_arm(arm) if arm else None
+    networks = strategies.load_networks(weights, spec)
+    if recording is not None:
+        moved = data.load_recording(recording)
+    else:
+        factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
+        moved = _move(networks, factory, seconds, seed, weights)
+    found, fit = strategies.measured_session(networks, weights, moved)
+    for line in evaluation.describe_session(fit, networks.arm):
+        print(line)
+    path = strategies.session_path(weights)
+    strategies.save_session(found, path)
+    print(f"session: {path}")
+
+
+def _move(
+    networks: "strategies.TrainedNetworks",
+    factory: "RobotFactory",
+    seconds: float,
+    seed: int,
+    weights: Path,
+) -> "data.Recording":
+    """Move the arm as in the training, and record it beside the weights."""
+    from s2c2a import data
+
+    arm = networks.arm
+    options = replace(
+        networks.recipe.collect_options(seed),
+        episodes=1,
+        samples=round(seconds / arm.control_period),
+    )
+    with progress_bar() as progress, emergency_controls(factory):
+        return data.collect(
+            weights.with_suffix(".session.episodes"),
+            arm,
+            partial(factory.seeded, arm),
+            options,
+            robot=str(factory),
+            threads=1,
+            overwrite=True,
+            progress=partial(progress, f"moving {arm.name}"),
+        )

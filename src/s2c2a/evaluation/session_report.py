@@ -1,0 +1,96 @@
+"""What a session shows: how far an arm is from its model, and why."""
+
+import numpy as np
+from scipy.special import chdtri
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.episodes import Episode
+from s2c2a.models.session_fit import SessionFit, correlation_time
+from s2c2a.spaces import POSITION
+
+SEEN = "states", "camera_positions"
+"""Sensors of the module ends, the best first."""
+UNLIKELY = 0.05  # the usual level of a test: so often no change looks like one
+
+
+def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
+    """Describe the error, and every cause with its size and its share, in sentences."""
+    lines = [
+        f"the tip is {1000 * fit.before:.1f} mm from where the model expects it; with "
+        f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
+    ]
+    if fit.after >= fit.before:
+        return [*lines, "no change of the arm explains it: the session changes nothing"]
+    radii = 1000 * ArmGeometry.of(arm).cable_radii
+    part = fit.posterior.part
+    homings = []
+    stiffnesses = []
+    for module, radius in enumerate(radii):
+        homing = _size(*part("offsets", module), radius, "mm off")
+        slack = _size(*part("slack", module), radius, "mm slack")
+        homings.append(f"module {module + 1} {homing}, {slack}")
+        gain = _size(*part("gains", module), 100, "%")
+        stiffnesses.append(f"module {module + 1} {gain}")
+    shift = _size(*part("translation"), 1000, "mm")
+    turn = _size(*part("rotation"), np.rad2deg(1.0), "deg")
+    causes = {
+        "frame": f"frame of the tracking: moved by {shift}, turned by {turn}",
+        "homing": f"homing or pretension of the cables: {'; '.join(homings)}",
+        "stiffness": (
+            f"stiffness or backlash, as change of the bends: {'; '.join(stiffnesses)}"
+        ),
+    }
+    for cause, text in causes.items():
+        explained = fit.explained[cause]
+        share = 100 * explained / fit.before
+        lines.append(f"{text}; explains {1000 * explained:.1f} mm ({share:.0f} %)")
+    return lines
+
+
+def describe_disagreement(episode: Episode) -> str:
+    """Describe that the seen tip is farther from its prediction than the model states.
+
+    The squared errors, relative to the stated variance (the normalized innovation
+    squared), are compared with the chi-square distribution of as many independent
+    samples as the run has.
+
+    Returns:
+        Empty where they agree, the tip was not seen, or the model states no deviation.
+    """
+    seen = next((name for name in SEEN if name in episode.sensors), None)
+    if seen is None or not {"predicted", "predictive_std"} <= episode.columns.keys():
+        return ""
+    steps = episode.running
+    steps = steps[steps + 1 < len(episode)]
+    tip = episode.sensor(seen)[steps + 1, -1, POSITION]
+    errors = tip - episode["predicted"][steps, -1, POSITION]
+    std = episode["predictive_std"][steps, -1]
+    known = np.isfinite(errors).all(axis=-1) & (std > 0.0)
+    if not known.any():
+        return ""
+    relative = np.sqrt(3.0) * errors[known] / std[known, None]
+    time = correlation_time(relative)
+    # of all coordinates of the samples that are independent
+    freedom = relative.size / time
+    if (relative**2).sum() / time <= chdtri(freedom, UNLIKELY):
+        return ""
+    distance = 1000 * np.linalg.norm(errors[known], axis=-1).mean()
+    return (
+        f"the tip was {distance:.1f} mm from its predictions, which state "
+        f"{1000 * std[known].mean():.1f} mm: if nothing hangs at it or pushes it, the "
+        "arm has changed since the training; run `s2c2a session` with its weights"
+    )
+
+
+def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -> str:
+    """Size of some numbers as text, with its standard deviation; one keeps its sign."""
+    size = float(np.linalg.norm(value))
+    direction = value / max(size, np.finfo(float).tiny)
+    std = float(np.sqrt(direction @ covariance @ direction))
+    shown = f"{factor * size:.1f}"
+    if len(value) == 1:
+        shown = f"{factor * value[0]:+.1f}"
+    text = f"{shown} ± {factor * std:.1f} {unit}"
+    if value @ np.linalg.solve(covariance, value) < chdtri(len(value), UNLIKELY):
+        text += " (not distinguishable from none)"
+    return text

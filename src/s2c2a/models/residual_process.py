@@ -1,0 +1,360 @@
+"""Gaussian process of a model's residual, with a Matern kernel on inducing points.
+
+Each feature has its own length scale. A fixed number of inducing points stands for all
+samples (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, secs. 4.2,
+5.4 and 8.3.3: subset of regressors). The mean is zero far from the data, and the standard
+deviation is then that of the residual.
+
+Samples of a recording are alike if they follow each other, since an arm vibrates and
+creeps: to a likelihood of all of them, the process would look exact, and it would be
+rough. So hyperparameters maximize the likelihood of samples that are far apart in time,
+and the motion of a second, for which a plan is made, is no longer than the length scale.
+"""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Bool, Float
+
+from s2c2a.kinematics.bends import Numbers
+from s2c2a.training.fit import Fixed
+
+GAP = 25  # samples over which residuals of recorded arms are correlated
+SUBSET = 100
+"""Samples that hyperparameters need at least; short recordings have a smaller gap."""
+LARGEST_SUBSET = 250
+"""Samples of a subset at most: with 400, errors of six recordings were the same."""
+SUBSETS = 10  # of which the mean likelihood counts; their programs take a second
+STEPS = 60  # of Adam, on logarithms; further ones change no error
+LEARNING_RATE = 0.1  # a tenth of a factor e in a step
+JITTER = 1e-4
+"""Variance of inducing points, relative to the kernel's: single precision needs it."""
+
+
+class ResidualProcess(Fixed):
+    """A fitted process.
+
+    Attributes:
+        center: of the features, shape (features,).
+        rates: inverse length scale of each feature; zero if it is not used, shape
+            (features,).
+        points: inducing points in scaled features, shape (points, features).
+        weights: of the kernel at each point, shape (points, outputs).
+        root: R, where R R' is the precision that the samples add at the points, shape
+            (points, points).
+        constant: mean far from the data, shape (outputs,).
+        amplitude: prior variance of the process over that of the outputs, shape ().
+        noise: variance of samples over that of the outputs, shape ().
+        scale: standard deviation of each output, shape (outputs,).
+    """
+
+    center: Float[Array, " features"]
+    rates: Float[Array, " features"]
+    points: Float[Array, "points features"]
+    weights: Float[Array, "points outputs"]
+    root: Float[Array, "points points"]
+    constant: Float[Array, " outputs"]
+    amplitude: Float[Array, ""]
+    noise: Float[Array, ""]
+    scale: Float[Array, " outputs"]
+
+    @classmethod
+    def none(cls, features: int, outputs: int, points: int) -> "ResidualProcess":
+        """A process without samples: zero, without deviation."""
+        return cls(
+            center=jnp.zeros(features),
+            rates=jnp.zeros(features),
+            points=jnp.zeros((points, features)),
+            weights=jnp.zeros((points, outputs)),
+            root=jnp.zeros((points, points)),
+            constant=jnp.zeros(outputs),
+            amplitude=jnp.zeros(()),
+            noise=jnp.ones(()),
+            scale=jnp.zeros(outputs),
+        )
+
+    @property
+    def is_fitted(self) -> Bool[Array, ""]:
+        """Whether the process has samples."""
+        return self.amplitude > 0.0
+
+    def __call__(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch outputs"]:
+        """Means, shape (*batch, outputs)."""
+        return self._kernel(features) @ self.weights + self.constant
+
+    def variance(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch"]:
+        """Variance of the mean over that of the outputs: small near the samples."""
+        explained = jnp.sum((self._kernel(features) @ self.root) ** 2, axis=-1)
+        return self.amplitude * jnp.clip(1.0 - explained, 0.0, 1.0)
+
+    def _kernel(
+        self, features: Float[Array, "*batch features"]
+    ) -> Float[Array, "*batch points"]:
+        return matern((features - self.center) * self.rates, self.points)
+
+    def given(
+        self,
+        features: Float[np.ndarray, "samples features"],
+        targets: Float[np.ndarray, "samples outputs"],
+    ) -> "ResidualProcess":
+        """The process with these samples alone; its hyperparameters stay.
+
+        Args:
+            features: of samples, in order of time.
+            targets: residuals in the units of the outputs; those of outputs that the
+                process does not know are ignored.
+        """
+        if not self.is_fitted:
+            return self
+        known = np.asarray(self.scale) > 0.0
+        complete = np.isfinite(targets[:, known]).all(axis=1)
+        complete &= np.isfinite(features).all(axis=1)
+        y = targets[complete][:, known].astype(np.float64)
+        mean = y.mean(axis=0)
+        scale = np.asarray(self.scale, np.float64)[known]
+        scaled = (features[complete] - np.asarray(self.center)) * np.asarray(self.rates)
+        noise = float(self.noise / self.amplitude)
+        count = len(self.points)
+        posterior = _posterior(scaled, (y - mean) / scale, noise, count)
+        points, weights, root = posterior
+
+        def for_all_outputs(values: np.ndarray) -> Array:
+            complete = np.zeros((*values.shape[:-1], len(known)), np.float32)
+            complete[..., known] = values
+            return jnp.asarray(complete)
+
+        return replace(
+            self,
+            points=jnp.asarray(points, jnp.float32),
+            weights=for_all_outputs(weights * scale),
+            root=jnp.asarray(root, jnp.float32),
+            constant=for_all_outputs(mean),
+        )
+
+    def deviations(
+        self, features: Float[np.ndarray, "samples features"]
+    ) -> Float[np.ndarray, " samples"]:
+        """Deviation of samples over that of the outputs, with their noise."""
+        variances = self.variance(jnp.asarray(features, jnp.float32)) + self.noise
+        return np.sqrt(np.asarray(variances))
+
+
+def matern(
+    features: Float[Numbers, "*batch features"],
+    points: Float[Numbers, "points features"],
+):
+    """Matern kernel of order 5/2: (1 + d + d^2 / 3) exp(-d), d = sqrt(5) |x - z|.
+
+    The gradient at zero distance is zero. Inputs and result are both NumPy or both JAX.
+
+    Returns:
+        Kernel values, shape (*batch, points).
+    """
+    xp = points.__array_namespace__()
+    squared_features = xp.sum(features**2, axis=-1)[..., None]
+    squared_points = xp.sum(points**2, axis=-1)
+    squared = squared_features + squared_points - 2.0 * features @ points.T
+    distance = xp.sqrt(5.0 * xp.maximum(squared, 1e-9))
+    return (1.0 + distance + distance**2 / 3.0) * xp.exp(-distance)
+
+
+def fit_process(
+    features: Float[np.ndarray, "samples features"],
+    targets: Float[np.ndarray, "samples outputs"],
+    kinds: Float[np.ndarray, "features kinds"],
+    motion: Float[np.ndarray, " features"],
+    points: int,
+    seed: int = 0,
+) -> ResidualProcess:
+    """Fit a process to samples.
+
+    Args:
+        features: of samples, in order of time.
+        targets: residuals, in comparable units; NaN: unknown.
+        kinds: groups of features that share a factor of their length scales: one if a
+            feature is in a group, else zero.
+        motion: root mean square change of the features in a second.
+        points: number of inducing points.
+        seed: of the subsets for the likelihood.
+
+    Returns:
+        The process; one without samples if fewer than `SUBSET` are known. Unknown
+        outputs are zero.
+    """
+    known = np.isfinite(targets).any(axis=0)
+    has_targets = np.isfinite(targets[:, known]).all(axis=1)
+    complete = has_targets & np.isfinite(features).all(axis=1)
+    if complete.sum() < SUBSET or not known.any():
+        return ResidualProcess.none(features.shape[1], targets.shape[1], points)
+    x = features[complete].astype(np.float64)
+    y = targets[complete][:, known].astype(np.float64)
+    center = x.mean(axis=0)
+    rates = _inverse_widths(x)
+    mean = y.mean(axis=0)
+    scale = np.maximum(y.std(axis=0), 1e-9)
+    subsets = _subsets(len(x), np.random.default_rng(seed))
+    inputs = [
+        ((x - center) * rates)[subsets],
+        ((y - mean) / scale)[subsets],
+        kinds,
+        motion * rates,
+    ]
+    inputs = [jnp.asarray(each, jnp.float32) for each in inputs]
+    fitted = _maximize(_initial(kinds, rates > 0.0), *inputs)
+    all_scales = np.zeros(len(known))
+    all_scales[known] = scale
+    process = replace(
+        ResidualProcess.none(features.shape[1], targets.shape[1], points),
+        center=jnp.asarray(center, jnp.float32),
+        rates=jnp.asarray(rates, jnp.float32) * _rates(fitted, *inputs[2:]),
+        amplitude=jnp.exp(fitted["kernel"]),
+        noise=jnp.exp(fitted["noise"]),
+        scale=jnp.asarray(all_scales, jnp.float32),
+    )
+    return process.given(features, targets)
+
+
+def _inverse_widths(
+    features: Float[np.ndarray, "samples features"],
+) -> Float[np.ndarray, " features"]:
+    """Inverse standard deviation of each feature; zero if it is constant."""
+    width = features.std(axis=0)
+    return np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
+
+
+def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:
+    """Numbers of samples with gaps of time between them, shape (subsets, size)."""
+    gap = max(1, min(GAP, samples // SUBSET))
+    size = min(samples // gap, LARGEST_SUBSET)
+    offsets = random.permutation(gap)[:SUBSETS]
+    rows = [np.arange(offset, samples, gap) for offset in offsets]
+    return np.array([np.sort(random.permutation(each)[:size]) for each in rows])
+
+
+def _initial(
+    kinds: Float[np.ndarray, "features kinds"], used: Bool[np.ndarray, " features"]
+) -> dict[str, Array]:
+    """Logarithms of the hyperparameters at first; half of the variance is noise."""
+    half = jnp.log(0.5)
+    return {
+        "kinds": jnp.zeros(kinds.shape[1]),
+        "all": -0.5 * jnp.log(max(1, int(used.sum()))),
+        "kernel": half,
+        "noise": half,
+    }
+
+
+def _rates(
+    logarithms: dict[str, Array],
+    kinds: Float[Array, "features kinds"],
+    motion: Float[Array, " features"],
+) -> Float[Array, " features"]:
+    """Inverse length scales of normalized features, for which the motion is short."""
+    rates = jnp.exp(logarithms["all"] + kinds @ logarithms["kinds"])
+    squared = jnp.sum((rates * motion) ** 2)
+    # the slope of a root is infinite at zero
+    return rates / jnp.sqrt(jnp.maximum(1.0, squared))
+
+
+@jax.jit
+def _maximize(
+    initial: dict,
+    x: Float[Array, "subsets size features"],
+    y: Float[Array, "subsets size outputs"],
+    kinds: Float[Array, "features kinds"],
+    motion: Float[Array, " features"],
+) -> dict:
+    """Logarithms of the hyperparameters that maximize the mean likelihood."""
+    # made here: as an argument, each new optimizer would be another program
+    optimizer = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
+
+    def loss(logarithms: dict) -> Array:
+        scaled = x * _rates(logarithms, kinds, motion)
+        each = jax.vmap(lambda x, y: _negative_log_likelihood(logarithms, x, y))
+        # each factor is log-normal, with a deviation of one
+        prior = jnp.sum(logarithms["kinds"] ** 2) / (2.0 * y[0].size)
+        return jnp.mean(each(scaled, y)) + prior
+
+    def step(carry, _):
+        logarithms, state = carry
+        updates, state = optimizer.update(jax.grad(loss)(logarithms), state)
+        return (optax.apply_updates(logarithms, updates), state), None
+
+    carry = initial, optimizer.init(initial)
+    return jax.lax.scan(step, carry, None, STEPS)[0][0]
+
+
+def _negative_log_likelihood(
+    logarithms: dict, scaled: Float[Array, "size features"], y: Array
+) -> Array:
+    """Per sample and output."""
+    noise = jnp.exp(logarithms["noise"]) + JITTER
+    covariance = jnp.exp(logarithms["kernel"]) * matern(scaled, scaled)
+    root = jnp.linalg.cholesky(covariance + noise * jnp.eye(len(y)))
+    whitened = jax.scipy.linalg.solve_triangular(root, y, lower=True)
+    misfit = jnp.sum(whitened**2) / (2.0 * y.size)
+    return misfit + jnp.sum(jnp.log(jnp.diag(root))) / len(y)
+
+
+def _posterior(
+    x: Float[np.ndarray, "samples features"],
+    y: Float[np.ndarray, "samples outputs"],
+    noise: float,
+    count: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inducing points, weights and root of a process with a kernel of variance one.
+
+    Args:
+        x: scaled features, in order of time.
+        y: normalized targets.
+        noise: variance of a sample.
+        count: number of inducing points, evenly spaced in time.
+    """
+    points = x[np.linspace(0, len(x) - 1, count).astype(int)]
+    prior, posterior, kernel = _precisions(x, points, noise)
+    weights = np.linalg.solve(posterior, kernel.T @ y / noise)
+    return points, weights, _root(prior, posterior)
+
+
+def precision_root(
+    samples: Float[np.ndarray, "samples features"],
+    points: Float[np.ndarray, "points features"],
+    noise: float,
+) -> Float[np.ndarray, "points points"]:
+    """R, where R R' is the precision that samples add at inducing points.
+
+    The posterior variance of a process with a kernel k of variance one is 1 - |k R|^2.
+    The square itself would exceed single precision.
+
+    Args:
+        samples: scaled features.
+        points: scaled features of the inducing points.
+        noise: variance of a sample.
+    """
+    prior, posterior, _kernel = _precisions(samples, points, noise)
+    return _root(prior, posterior)
+
+
+def _precisions(
+    samples: np.ndarray, points: np.ndarray, noise: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Kernel of the points, the same with samples, and kernel from samples to points."""
+    prior = _double_matern(points, points) + JITTER * np.eye(len(points))
+    kernel = _double_matern(samples, points)
+    return prior, prior + kernel.T @ kernel / noise, kernel
+
+
+def _double_matern(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return np.asarray(matern(jnp.asarray(x), jnp.asarray(points)), np.float64)
+
+
+def _root(prior: np.ndarray, posterior: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh(np.linalg.inv(prior) - np.linalg.inv(posterior))
+    return vectors * np.sqrt(np.maximum(values, 0.0))

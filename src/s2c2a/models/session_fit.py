@@ -1,0 +1,262 @@
+"""The change of an arm since its training, from a short motion with the tip seen.
+
+Maximum a posteriori estimate through the differentiable model, by Gauss-Newton. Priors
+are normal, with the scales on which arms change between days. The variance of the noise,
+which contains the errors of the model itself, is that of the residuals; since these are
+correlated in time, so many samples count as one as their correlation lasts.
+"""
+
+from collections.abc import Iterable
+from itertools import permutations
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import RecordingError
+from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.session import DayChange, SessionC2S
+from s2c2a.spaces import AXIS, POSITION
+from s2c2a.training import TrainingData
+
+TRANSLATION = 5e-3  # m; of a camera or a marker frame that was put up again
+ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
+CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
+GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
+ITERATIONS = 8
+"""Of Gauss-Newton, which halves of this bring to rest after 1 cm and 6 deg; the others
+bring the variance of the noise to rest."""
+FITTED = 0.475
+"""Share of a session that is fitted where another one is judged: half of it, with the
+gap of `data.windows.PARTS` between them."""
+GROUPS = {
+    "frame": ("translation", "rotation"),
+    "homing": ("offsets", "slack"),
+    "stiffness": ("gains",),
+}
+"""Causes of a change, and the parts of a `DayChange` that they are."""
+
+
+class DayPosterior(NamedTuple):
+    """A change, and how well it is known.
+
+    Attributes:
+        change: its most probable value.
+        covariance: of its numbers, in the order of its parts.
+    """
+
+    change: DayChange
+    covariance: Float[np.ndarray, "numbers numbers"]
+
+    def part(
+        self, name: str, module: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of a part of the change, or those of a module, and their covariance."""
+        values, as_change = ravel_pytree(self.change)
+        places = getattr(as_change(jnp.arange(len(values), dtype=jnp.float32)), name)
+        rows = np.asarray(places if module is None else places[module], int).ravel()
+        return np.asarray(values, float)[rows], self.covariance[np.ix_(rows, rows)]
+
+    @property
+    def std(self) -> DayChange:
+        """Standard deviation of every number of the change."""
+        as_change = ravel_pytree(self.change)[1]
+        std = np.sqrt(np.diag(self.covariance))
+        return as_change(jnp.asarray(std, jnp.float32))
+
+
+class SessionFit(NamedTuple):
+    """What a session shows.
+
+    Attributes:
+        posterior: of the change.
+        before: mean error of the tip without it [m].
+        after: the same with it, on stretches that it was not fitted to [m].
+        explained: part of the error that each cause explains [m] (`GROUPS`).
+    """
+
+    posterior: DayPosterior
+    before: float
+    after: float
+    explained: dict[str, float]
+
+
+def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
+    """Estimate the change of an arm from a recording of its present day.
+
+    Args:
+        model: of another day.
+        data: of the present day; ends that are not seen are NaN.
+
+    Raises:
+        RecordingError: the tip is not seen, or the sensed configurations are not finite.
+    """
+    fit = _Residuals(model, data)
+    known = fit.known
+    if not known[..., -1].any():
+        raise RecordingError(
+            "the tip was never seen in this recording; turn on the tracking (--tracking)"
+        )
+    order = np.cumsum(known.any(axis=-1)).reshape(known.shape[:2]) / known.any(-1).sum()
+    first = (order <= FITTED)[..., None]
+    last = (order > 1.0 - FITTED)[..., None]
+    none = DayChange.none(data.arm.module_count)
+    before = fit.tip_error(none, first | last)
+    crossed = [(fit.posterior(first), last), (fit.posterior(last), first)]
+    after = [fit.tip_error(fitted.change, judged) for fitted, judged in crossed]
+    posterior = fit.posterior(np.ones_like(first))
+    explained = _explained(fit, posterior.change)
+    return SessionFit(posterior, before, float(np.mean(after)), explained)
+
+
+def tip_error(model: ForwardModel, data: TrainingData) -> float:
+    """Mean distance of the seen tip from a model's [m]."""
+    return _Residuals(model, data).tip_error(
+        DayChange.none(data.arm.module_count), True
+    )
+
+
+class _Residuals:
+    """Residuals of a model on a recording, and their derivatives by the change."""
+
+    def __init__(self, model: ForwardModel, data: TrainingData):
+        self._sensed = jnp.asarray(data.sensed, jnp.float32)
+        self._states = np.asarray(data.states, np.float32)
+        self.known = np.asarray(np.isfinite(self._states).all(axis=-1))
+        for episode, length in enumerate(data.lengths or ()):
+            self.known[episode, length:] = False
+        if not np.isfinite(data.sensed[self.known.any(axis=-1)]).all():
+            raise RecordingError("sensed configurations are missing in this recording")
+        flat, self._as_change = ravel_pytree(_scales(data.arm))
+        self._scales = np.asarray(flat)
+
+        @eqx.filter_jit
+        def predict(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
+            change = self._as_change(whitened * self._scales)
+            return jax.vmap(lambda one: _simulated(SessionC2S.of(model, change), one))(
+                sensed
+            )
+
+        @eqx.filter_jit
+        def slopes(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
+            return jax.jacfwd(lambda at: predict(model, at, sensed))(whitened)
+
+        self._predict = lambda whitened: np.asarray(
+            predict(model, whitened, self._sensed)
+        )
+        self._slopes = lambda whitened: np.asarray(
+            slopes(model, whitened, self._sensed)
+        )
+
+    def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
+        """The change that fits some samples, and its covariance."""
+        whitened = np.zeros(len(self._scales), np.float32)
+        precision = np.eye(len(whitened))
+        for _ in range(ITERATIONS):
+            errors = self._states - self._predict(jnp.asarray(whitened))
+            slopes = self._slopes(jnp.asarray(whitened))
+            precision = np.eye(len(whitened))
+            gradient = -whitened.astype(float)
+            for module in range(self.known.shape[-1]):
+                seen = (self.known & fitted)[..., module]
+                for part in (POSITION, AXIS):
+                    error = errors[..., module, part][seen].astype(float)
+                    slope = slopes[..., module, part, :][seen].astype(float)
+                    weight = _weight(error)
+                    precision += weight * np.einsum("tki,tkj->ij", slope, slope)
+                    gradient += weight * np.einsum("tki,tk->i", slope, error)
+            whitened += np.linalg.solve(precision, gradient).astype(np.float32)
+        covariance = np.linalg.inv(precision) * np.outer(self._scales, self._scales)
+        return DayPosterior(self._as_change(whitened * self._scales), covariance)
+
+    def tip_error(
+        self, change: DayChange, judged: Bool[np.ndarray, "episodes samples 1"] | bool
+    ) -> float:
+        """Mean distance of the seen tip from the model's, after a change [m]."""
+        whitened = ravel_pytree(change)[0] / self._scales
+        errors = self._states - self._predict(whitened)
+        seen = (self.known & judged)[..., -1]
+        return float(np.linalg.norm(errors[seen][:, -1, POSITION], axis=-1).mean())
+
+
+def _scales(arm: ArmSpec) -> DayChange:
+    """Standard deviations of the prior."""
+    radii = jnp.asarray(ArmGeometry.of(arm).cable_radii, jnp.float32)
+    return DayChange(
+        jnp.full(3, TRANSLATION),
+        jnp.full(3, ROTATION),
+        jnp.repeat(CABLE / radii[:, None], 2, axis=1),
+        CABLE / radii,
+        jnp.full(len(radii), GAIN),
+    )
+
+
+def _simulated(
+    model: ForwardModel, sensed: Float[Array, "samples modules 3"]
+) -> Float[Array, "samples modules 6"]:
+    """Predicted states of an episode from rest."""
+
+    def step(memory, now):
+        return model.observe(now, memory), model.predict(now, memory)
+
+    return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
+
+
+def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
+    """Weight of every sample: the inverse variance, over the time of correlation."""
+    power = float((errors**2).sum())
+    if not power > 0.0:
+        return 0.0
+    return errors.size / (power * correlation_time(errors))
+
+
+def correlation_time(errors: Float[np.ndarray, "samples 3"]) -> float:
+    """Number of successive samples that tell as much as one independent one.
+
+    1 + 2 sum r_k, with the correlations r_k up to the first that is not positive.
+    """
+    power = float((errors**2).sum())
+    time = 1.0
+    for lag in range(1, len(errors)):
+        product = float((errors[lag:] * errors[:-lag]).sum())
+        if product <= 0.0:
+            break
+        time += 2.0 * product / power
+    return time
+
+
+def _explained(fit: _Residuals, change: DayChange) -> dict[str, float]:
+    """Reduction of the tip's error by each cause [m], mean over the orders of causes.
+
+    Shapley values: they add up to the reduction by all causes.
+    """
+    errors: dict[frozenset[str], float] = {}
+
+    def error(causes: Iterable[str]) -> float:
+        chosen = frozenset(causes)
+        if chosen not in errors:
+            errors[chosen] = fit.tip_error(_only(change, chosen), True)
+        return errors[chosen]
+
+    orders = list(permutations(GROUPS))
+    gained = dict.fromkeys(GROUPS, 0.0)
+    for order in orders:
+        for count, cause in enumerate(order):
+            gain = error(order[:count]) - error(order[: count + 1])
+            gained[cause] += gain / len(orders)
+    return gained
+
+
+def _only(change: DayChange, causes: Iterable[str]) -> DayChange:
+    """A change by some causes alone."""
+    kept = [name for cause in causes for name in GROUPS[cause]]
+    none = DayChange.none(len(change.gains))
+    parts = {
+        name: getattr(change if name in kept else none, name) for name in vars(change)
+    }
+    return DayChange(**parts)

@@ -1,0 +1,124 @@
+"""The change of an arm since its training: its model, and its estimate."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import RecordingError
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.models.session import DayChange, SessionC2S, rotated
+from s2c2a.models.session_fit import fit_session
+from s2c2a.spaces import AXIS
+from s2c2a.training import TrainingData
+
+ARM = load_arm("twin_arm")
+MODEL = PCCForwardModel.of(ARM)
+TRANSLATION = np.array([3e-3, -2e-3, 3.5e-3])
+ROTATION = np.deg2rad([1.0, -2.0, 2.0])
+OFFSETS = np.array([[0.03, -0.02], [-0.01, 0.035], [0.02, 0.01]])
+GAINS = np.array([0.05, -0.06, 0.04])
+
+
+def change(**parts) -> DayChange:
+    none = vars(DayChange.none(ARM.module_count))
+    return DayChange(
+        **{name: jnp.asarray(parts.get(name, none[name])) for name in none}
+    )
+
+
+def motion(samples: int = 200) -> np.ndarray:
+    """Smooth bends of all modules, with noise that no model explains in the states."""
+    times = np.linspace(0.0, 20.0, samples)
+    rates = np.linspace(0.7, 1.9, 2 * ARM.module_count)
+    waves = 0.5 * np.sin(times[:, None] * rates + np.arange(len(rates)))
+    return np.asarray(configurations_from_bends(waves.reshape(samples, -1, 2)))
+
+
+def data(true: DayChange, noise: float = 5e-4, tip_only: bool = False) -> TrainingData:
+    sensed = motion()
+    states = np.array(SessionC2S.of(MODEL, true).predict(jnp.asarray(sensed), ()))
+    states += np.random.default_rng(0).normal(scale=noise, size=states.shape)
+    if tip_only:
+        states[:, :-1] = np.nan
+    actions = np.zeros((1, len(sensed), ARM.module_count, ARM.cable_count))
+    return TrainingData(ARM, sensed[None], actions, states[None])
+
+
+def test_no_change_is_the_model_itself():
+    sensed = jnp.asarray(motion(5))
+    session = SessionC2S.of(MODEL, DayChange.none(ARM.module_count))
+    np.testing.assert_allclose(
+        session.predict(sensed, ()), MODEL.predict(sensed, ()), atol=1e-6
+    )
+
+
+def test_a_quarter_turn_rotates_x_to_y():
+    turn = jnp.array([0.0, 0.0, np.pi / 2])
+    np.testing.assert_allclose(
+        rotated(jnp.array([[1.0, 0.0, 2.0]]), turn), [[0.0, 1.0, 2.0]], atol=1e-6
+    )
+
+
+def test_the_frame_turns_axes_and_leaves_their_length():
+    moved = change(rotation=ROTATION, translation=TRANSLATION)
+    states = SessionC2S.of(MODEL, moved).predict(jnp.asarray(motion(5)), ())
+    axes = states[..., AXIS]
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=-1), 1.0, atol=1e-5)
+    before = MODEL.predict(jnp.asarray(motion(5)), ())[..., AXIS]
+    np.testing.assert_allclose(
+        np.asarray(axes), np.asarray(rotated(before, jnp.asarray(ROTATION))), atol=1e-6
+    )
+
+
+def test_offsets_and_gains_act_on_the_bends():
+    moved = change(offsets=OFFSETS, gains=GAINS)
+    sensed = motion(3)
+    bends = bends_from_configurations(moved.moved(jnp.asarray(sensed)))
+    expected = (np.asarray(bends_from_configurations(sensed)) + OFFSETS) * (
+        1.0 + GAINS[:, None]
+    )
+    np.testing.assert_allclose(bends, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("tip_only", [False, True])
+@pytest.mark.parametrize(
+    ("parts", "cause"),
+    [
+        ({"translation": TRANSLATION, "rotation": ROTATION}, "frame"),
+        ({"offsets": OFFSETS}, "homing"),
+        ({"gains": GAINS}, "stiffness"),
+    ],
+)
+def test_a_session_finds_each_cause(parts, cause, tip_only):
+    fit = fit_session(MODEL, data(change(**parts), tip_only=tip_only))
+    assert fit.after < 0.2 * fit.before
+    assert max(fit.explained, key=fit.explained.__getitem__) == cause
+    std = vars(fit.posterior.std)
+    for name, value in vars(change(**parts)).items():
+        found = np.asarray(getattr(fit.posterior.change, name))
+        assert (np.abs(found - value) < 4.0 * np.asarray(std[name]) + 1e-5).all(), name
+
+
+def test_causes_add_up_to_the_whole_reduction():
+    true = change(translation=TRANSLATION, offsets=OFFSETS, gains=GAINS)
+    fit = fit_session(MODEL, data(true))
+    total = sum(fit.explained.values())
+    assert total == pytest.approx(fit.before - fit.after, abs=0.05 * fit.before)
+
+
+def test_what_the_motion_does_not_show_keeps_its_prior():
+    still = data(DayChange.none(ARM.module_count), tip_only=True)
+    at_rest = np.repeat(still.sensed[:, :1], still.sensed.shape[1], axis=1)
+    states = np.repeat(still.states[:, :1], still.sensed.shape[1], axis=1)
+    noise = np.random.default_rng(1).normal(scale=1e-3, size=states.shape)
+    fit = fit_session(MODEL, TrainingData(ARM, at_rest, still.actions, states + noise))
+    assert np.max(np.asarray(fit.posterior.std.gains)) > 0.08
+
+
+def test_a_tip_that_is_never_seen_is_refused():
+    unseen = data(DayChange.none(ARM.module_count))
+    unseen.states[..., -1, :] = np.nan
+    with pytest.raises(RecordingError, match="tip was never seen"):
+        fit_session(MODEL, unseen)

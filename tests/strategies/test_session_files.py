@@ -1,0 +1,167 @@
+"""Session files: written, read, refused, and used."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.data import load_recording
+from s2c2a.errors import StrategyError
+from s2c2a.evaluation import describe_session
+from s2c2a.jobs import GivenNetworks
+from s2c2a.models.session import DayChange, SessionC2S
+from s2c2a.models.session_fit import fit_session
+from s2c2a.strategies import (
+    describe_use,
+    load_networks,
+    load_session,
+    measured_session,
+    networks_from,
+    save_session,
+    session_of,
+    session_path,
+    training_data,
+    with_session,
+)
+
+FIXTURES = Path(__file__).parents[1] / "fixtures"
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    path = tmp_path_factory.mktemp("weights") / "twin.safetensors"
+    path.write_bytes((FIXTURES / "best.safetensors").read_bytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def networks(weights):
+    return load_networks(weights)
+
+
+@pytest.fixture(scope="module")
+def short():
+    """The first episode of the fixture."""
+    recording = load_recording(FIXTURES / "twin.episodes")
+    options = {**recording.options, "episodes": 1}
+    return replace(recording, episodes=recording.episodes[:1], options=options)
+
+
+@pytest.fixture(scope="module")
+def measured(networks, weights, short):
+    return measured_session(networks, weights, short)
+
+
+def test_a_session_is_read_as_it_was_written(measured, weights, tmp_path):
+    path = tmp_path / "day.session.json"
+    save_session(measured[0], path)
+    assert load_session(path, weights) == measured[0]
+
+
+def test_a_session_beside_the_weights_is_used_unless_it_is_left_out(
+    measured, weights, networks
+):
+    session = measured[0].model_copy(update={"before": 0.02, "after": 0.01})
+    path = session_path(weights)
+    save_session(session, path)
+    try:
+        assert session_of(weights) == session
+        assert session_of(weights, "none") is None
+        assert isinstance(networks_from(weights).c2s, SessionC2S)
+        assert "from 20.0 mm to 10.0 mm" in describe_use(session)
+    finally:
+        path.unlink()
+    assert session_of(weights) is None
+    assert not isinstance(networks_from(weights).c2s, SessionC2S)
+
+
+def test_a_session_of_other_weights_is_refused(measured, tmp_path, weights):
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(weights.read_bytes() + b" ")
+    save_session(measured[0], session_path(other))
+    with pytest.raises(StrategyError, match="measured with other weights"):
+        session_of(other)
+
+
+@pytest.mark.parametrize(
+    "update",
+    [
+        {"code": "import os"},
+        {"before": -1.0},
+        {"before": float("nan")},
+        {"weights": "0"},
+        {"change": {"translation": [5.0, 0.0, 0.0]}},
+    ],
+)
+def test_a_damaged_session_is_refused(measured, weights, tmp_path, update):
+    path = tmp_path / "damaged.session.json"
+    path.write_text(json.dumps(measured[0].model_dump(mode="json") | update))
+    with pytest.raises(StrategyError, match="session"):
+        load_session(path, weights)
+
+
+def test_a_session_of_another_number_of_modules_is_refused(measured, networks):
+    change = measured[0].change.model_copy(update={"gains": (0.0,)})
+    update = {"change": change, "before": 0.02, "after": 0.01}
+    with pytest.raises(StrategyError, match="modules"):
+        with_session(networks, measured[0].model_copy(update=update))
+
+
+def test_a_session_that_does_not_improve_is_not_used(measured, networks):
+    session = measured[0].model_copy(update={"before": 0.01, "after": 0.01})
+    assert with_session(networks, session) is networks
+    assert "stays as it is" in describe_use(session)
+
+
+def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
+    data = training_data(short, networks.recipe)
+    moved = replace(
+        DayChange.none(data.arm.module_count),
+        translation=jnp.array([3e-3, -2e-3, 3.5e-3]),
+        rotation=jnp.deg2rad(jnp.array([1.0, -2.0, 2.0])),
+    )
+    still = fit_session(networks.c2s, data)
+    states = np.asarray(moved.seen(jnp.asarray(data.states, jnp.float32)))
+    fit = fit_session(networks.c2s, replace(data, states=states))
+    assert fit.after < 1.1 * still.after
+    text = "\n".join(describe_session(fit, data.arm))
+    assert "frame of the tracking: moved by" in text
+    assert max(fit.explained, key=fit.explained.__getitem__) == "frame"
+
+
+def test_slack_changes_what_a_model_of_cables_predicts(networks, short):
+    data = training_data(short, networks.recipe)
+    none = DayChange.none(data.arm.module_count)
+    loose = replace(none, slack=jnp.full(data.arm.module_count, 0.04))
+    sensed = jnp.asarray(data.sensed[0, 20], jnp.float32)
+    states = []
+    for change in (none, loose):
+        model = SessionC2S.of(networks.c2s, change)
+        states.append(np.asarray(model.predict(sensed, model.start(sensed))))
+    assert np.linalg.norm(states[1][-1, :3] - states[0][-1, :3]) > 1e-3
+
+
+def test_a_plan_near_a_configuration_keeps_the_session(networks, short):
+    sensed = jnp.asarray(
+        training_data(short, networks.recipe).sensed[0, 20], jnp.float32
+    )
+    change = replace(
+        DayChange.none(networks.arm.module_count),
+        translation=jnp.full(3, 0.01),
+        slack=jnp.full(networks.arm.module_count, 0.02),
+    )
+    model = SessionC2S.of(networks.c2s, change)
+    memory = model.start(sensed)
+    near = model.near(sensed, memory).for_planning()
+    np.testing.assert_allclose(
+        near.predict(sensed, memory), model.predict(sensed, memory), atol=1e-4
+    )
+
+
+def test_runs_with_and_without_a_session_are_kept_apart(measured, weights, networks):
+    plain = GivenNetworks.read(weights, networks.arm)
+    other = GivenNetworks.read(weights, networks.arm, session=measured[0])
+    assert plain.file != other.file
