@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
+from s2c2a.estimation.bias_field import INTERVAL, NOISE, STD, BiasField
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
 from s2c2a.estimation.outliers import (
@@ -31,9 +32,14 @@ from s2c2a.estimation.sensor_models import (
     Innovation,
     Measurements,
     SensorModel,
+    interpolated,
 )
 from s2c2a.files import LARGEST
-from s2c2a.kinematics import bends_from_states, limit_lengths
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    bends_from_states,
+    limit_lengths,
+)
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
@@ -126,6 +132,7 @@ class DisturbanceFilter(eqx.Module):
             sensor_biases=jnp.zeros_like(initial_std.sensor_biases),
         )
         steps = self._history_length()
+        sensed = bends_from_configurations(configuration)
         return FilterState(
             mean=mean,
             covariance=jnp.diag(initial_std.packed() ** 2),
@@ -134,10 +141,14 @@ class DisturbanceFilter(eqx.Module):
             past_bends=jnp.broadcast_to(bends, (steps, *bends.shape)),
             past_states=jnp.broadcast_to(states, (steps, *states.shape)),
             past_disturbance_bends=jnp.zeros((steps, *bends.shape)),
+            past_sensed=jnp.broadcast_to(sensed, (steps, *bends.shape)),
             histories=tuple(
                 SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
                 for sensor in self.sensors
             ),
+            field=BiasField.empty(bends.size),
+            expected_biases=zeros,
+            known_payload=payload,
         )
 
     def _converged_moments(
@@ -193,6 +204,13 @@ class DisturbanceFilter(eqx.Module):
             configuration: configuration from the encoders, module frames.
             measurements: values of the sensors; NaN where missing.
         """
+        sensed = bends_from_configurations(configuration)
+        field = state.field.aged(self.period)
+        state = state._replace(
+            past_sensed=_pushed(state.past_sensed, sensed),
+            field=field,
+            expected_biases=field.at(sensed.reshape(-1)),
+        )
         moments = self.model.with_moments(
             state.disturbances, configuration, state.hysteresis, state.moments
         )
@@ -202,8 +220,15 @@ class DisturbanceFilter(eqx.Module):
         for number, sensor in enumerate(self.sensors):
             expected = self._expected(state, tensions, by_payload, number)
             innovation = sensor.innovation(measurements, expected)
+            before = state.mean
             state = self._updated(state, number, innovation, by_payload)
-        state = state._replace(mean=self._limited(state.mean))
+            if sensor.sees_ends and self.estimates:
+                caused = _disturbance_bends(state.mean, by_payload)
+                change = caused - _disturbance_bends(before, by_payload)
+                state = self._taught(
+                    state, number, innovation, change.reshape(-1), by_payload
+                )
+        state = state._replace(mean=self._limited(state))
         hysteresis = self.model.observe(configuration, state.hysteresis)
         return state._replace(hysteresis=hysteresis)
 
@@ -311,7 +336,7 @@ class DisturbanceFilter(eqx.Module):
         caused = _disturbance_bends(state.mean, by_payload)
         return ExpectedState(
             bends=state.mean.bends.reshape(-1, 2),
-            bend_biases=state.mean.bend_biases.reshape(-1, 2),
+            bend_biases=state.disturbances.bend_biases,
             tensions=tensions,
             past_bends=state.past_bends,
             past_states=state.past_states,
@@ -347,7 +372,7 @@ class DisturbanceFilter(eqx.Module):
         is_outlier = is_large & is_beyond_gate(unexplained, covariance, is_present)
         compared = Compared(
             raw=unexplained + history.offset,
-            by_biases=innovation.jacobian @ state.mean.bend_biases,
+            by_biases=innovation.jacobian @ state.disturbances.bend_biases.reshape(-1),
             is_present=is_present,
             innovation=innovation,
         )
@@ -367,6 +392,54 @@ class DisturbanceFilter(eqx.Module):
             covariance=(new_covariance + new_covariance.T) / 2.0,
             histories=(*histories[:number], history, *histories[number + 1 :]),
         )
+
+    def _taught(
+        self,
+        state: FilterState,
+        number: int,
+        innovation: Innovation,
+        change: Float[Array, " bends"],
+        by_payload: Float[Array, " bends"],
+    ) -> FilterState:
+        """The state with a picture in the field of its biases.
+
+        Outliers and a sensor that has jumped teach nothing, nor do pictures soon after
+        the last one.
+
+        Args:
+            state: updated with the picture.
+            number: of the sensor.
+            innovation: of the picture, before that update.
+            change: of the bends, by the update [rad].
+            by_payload: derivative of the bends by the payload [rad/kg].
+        """
+        is_present = jnp.abs(innovation.residual) < LARGEST  # false for NaN
+        history = state.histories[number]
+        is_trusted = (history.rejected_for <= 0.0) & (history.offset == 0.0).all()
+        is_later = jnp.min(state.field.ages) - innovation.age > INTERVAL
+        jacobian = jnp.where(is_present[:, None], innovation.jacobian, 0.0)
+        residual = jnp.where(is_present, innovation.residual, 0.0) - jacobian @ change
+        steps = jnp.clip(
+            innovation.age / self.period, 0.0, len(state.past_sensed) - 1.001
+        )
+        bends = interpolated(state.past_sensed, steps).reshape(-1)
+
+        def taught() -> BiasField:
+            known = _disturbance_bends(state.mean, by_payload).reshape(-1)
+            caused = state.field.at(bends) + known
+            caused = caused + _explaining_bends(residual, jacobian)
+            return state.field.with_picture(
+                bends,
+                caused,
+                by_payload,
+                innovation.age,
+                state.known_payload,
+                self.options.initial_payload_std * self.mass,
+            )
+
+        is_used = jnp.any(is_present) & is_trusted & is_later
+        field = jax.lax.cond(is_used, taught, lambda: state.field)
+        return state._replace(field=field)
 
     def _observation(
         self,
@@ -419,15 +492,18 @@ class DisturbanceFilter(eqx.Module):
             ]
         )
 
-    def _limited(self, mean: ArmState) -> ArmState:
+    def _limited(self, state: FilterState) -> ArmState:
         """Payload, bend biases and external force within their limits."""
         options = self.options
+        mean = state.mean
+        all_biases = state.expected_biases + mean.bend_biases
         payload = jnp.clip(mean.payload, 0.0, options.max_payload * self.mass)
-        pairs = mean.bend_biases.reshape(-1, 2)
+        pairs = all_biases.reshape(-1, 2)
         biases = limit_lengths(pairs, options.max_bend_bias).reshape(-1)
         force = jnp.maximum(self.external_force(biases), 1e-9)  # no division by zero
         biases = biases * jnp.minimum(1.0, self.max_force / force)
-        return mean._replace(payload=payload, bend_biases=biases)
+        rest = biases - state.expected_biases
+        return mean._replace(payload=payload, bend_biases=rest)
 
     def external_force(self, bend_biases: Float[Array, " bends"]) -> Float[Array, ""]:
         """Force at the tip that would cause the bend biases [N]."""
@@ -443,6 +519,16 @@ def _disturbance_bends(
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
+
+
+def _explaining_bends(
+    residual: Float[Array, " values"], jacobian: Float[Array, "values bends"]
+) -> Float[Array, " bends"]:
+    """Most likely biases that explain positions [rad], before a mean over pictures."""
+    by_biases = jacobian @ jacobian.T
+    vibration = NOISE**2 * jnp.trace(by_biases) / len(residual)
+    covariance = STD**2 * by_biases + vibration * jnp.eye(len(residual))
+    return STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
 
 
 def _pushed(
