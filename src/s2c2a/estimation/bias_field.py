@@ -7,7 +7,11 @@ that old ones are forgotten (S. Van Vaerenbergh, M. Lazaro-Gredilla and I. Santa
 Kernel recursive least-squares tracker for time-varying regression, IEEE Transactions on
 Neural Networks and Learning Systems 23(8), 2012). The payload is a basis function of the
 process with a prior of its own (Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006, sec. 2.7). The newest pictures count.
+Learning, 2006, sec. 2.7).
+
+Plans follow the biases, and a change of plan shakes the arm. If every picture changed
+them, a loaded arm would sway for ever. So the process is fitted anew only after the
+vibration of the last fit has decayed.
 """
 
 from typing import NamedTuple
@@ -20,6 +24,11 @@ PICTURES = 256
 """Newest pictures that count; their covariance is factorized in half a millisecond."""
 INTERVAL = 0.19
 """Least time between them [s]: at 5 Hz, 256 pictures are 51 s, three of the circles."""
+FIT_INTERVAL = 4.0
+"""Time from fit to fit [s], in which the vibration of a loaded arm decays.
+
+With fits at every picture, the tip of `twin_arm` sways by centimeters under 100 g.
+"""
 MEMORY = 600.0  # s, of the biases: wear and creep take minutes
 LENGTH = 0.8
 """Distance of shapes [rad] over which biases are alike.
@@ -27,16 +36,16 @@ LENGTH = 0.8
 Of 0.2, 0.4, 0.8 and 1.5, the best on circles of two randomized arms (strength 1.0).
 """
 STD = 0.06  # rad; of biases: a tenth of a large bend
-NOISE = 0.03
-"""Standard deviation of the biases that one picture gives [rad].
+NOISE = 0.1
+"""Standard deviation of what one picture says of the biases [rad].
 
-It is that of vibration by 1 to 2 cm on an arm of 0.6 m, not of the camera.
+It is that of vibration, not of the camera: successive pictures share theirs.
 """
 NONE = 1e6  # s; age of a place without a picture, which thus counts nothing
 
 
-class BiasField(NamedTuple):
-    """Pictures so far, and the process through them.
+class Pictures(NamedTuple):
+    """The newest pictures.
 
     Attributes:
         bends: sensed bends at which they were taken [rad], shape (pictures, bends).
@@ -45,20 +54,50 @@ class BiasField(NamedTuple):
         by_payload: derivative of these bends by the payload [rad/kg], shape (pictures,
             bends).
         ages: time since they were taken [s], shape (pictures,).
-        weights: of the covariance with each picture [rad], shape (pictures, bends).
     """
 
     bends: Float[Array, "pictures bends"]
     caused: Float[Array, "pictures bends"]
     by_payload: Float[Array, "pictures bends"]
     ages: Float[Array, " pictures"]
+
+
+class PayloadPrior(NamedTuple):
+    """Normal distribution of the payload before any picture.
+
+    Attributes:
+        mean: [kg].
+        std: [kg].
+    """
+
+    mean: float | Float[Array, ""]
+    std: float
+
+
+class BiasField(NamedTuple):
+    """Pictures so far, and the process of the last fit.
+
+    Attributes:
+        pictures: so far.
+        bends: sensed bends of the fitted pictures [rad], shape (pictures, bends).
+        ages: time since these were taken [s], shape (pictures,).
+        weights: of the covariance with each of these [rad], shape (pictures, bends).
+        waited: time since the last fit [s].
+    """
+
+    pictures: Pictures
+    bends: Float[Array, "pictures bends"]
+    ages: Float[Array, " pictures"]
     weights: Float[Array, "pictures bends"]
+    waited: Float[Array, ""]
 
     @classmethod
     def empty(cls, bends: int) -> "BiasField":
         """The field before the first picture: zero."""
         zeros = jnp.zeros((PICTURES, bends))
-        return cls(zeros, zeros, zeros, jnp.full(PICTURES, NONE), zeros)
+        ages = jnp.full(PICTURES, NONE)
+        pictures = Pictures(zeros, zeros, zeros, ages)
+        return cls(pictures, zeros, ages, zeros, jnp.zeros(()))
 
     def at(self, bends: Float[Array, " bends"]) -> Float[Array, " bends"]:
         """Expected bend biases at sensed bends [rad]."""
@@ -67,7 +106,10 @@ class BiasField(NamedTuple):
 
     def aged(self, time: float) -> "BiasField":
         """The field after some time [s]."""
-        return self._replace(ages=self.ages + time)
+        pictures = self.pictures._replace(ages=self.pictures.ages + time)
+        return self._replace(
+            pictures=pictures, ages=self.ages + time, waited=self.waited + time
+        )
 
     def with_picture(
         self,
@@ -75,33 +117,44 @@ class BiasField(NamedTuple):
         caused: Float[Array, " bends"],
         by_payload: Float[Array, " bends"],
         age: Float[Array, ""],
-        known_payload: Float[Array, ""],
-        payload_std: float,
+        prior: PayloadPrior,
     ) -> "BiasField":
-        """The field with one more picture, in place of the oldest.
+        """The field with one more picture in place of the oldest, fitted if it is time.
 
         Args:
             bends: sensed when it was taken [rad].
             caused: bends by biases and payload that explain it [rad].
             by_payload: their derivative by the payload [rad/kg].
             age: time since it was taken [s].
-            known_payload: most likely before any picture [kg].
-            payload_std: standard deviation of the payload before any picture [kg].
+            prior: of the payload.
         """
-        oldest = jnp.argmax(self.ages)
-        points = self.bends.at[oldest].set(bends)
-        targets = self.caused.at[oldest].set(caused)
-        bases = self.by_payload.at[oldest].set(by_payload)
-        ages = self.ages.at[oldest].set(age)
+        oldest = jnp.argmax(self.pictures.ages)
+        newest = bends, caused, by_payload, age
+        pictures = Pictures(
+            *(
+                values.at[oldest].set(value)
+                for values, value in zip(self.pictures, newest, strict=True)
+            )
+        )
+        kept = self._replace(pictures=pictures)
+        return jax.lax.cond(
+            self.waited > FIT_INTERVAL, lambda: kept._fitted(prior), lambda: kept
+        )
+
+    def _fitted(self, prior: PayloadPrior) -> "BiasField":
+        """The field fitted to its pictures: generalized least squares for the payload."""
+        bends, caused, by_payload, ages = self.pictures
+        covariance = _covariance(bends, ages, bends, ages)
         noise = (NOISE / STD) ** 2 * jnp.eye(PICTURES)
-        root = jnp.linalg.cholesky(_covariance(points, ages, points, ages) + noise)
-        rest = targets - known_payload * bases
-        solved = jax.scipy.linalg.cho_solve((root, True), jnp.hstack([rest, bases]))
+        root = jnp.linalg.cholesky(covariance + noise)
+        rest = caused - prior.mean * by_payload
+        both = jnp.hstack([rest, by_payload])
+        solved = jax.scipy.linalg.cho_solve((root, True), both)
         weights, base_weights = jnp.split(solved, 2, axis=-1)
-        information = jnp.sum(bases * base_weights) + (STD / payload_std) ** 2
-        payload = jnp.sum(bases * weights) / information
+        information = jnp.sum(by_payload * base_weights) + (STD / prior.std) ** 2
+        payload = jnp.sum(by_payload * weights) / information
         weights = weights - payload * base_weights
-        return BiasField(points, targets, bases, ages, weights)
+        return BiasField(self.pictures, bends, ages, weights, jnp.zeros(()))
 
 
 def _covariance(

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
-from s2c2a.estimation.bias_field import INTERVAL, NOISE, STD, BiasField
+from s2c2a.estimation.bias_field import INTERVAL, STD, BiasField, PayloadPrior
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
 from s2c2a.estimation.outliers import (
@@ -45,6 +45,11 @@ from s2c2a.models.forward_model import ForwardModel
 
 # control steps in the past: the present one, and two to interpolate between
 MIN_HISTORY = 3
+UNCLEAR = 0.03
+"""Bends [rad] whose effect on positions counts as noise where these do not determine all.
+
+It keeps the explanation short along directions that pictures hardly show.
+"""
 
 
 @dataclass(frozen=True)
@@ -146,7 +151,7 @@ class DisturbanceFilter(eqx.Module):
                 SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
                 for sensor in self.sensors
             ),
-            field=BiasField.empty(bends.size),
+            field=BiasField.empty(bends.size) if self._learns() else None,
             expected_biases=zeros,
             known_payload=payload,
         )
@@ -205,12 +210,11 @@ class DisturbanceFilter(eqx.Module):
             measurements: values of the sensors; NaN where missing.
         """
         sensed = bends_from_configurations(configuration)
-        field = state.field.aged(self.period)
-        state = state._replace(
-            past_sensed=_pushed(state.past_sensed, sensed),
-            field=field,
-            expected_biases=field.at(sensed.reshape(-1)),
-        )
+        state = state._replace(past_sensed=_pushed(state.past_sensed, sensed))
+        if state.field is not None:
+            field = state.field.aged(self.period)
+            biases = field.at(sensed.reshape(-1))
+            state = state._replace(field=field, expected_biases=biases)
         moments = self.model.with_moments(
             state.disturbances, configuration, state.hysteresis, state.moments
         )
@@ -222,12 +226,13 @@ class DisturbanceFilter(eqx.Module):
             innovation = sensor.innovation(measurements, expected)
             before = state.mean
             state = self._updated(state, number, innovation, by_payload)
-            if sensor.sees_ends and self.estimates:
-                caused = _disturbance_bends(state.mean, by_payload)
-                change = caused - _disturbance_bends(before, by_payload)
-                state = self._taught(
-                    state, number, innovation, change.reshape(-1), by_payload
-                )
+            if sensor.sees_ends and state.field is not None:
+                caused = _disturbance_bends(state.mean, by_payload).reshape(-1)
+                change = caused - _disturbance_bends(before, by_payload).reshape(-1)
+                residual = innovation.residual - innovation.jacobian @ change
+                remaining = innovation._replace(residual=residual)
+                field = self._taught(state, state.field, number, remaining, by_payload)
+                state = state._replace(field=field)
         state = state._replace(mean=self._limited(state))
         hysteresis = self.model.observe(configuration, state.hysteresis)
         return state._replace(hysteresis=hysteresis)
@@ -396,50 +401,44 @@ class DisturbanceFilter(eqx.Module):
     def _taught(
         self,
         state: FilterState,
+        field: BiasField,
         number: int,
-        innovation: Innovation,
-        change: Float[Array, " bends"],
+        remaining: Innovation,
         by_payload: Float[Array, " bends"],
-    ) -> FilterState:
-        """The state with a picture in the field of its biases.
+    ) -> BiasField:
+        """The field of the biases with a picture.
 
         Outliers and a sensor that has jumped teach nothing, nor do pictures soon after
         the last one.
 
         Args:
             state: updated with the picture.
+            field: before the picture.
             number: of the sensor.
-            innovation: of the picture, before that update.
-            change: of the bends, by the update [rad].
+            remaining: innovation after that update.
             by_payload: derivative of the bends by the payload [rad/kg].
         """
-        is_present = jnp.abs(innovation.residual) < LARGEST  # false for NaN
+        is_present = jnp.abs(remaining.residual) < LARGEST  # false for NaN
         history = state.histories[number]
         is_trusted = (history.rejected_for <= 0.0) & (history.offset == 0.0).all()
-        is_later = jnp.min(state.field.ages) - innovation.age > INTERVAL
-        jacobian = jnp.where(is_present[:, None], innovation.jacobian, 0.0)
-        residual = jnp.where(is_present, innovation.residual, 0.0) - jacobian @ change
-        steps = jnp.clip(
-            innovation.age / self.period, 0.0, len(state.past_sensed) - 1.001
-        )
+        age = jnp.asarray(remaining.age)
+        is_later = jnp.min(field.pictures.ages) - age > INTERVAL
+        jacobian = jnp.where(is_present[:, None], remaining.jacobian, 0.0)
+        residual = jnp.where(is_present, remaining.residual, 0.0)
+        oldest = len(state.past_sensed) - 1.001
+        steps = jnp.clip(age / self.period, 0.0, oldest)
         bends = interpolated(state.past_sensed, steps).reshape(-1)
 
         def taught() -> BiasField:
             known = _disturbance_bends(state.mean, by_payload).reshape(-1)
-            caused = state.field.at(bends) + known
-            caused = caused + _explaining_bends(residual, jacobian)
-            return state.field.with_picture(
-                bends,
-                caused,
-                by_payload,
-                innovation.age,
-                state.known_payload,
-                self.options.initial_payload_std * self.mass,
-            )
+            further = _explaining_bends(residual, jacobian)
+            caused = field.at(bends) + known + further
+            payload_std = self.options.initial_payload_std * self.mass
+            prior = PayloadPrior(state.known_payload, payload_std)
+            return field.with_picture(bends, caused, by_payload, age, prior)
 
-        is_used = jnp.any(is_present) & is_trusted & is_later
-        field = jax.lax.cond(is_used, taught, lambda: state.field)
-        return state._replace(field=field)
+        is_used = is_present.any() & is_trusted & is_later
+        return jax.lax.cond(is_used, taught, lambda: field)
 
     def _observation(
         self,
@@ -509,6 +508,10 @@ class DisturbanceFilter(eqx.Module):
         """Force at the tip that would cause the bend biases [N]."""
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
 
+    def _learns(self) -> bool:
+        """Whether the biases are learned as a function of the shape."""
+        return self.estimates and any(sensor.sees_ends for sensor in self.sensors)
+
     def _sees_vibration(self) -> bool:
         """Whether the vibration is observable."""
         return any(not sensor.measures_equilibrium for sensor in self.sensors)
@@ -526,8 +529,8 @@ def _explaining_bends(
 ) -> Float[Array, " bends"]:
     """Most likely biases that explain positions [rad], before a mean over pictures."""
     by_biases = jacobian @ jacobian.T
-    vibration = NOISE**2 * jnp.trace(by_biases) / len(residual)
-    covariance = STD**2 * by_biases + vibration * jnp.eye(len(residual))
+    noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
+    covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
     return STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
 
 

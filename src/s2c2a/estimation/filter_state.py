@@ -94,7 +94,8 @@ class FilterState(NamedTuple):
             [rad], shape (steps, modules, 2).
         past_sensed: sensed bends in these steps [rad], shape (steps, modules, 2).
         histories: each sensor's past, by which outliers are recognized.
-        field: bend biases as a function of the shape, as pictures have taught them.
+        field: bend biases as a function of the shape, as pictures have taught them; None
+            if no sensor sees the module ends.
         expected_biases: of the field, at the present shape [rad], shape (bends,).
         known_payload: at the start [kg].
     """
@@ -108,7 +109,7 @@ class FilterState(NamedTuple):
     past_disturbance_bends: Float[Array, "steps modules 2"]
     past_sensed: Float[Array, "steps modules 2"]
     histories: tuple[SensorHistory, ...]
-    field: BiasField
+    field: BiasField | None
     expected_biases: Float[Array, " bends"]
     known_payload: Float[Array, ""]
 
