@@ -236,3 +236,28 @@ def shown_ends(disturbance_filter):
         return {"camera_positions": positions, "camera_age": np.float32(0.0)}
 
     return ends
+
+
+def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(camera, update_camera):
+    """The walk of the biases fades within seconds, what was learned does not."""
+    ends = shown_ends(camera)
+    unseen = {name: np.full_like(value, np.nan) for name, value in ends().items()}
+    shift = -0.02  # downwards, less than a jump
+    state = after(update_camera, start(camera), ends(shift), 100)
+    assert np.abs(state.expected_biases).max() > 0.005
+    later = after(update_camera, state, unseen, 100)
+    assert np.abs(later.mean.bend_biases).max() < 1e-3
+    np.testing.assert_allclose(
+        later.expected_biases, state.expected_biases, rtol=0.2, atol=1e-3
+    )
+
+
+def test_rejected_pictures_and_those_after_a_jump_teach_nothing(camera, update_camera):
+    ends = shown_ends(camera)
+    state = after(update_camera, start(camera), ends(), 60)
+    lasting = after(update_camera, state, ends(0.2 * ARM.length), 200)
+    assert np.abs(lasting.expected_biases).max() < 0.01
+
+
+def test_without_sight_of_the_ends_no_field_is_kept(disturbance_filter):
+    assert start(disturbance_filter).field is None

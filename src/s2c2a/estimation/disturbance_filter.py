@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
+from s2c2a.estimation.bias_field import INTERVAL, STD, BiasField, PayloadPrior
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
 from s2c2a.estimation.outliers import (
@@ -31,14 +32,24 @@ from s2c2a.estimation.sensor_models import (
     Innovation,
     Measurements,
     SensorModel,
+    interpolated,
 )
 from s2c2a.files import LARGEST
-from s2c2a.kinematics import bends_from_states, limit_lengths
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    bends_from_states,
+    limit_lengths,
+)
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
 # control steps in the past: the present one, and two to interpolate between
 MIN_HISTORY = 3
+UNCLEAR = 0.03
+"""Bends [rad] whose effect on positions counts as noise where these do not determine all.
+
+It keeps the explanation short along directions that pictures hardly show.
+"""
 
 
 @dataclass(frozen=True)
@@ -126,6 +137,7 @@ class DisturbanceFilter(eqx.Module):
             sensor_biases=jnp.zeros_like(initial_std.sensor_biases),
         )
         steps = self._history_length()
+        sensed = bends_from_configurations(configuration)
         return FilterState(
             mean=mean,
             covariance=jnp.diag(initial_std.packed() ** 2),
@@ -134,10 +146,14 @@ class DisturbanceFilter(eqx.Module):
             past_bends=jnp.broadcast_to(bends, (steps, *bends.shape)),
             past_states=jnp.broadcast_to(states, (steps, *states.shape)),
             past_disturbance_bends=jnp.zeros((steps, *bends.shape)),
+            past_sensed=jnp.broadcast_to(sensed, (steps, *bends.shape)),
             histories=tuple(
                 SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
                 for sensor in self.sensors
             ),
+            field=BiasField.empty(bends.size) if self._learns() else None,
+            expected_biases=zeros,
+            known_payload=payload,
         )
 
     def _converged_moments(
@@ -193,6 +209,12 @@ class DisturbanceFilter(eqx.Module):
             configuration: configuration from the encoders, module frames.
             measurements: values of the sensors; NaN where missing.
         """
+        sensed = bends_from_configurations(configuration)
+        state = state._replace(past_sensed=_pushed(state.past_sensed, sensed))
+        if state.field is not None:
+            field = state.field.aged(self.period)
+            biases = field.at(sensed.reshape(-1))
+            state = state._replace(field=field, expected_biases=biases)
         moments = self.model.with_moments(
             state.disturbances, configuration, state.hysteresis, state.moments
         )
@@ -202,8 +224,16 @@ class DisturbanceFilter(eqx.Module):
         for number, sensor in enumerate(self.sensors):
             expected = self._expected(state, tensions, by_payload, number)
             innovation = sensor.innovation(measurements, expected)
+            before = state.mean
             state = self._updated(state, number, innovation, by_payload)
-        state = state._replace(mean=self._limited(state.mean))
+            if sensor.sees_ends and state.field is not None:
+                caused = _disturbance_bends(state.mean, by_payload).reshape(-1)
+                change = caused - _disturbance_bends(before, by_payload).reshape(-1)
+                residual = innovation.residual - innovation.jacobian @ change
+                remaining = innovation._replace(residual=residual)
+                field = self._taught(state, state.field, number, remaining, by_payload)
+                state = state._replace(field=field)
+        state = state._replace(mean=self._limited(state))
         hysteresis = self.model.observe(configuration, state.hysteresis)
         return state._replace(hysteresis=hysteresis)
 
@@ -311,7 +341,7 @@ class DisturbanceFilter(eqx.Module):
         caused = _disturbance_bends(state.mean, by_payload)
         return ExpectedState(
             bends=state.mean.bends.reshape(-1, 2),
-            bend_biases=state.mean.bend_biases.reshape(-1, 2),
+            bend_biases=state.disturbances.bend_biases,
             tensions=tensions,
             past_bends=state.past_bends,
             past_states=state.past_states,
@@ -347,7 +377,7 @@ class DisturbanceFilter(eqx.Module):
         is_outlier = is_large & is_beyond_gate(unexplained, covariance, is_present)
         compared = Compared(
             raw=unexplained + history.offset,
-            by_biases=innovation.jacobian @ state.mean.bend_biases,
+            by_biases=innovation.jacobian @ state.disturbances.bend_biases.reshape(-1),
             is_present=is_present,
             innovation=innovation,
         )
@@ -367,6 +397,48 @@ class DisturbanceFilter(eqx.Module):
             covariance=(new_covariance + new_covariance.T) / 2.0,
             histories=(*histories[:number], history, *histories[number + 1 :]),
         )
+
+    def _taught(
+        self,
+        state: FilterState,
+        field: BiasField,
+        number: int,
+        remaining: Innovation,
+        by_payload: Float[Array, " bends"],
+    ) -> BiasField:
+        """The field of the biases with a picture.
+
+        Outliers and a sensor that has jumped teach nothing, nor do pictures soon after
+        the last one.
+
+        Args:
+            state: updated with the picture.
+            field: before the picture.
+            number: of the sensor.
+            remaining: innovation after that update.
+            by_payload: derivative of the bends by the payload [rad/kg].
+        """
+        is_present = jnp.abs(remaining.residual) < LARGEST  # false for NaN
+        history = state.histories[number]
+        is_trusted = (history.rejected_for <= 0.0) & (history.offset == 0.0).all()
+        age = jnp.asarray(remaining.age)
+        is_later = jnp.min(field.pictures.ages) - age > INTERVAL
+        jacobian = jnp.where(is_present[:, None], remaining.jacobian, 0.0)
+        residual = jnp.where(is_present, remaining.residual, 0.0)
+        oldest = len(state.past_sensed) - 1.001
+        steps = jnp.clip(age / self.period, 0.0, oldest)
+        bends = interpolated(state.past_sensed, steps).reshape(-1)
+
+        def taught() -> BiasField:
+            known = _disturbance_bends(state.mean, by_payload).reshape(-1)
+            further = _explaining_bends(residual, jacobian)
+            caused = field.at(bends) + known + further
+            payload_std = self.options.initial_payload_std * self.mass
+            prior = PayloadPrior(state.known_payload, payload_std)
+            return field.with_picture(bends, caused, by_payload, age, prior)
+
+        is_used = is_present.any() & is_trusted & is_later
+        return jax.lax.cond(is_used, taught, lambda: field)
 
     def _observation(
         self,
@@ -419,19 +491,26 @@ class DisturbanceFilter(eqx.Module):
             ]
         )
 
-    def _limited(self, mean: ArmState) -> ArmState:
+    def _limited(self, state: FilterState) -> ArmState:
         """Payload, bend biases and external force within their limits."""
         options = self.options
+        mean = state.mean
+        all_biases = state.expected_biases + mean.bend_biases
         payload = jnp.clip(mean.payload, 0.0, options.max_payload * self.mass)
-        pairs = mean.bend_biases.reshape(-1, 2)
+        pairs = all_biases.reshape(-1, 2)
         biases = limit_lengths(pairs, options.max_bend_bias).reshape(-1)
         force = jnp.maximum(self.external_force(biases), 1e-9)  # no division by zero
         biases = biases * jnp.minimum(1.0, self.max_force / force)
-        return mean._replace(payload=payload, bend_biases=biases)
+        rest = biases - state.expected_biases
+        return mean._replace(payload=payload, bend_biases=rest)
 
     def external_force(self, bend_biases: Float[Array, " bends"]) -> Float[Array, ""]:
         """Force at the tip that would cause the bend biases [N]."""
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
+
+    def _learns(self) -> bool:
+        """Whether the biases are learned as a function of the shape."""
+        return self.estimates and any(sensor.sees_ends for sensor in self.sensors)
 
     def _sees_vibration(self) -> bool:
         """Whether the vibration is observable."""
@@ -443,6 +522,16 @@ def _disturbance_bends(
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
+
+
+def _explaining_bends(
+    residual: Float[Array, " values"], jacobian: Float[Array, "values bends"]
+) -> Float[Array, " bends"]:
+    """Most likely biases that explain positions [rad], before a mean over pictures."""
+    by_biases = jacobian @ jacobian.T
+    noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
+    covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
+    return STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
 
 
 def _pushed(

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from s2c2a.estimation.bias_field import BiasField
 from s2c2a.estimation.outliers import SensorHistory
 from s2c2a.models.disturbances import Disturbances
 
@@ -15,8 +16,8 @@ class ArmState(NamedTuple):
 
     Attributes:
         payload: mass at the tip [kg].
-        bend_biases: bends beside those that the forward model predicts [rad], two for
-            each module, one module after another.
+        bend_biases: bends beside those that the forward model predicts and the field of
+            the biases expects [rad], two for each module, one module after another.
         bends: true bends, with their vibration [rad], in the same order.
         bend_rates: their rates [rad/s], in the same order.
         sensor_biases: constant errors, one sensor after another.
@@ -91,7 +92,12 @@ class FilterState(NamedTuple):
             modules, 6).
         past_disturbance_bends: bends due to payload and bend biases in these steps
             [rad], shape (steps, modules, 2).
+        past_sensed: sensed bends in these steps [rad], shape (steps, modules, 2).
         histories: each sensor's past, by which outliers are recognized.
+        field: bend biases as a function of the shape, as pictures have taught them; None
+            if no sensor sees the module ends.
+        expected_biases: of the field, at the present shape [rad], shape (bends,).
+        known_payload: at the start [kg].
     """
 
     mean: ArmState
@@ -101,10 +107,15 @@ class FilterState(NamedTuple):
     past_bends: Float[Array, "steps modules 2"]
     past_states: Float[Array, "steps modules 6"]
     past_disturbance_bends: Float[Array, "steps modules 2"]
+    past_sensed: Float[Array, "steps modules 2"]
     histories: tuple[SensorHistory, ...]
+    field: BiasField | None
+    expected_biases: Float[Array, " bends"]
+    known_payload: Float[Array, ""]
 
     @property
     def disturbances(self) -> Disturbances:
         """Payload and bend biases, with the moments of the payload."""
         moments = self.moments.with_payload(self.mean.payload)
-        return moments._replace(bend_biases=self.mean.bend_biases.reshape(-1, 2))
+        biases = self.expected_biases + self.mean.bend_biases
+        return moments._replace(bend_biases=biases.reshape(-1, 2))

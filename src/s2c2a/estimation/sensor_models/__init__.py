@@ -12,6 +12,7 @@ from s2c2a.estimation.sensor_models.base import (
     Innovation,
     Measurements,
     SensorModel,
+    interpolated,
     with_jacobian,
 )
 from s2c2a.estimation.sensor_models.bends import BendSensor

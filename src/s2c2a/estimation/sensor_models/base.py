@@ -57,6 +57,7 @@ class Innovation(NamedTuple):
         max_change: a residual that differs more from its slow average is a fault, shape
             () or (values,).
         lag: memory of the sensor's hysteresis after this measurement.
+        age: time since the measurement was taken [s].
     """
 
     residual: Float[Array, " values"]
@@ -65,6 +66,7 @@ class Innovation(NamedTuple):
     max_residual: float | Float[Array, "..."] = np.inf
     max_change: float | Float[Array, "..."] = np.inf
     lag: Array | np.ndarray = EMPTY
+    age: float | Float[Array, ""] = 0.0
 
 
 class BiasPrior(NamedTuple):
@@ -92,11 +94,14 @@ class SensorModel(eqx.Module):
         name: of the sensor in recipes, arm files and diagnostics.
         measures_equilibrium: whether its values are compared with the equilibrium that
             the arm approaches, not with its vibration.
+        sees_ends: whether its values are positions of module ends, from which the bend
+            biases are learned as a function of the shape.
         max_delay: oldest measurement that it uses [s].
     """
 
     name: ClassVar[str] = ""
     measures_equilibrium: ClassVar[bool] = False
+    sees_ends: ClassVar[bool] = False
     max_delay: ClassVar[float] = 0.0
 
     @property
@@ -177,3 +182,12 @@ def with_jacobian(
     """Predicted values and their derivative by the bends."""
     flat = bends.reshape(-1)
     return predict(flat), jax.jacfwd(predict)(flat)
+
+
+def interpolated(
+    history: Float[Array, "steps *shape"], steps: Float[Array, ""]
+) -> Float[Array, "*shape"]:
+    """The value of some, perhaps fractional, steps ago."""
+    newer = jnp.floor(steps).astype(int)
+    share = steps - newer
+    return (1.0 - share) * history[newer] + share * history[newer + 1]

@@ -12,6 +12,7 @@ from s2c2a.estimation.sensor_models.base import (
     Innovation,
     Measurements,
     SensorModel,
+    interpolated,
     with_jacobian,
 )
 from s2c2a.kinematics import bends_from_states
@@ -44,6 +45,7 @@ class CameraSensor(SensorModel):
     rate: float = eqx.field(static=True)
     name = "camera"
     measures_equilibrium = True
+    sees_ends = True
     max_delay = MAX_DELAY
 
     @classmethod
@@ -63,9 +65,9 @@ class CameraSensor(SensorModel):
     ) -> Innovation:
         age = jnp.nan_to_num(measurements["camera_age"], nan=self.delay)
         steps = jnp.clip(age / self.period, 0.0, len(expected.past_bends) - 1.001)
-        bends = _interpolated(expected.past_bends, steps)
-        states = _interpolated(expected.past_states, steps)
-        bends = bends + _interpolated(expected.bias_change, steps)
+        bends = interpolated(expected.past_bends, steps)
+        states = interpolated(expected.past_states, steps)
+        bends = bends + interpolated(expected.bias_change, steps)
         arcs, jacobian = with_jacobian(self._end_positions, bends)
         # where the forward model's ends differ from those of plain arcs
         arcs_at_states = self._end_positions(bends_from_states(states).reshape(-1))
@@ -79,6 +81,7 @@ class CameraSensor(SensorModel):
             jnp.full(arcs.shape, self.std),
             max_residual=MAX_RESIDUAL * jnp.repeat(jnp.cumsum(self.lengths), 3),
             max_change=MAX_CHANGE * jnp.sum(self.lengths),
+            age=age,
         )
 
     @property
@@ -99,12 +102,3 @@ class CameraSensor(SensorModel):
     def _end_positions(self, bends: Float[Array, " bends"]) -> Float[Array, " values"]:
         states = states_from_bends(bends.reshape(-1, 2), self.lengths)
         return states[:, :3].reshape(-1)
-
-
-def _interpolated(
-    history: Float[Array, "steps *shape"], steps: Float[Array, ""]
-) -> Float[Array, "*shape"]:
-    """The value of some, perhaps fractional, steps ago."""
-    newer = jnp.floor(steps).astype(int)
-    share = steps - newer
-    return (1.0 - share) * history[newer] + share * history[newer + 1]

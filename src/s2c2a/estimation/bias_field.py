@@ -1,0 +1,169 @@
+"""Bend biases as a function of the shape, learned while the arm runs and its tip is seen.
+
+Each picture says which further bends explain it best. Part of them is due to a payload,
+which bends the arm in its own way at every shape; the rest is a Gaussian process over
+shape and time: pictures of like shapes agree, and less so the longer they are ago, so
+that old ones are forgotten (S. Van Vaerenbergh, M. Lazaro-Gredilla and I. Santamaria,
+Kernel recursive least-squares tracker for time-varying regression, IEEE Transactions on
+Neural Networks and Learning Systems 23(8), 2012). The payload is a basis function of the
+process with a prior of its own (Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006, sec. 2.7).
+
+Plans follow the biases, and a change of plan shakes the arm. If every picture changed
+them, a loaded arm would sway for ever. So the process is fitted anew only after the
+vibration of the last fit has decayed.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+PICTURES = 256
+"""Newest pictures that count; their covariance is factorized in half a millisecond."""
+INTERVAL = 0.19
+"""Least time between them [s]: at 5 Hz, 256 pictures are 51 s, three of the circles."""
+FIT_INTERVAL = 4.0
+"""Time from fit to fit [s], in which the vibration of a loaded arm decays.
+
+With fits at every picture, the tip of `twin_arm` sways by centimeters under 100 g.
+"""
+MEMORY = 600.0  # s, of the biases: wear and creep take minutes
+LENGTH = 0.8
+"""Distance of shapes [rad] over which biases are alike.
+
+Of 0.2, 0.4, 0.8 and 1.5, the best on circles of two randomized arms (strength 1.0).
+"""
+STD = 0.06  # rad; of biases: a tenth of a large bend
+NOISE = 0.1
+"""Standard deviation of what one picture says of the biases [rad].
+
+It is that of vibration, not of the camera: successive pictures share theirs.
+"""
+NONE = 1e6  # s; age of a place without a picture, which thus counts nothing
+
+
+class Pictures(NamedTuple):
+    """The newest pictures.
+
+    Attributes:
+        bends: sensed bends at which they were taken [rad], shape (pictures, bends).
+        caused: bends by biases and payload that explain them [rad], shape (pictures,
+            bends).
+        by_payload: derivative of these bends by the payload [rad/kg], shape (pictures,
+            bends).
+        ages: time since they were taken [s], shape (pictures,).
+    """
+
+    bends: Float[Array, "pictures bends"]
+    caused: Float[Array, "pictures bends"]
+    by_payload: Float[Array, "pictures bends"]
+    ages: Float[Array, " pictures"]
+
+
+class PayloadPrior(NamedTuple):
+    """Normal distribution of the payload before any picture.
+
+    Attributes:
+        mean: [kg].
+        std: [kg].
+    """
+
+    mean: float | Float[Array, ""]
+    std: float
+
+
+class BiasField(NamedTuple):
+    """Pictures so far, and the process of the last fit.
+
+    Attributes:
+        pictures: so far.
+        bends: sensed bends of the fitted pictures [rad], shape (pictures, bends).
+        ages: time since these were taken [s], shape (pictures,).
+        weights: of the covariance with each of these [rad], shape (pictures, bends).
+        waited: time since the last fit [s].
+    """
+
+    pictures: Pictures
+    bends: Float[Array, "pictures bends"]
+    ages: Float[Array, " pictures"]
+    weights: Float[Array, "pictures bends"]
+    waited: Float[Array, ""]
+
+    @classmethod
+    def empty(cls, bends: int) -> "BiasField":
+        """The field before the first picture: zero."""
+        zeros = jnp.zeros((PICTURES, bends))
+        ages = jnp.full(PICTURES, NONE)
+        pictures = Pictures(zeros, zeros, zeros, ages)
+        return cls(pictures, zeros, ages, zeros, jnp.zeros(()))
+
+    def at(self, bends: Float[Array, " bends"]) -> Float[Array, " bends"]:
+        """Expected bend biases at sensed bends [rad]."""
+        covariance = _covariance(bends[None], jnp.zeros(1), self.bends, self.ages)
+        return covariance[0] @ self.weights
+
+    def aged(self, time: float) -> "BiasField":
+        """The field after some time [s]."""
+        pictures = self.pictures._replace(ages=self.pictures.ages + time)
+        return self._replace(
+            pictures=pictures, ages=self.ages + time, waited=self.waited + time
+        )
+
+    def with_picture(
+        self,
+        bends: Float[Array, " bends"],
+        caused: Float[Array, " bends"],
+        by_payload: Float[Array, " bends"],
+        age: Float[Array, ""],
+        prior: PayloadPrior,
+    ) -> "BiasField":
+        """The field with one more picture in place of the oldest, fitted if it is time.
+
+        Args:
+            bends: sensed when it was taken [rad].
+            caused: bends by biases and payload that explain it [rad].
+            by_payload: their derivative by the payload [rad/kg].
+            age: time since it was taken [s].
+            prior: of the payload.
+        """
+        oldest = jnp.argmax(self.pictures.ages)
+        newest = bends, caused, by_payload, age
+        pictures = Pictures(
+            *(
+                values.at[oldest].set(value)
+                for values, value in zip(self.pictures, newest, strict=True)
+            )
+        )
+        kept = self._replace(pictures=pictures)
+        return jax.lax.cond(
+            self.waited > FIT_INTERVAL, lambda: kept._fitted(prior), lambda: kept
+        )
+
+    def _fitted(self, prior: PayloadPrior) -> "BiasField":
+        """The field fitted to its pictures: generalized least squares for the payload."""
+        bends, caused, by_payload, ages = self.pictures
+        covariance = _covariance(bends, ages, bends, ages)
+        noise = (NOISE / STD) ** 2 * jnp.eye(PICTURES)
+        root = jnp.linalg.cholesky(covariance + noise)
+        rest = caused - prior.mean * by_payload
+        both = jnp.hstack([rest, by_payload])
+        solved = jax.scipy.linalg.cho_solve((root, True), both)
+        weights, base_weights = jnp.split(solved, 2, axis=-1)
+        information = jnp.sum(by_payload * base_weights) + (STD / prior.std) ** 2
+        payload = jnp.sum(by_payload * weights) / information
+        weights = weights - payload * base_weights
+        return BiasField(self.pictures, bends, ages, weights, jnp.zeros(()))
+
+
+def _covariance(
+    bends: Float[Array, "first bends"],
+    ages: Float[Array, " first"],
+    other_bends: Float[Array, "second bends"],
+    other_ages: Float[Array, " second"],
+) -> Float[Array, "first second"]:
+    """Covariance of biases over their variance: of shapes, and of times."""
+    squared = jnp.sum((bends[:, None] - other_bends) ** 2, axis=-1)
+    apart = jnp.abs(ages[:, None] - other_ages)
+    return jnp.exp(-squared / (2.0 * LENGTH**2) - apart / MEMORY)
