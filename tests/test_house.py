@@ -19,7 +19,6 @@ MAX_CORE = 21_436
 MAX_NUMBERS = 498
 """Numbers of the core that decide; the aim is 400."""
 WITHOUT_SOURCES = {
-    "models/kernels.py",
     "models/local_training.py",
     "models/prior.py",
     "planning/guides.py",
