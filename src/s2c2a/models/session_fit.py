@@ -29,8 +29,9 @@ ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
 GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
 ITERATIONS = 8
-"""Of Gauss-Newton, which halves of this bring to rest after 5 cm and 10 deg; the others
+"""Of Gauss-Newton, which halves of this bring to rest after 20 cm and 10 deg; the others
 bring the variance of the noise to rest."""
+FRAME = slice(6)  # of the numbers of a `DayChange`: of the tracking, which come first
 FITTED = 0.475
 """Share of a session that is fitted where another one is judged: half of it, with the
 gap of `data.windows.PARTS` between them."""
@@ -169,9 +170,9 @@ class _Residuals:
                 for part in (POSITION, AXIS):
                     error = errors[..., module, part][seen].astype(float)
                     slope = slopes[..., module, part, :][seen].astype(float)
-                    # as noise, a large change would have less weight than the prior
+                    # as noise, a frame that is far off would weigh less than its prior
                     is_late = iteration >= ITERATIONS / 2
-                    noise = error if is_late else _unexplained(error, slope)
+                    noise = error if is_late else _unexplained(error, slope[..., FRAME])
                     weight = _weight(noise)
                     precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                     gradient += weight * np.einsum("tki,tk->i", slope, error)
@@ -222,16 +223,16 @@ def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
 
 def _unexplained(
     errors: Float[np.ndarray, "samples 3"],
-    slopes: Float[np.ndarray, "samples 3 numbers"],
+    slopes: Float[np.ndarray, "samples 3 frame"],
 ) -> Float[np.ndarray, "samples 3"]:
-    """What no change explains to first order; all, if there are too few samples to say."""
+    """What no frame explains to first order; all, if there are too few samples to say."""
     design = slopes.reshape(errors.size, slopes.shape[-1])
-    change, _, rank, _ = np.linalg.lstsq(design, errors.ravel())
+    frame, _, rank, _ = np.linalg.lstsq(design, errors.ravel())
     if rank >= errors.size:
         return errors
     # of as many degrees of freedom as the errors
     scale = np.sqrt(errors.size / (errors.size - rank))
-    return scale * (errors - (design @ change).reshape(errors.shape))
+    return scale * (errors - (design @ frame).reshape(errors.shape))
 
 
 def correlation_time(errors: Float[np.ndarray, "samples 3"]) -> float:
