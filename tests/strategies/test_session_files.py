@@ -92,6 +92,7 @@ def test_a_session_of_other_weights_is_refused(measured, tmp_path, weights):
         {"code": "import os"},
         {"before": -1.0},
         {"before": float("nan")},
+        {"before": 1e300},
         {"weights": "0"},
         {"change": {"translation": [5.0, 0.0, 0.0]}},
     ],

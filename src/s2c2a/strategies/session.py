@@ -22,6 +22,7 @@ from pydantic import (
 
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.files import LARGEST
 from s2c2a.json_files import load_json, save_json
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.session import DayChange, SessionC2S
@@ -36,7 +37,7 @@ MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run 
 Length = Annotated[float, Field(ge=-1.0, le=1.0)]  # m; a frame moves by less
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]  # rad; of a rotation vector
 Gain = Annotated[float, Field(ge=-0.5, le=0.5)]  # 1; five times what arms change by
-Error = Annotated[float, Field(ge=0.0)]
+Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
 class Numbers(BaseModel):
