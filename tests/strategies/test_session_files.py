@@ -20,6 +20,7 @@ from s2c2a.strategies import (
     load_session,
     measured_session,
     networks_from,
+    save_networks,
     save_session,
     session_of,
     session_path,
@@ -126,6 +127,10 @@ def test_a_session_is_measured_against_the_networks_of_the_training_alone(
         measured_session(corrected, weights, short)
     with pytest.raises(StrategyError, match="have a session already"):
         with_session(corrected, session)
+    before = weights.read_bytes()
+    with pytest.raises(StrategyError, match="a file of its own"):
+        save_networks(corrected, weights)
+    assert weights.read_bytes() == before
 
 
 def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
