@@ -23,6 +23,7 @@ REFUSED = {
     ],
     "run circle --strategy lstm --recipe paper": ["recipe"],
     "run circle --session none": ["session"],
+    "run circle --weights shipped --session mine.session.json": ["session"],
     "session some.safetensors --recording some.episodes --robot dynamixel "
     "--robot-option a=1 --tracking udp:9763 --fidelity accurate --seconds 20 --seed 2": [
         "robot",

@@ -8,8 +8,10 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.cli import run as run_command
+from s2c2a.cli import session as session_command
 from s2c2a.cli.main import main
-from s2c2a.strategies import load_session, session_path
+from s2c2a.errors import RecordingError
+from s2c2a.strategies import load_networks, load_session, session_path
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 TWIN = load_arm("twin_arm")
@@ -41,6 +43,45 @@ def test_options_of_the_robot_beside_a_recording_are_refused(weights, capsys):
     with pytest.raises(SystemExit):
         main(["session", str(weights), "--recording", recording, "--seconds", "9"])
     assert "without --recording" in capsys.readouterr().err
+
+
+def test_a_session_is_as_old_as_its_recording(weights, tmp_path):
+    recorded = datetime(2026, 1, 5, 12, tzinfo=UTC)
+    recording = tmp_path / "day.episodes"
+    recording.write_bytes((FIXTURES / "twin.episodes").read_bytes())
+    os.utime(recording, times=(recorded.timestamp(),) * 2)
+    main(["session", str(weights), "--recording", str(recording)])
+    assert load_session(session_path(weights), weights).date == recorded
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1"])
+def test_impossible_times_move_nothing(weights, seconds, capsys):
+    with pytest.raises(SystemExit):
+        main(["session", str(weights), "--seconds", seconds])
+    assert "--seconds 50" in capsys.readouterr().err
+    assert not weights.with_suffix(".session.episodes").exists()
+
+
+def test_an_arm_whose_tip_is_not_seen_does_not_move(weights):
+    networks = load_networks(weights)
+    with pytest.raises(RecordingError, match="turn on the tracking"):
+        session_command._move(networks, Blind(), 50.0, 0, weights)
+    assert not weights.with_suffix(".session.episodes").exists()
+
+
+def test_networks_of_the_package_are_no_file(capsys):
+    with pytest.raises(SystemExit):
+        main(["session", "shipped"])
+    assert "a file is needed" in capsys.readouterr().err
+
+
+class Blind:
+    """A factory of robots that measure their cables alone."""
+
+    sensors = frozenset({"cables"})
+
+    def make(self, arm):
+        return self
 
 
 class Homed:

@@ -1,5 +1,7 @@
 """The change of an arm since its training: its model, and its estimate."""
 
+from contextlib import nullcontext
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -117,8 +119,30 @@ def test_what_the_motion_does_not_show_keeps_its_prior():
     assert np.max(np.asarray(fit.posterior.std.gains)) > 0.08
 
 
+def test_a_camera_that_was_put_up_elsewhere_is_no_noise():
+    moved = change(translation=[0.1, 0.0, 0.0], rotation=np.deg2rad([0.0, 10.0, 0.0]))
+    fit = fit_session(MODEL, data(moved, noise=5e-3, tip_only=True))
+    assert fit.after < 0.2 * fit.before
+    np.testing.assert_allclose(
+        fit.posterior.change.translation, moved.translation, atol=4e-3
+    )
+
+
+@pytest.mark.parametrize(("samples", "is_enough"), [(1, False), (2, False), (4, True)])
+def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
+    few = data(change(offsets=OFFSETS))
+    few.states[0, : few.states.shape[1] - samples, -1] = np.nan
+    if is_enough:
+        expected = nullcontext()
+    else:
+        expected = pytest.raises(RecordingError, match=f"seen in {samples} samples")
+    with expected:
+        fit = fit_session(MODEL, few)
+        assert np.isfinite([fit.before, fit.after]).all()
+
+
 def test_a_tip_that_is_never_seen_is_refused():
     unseen = data(DayChange.none(ARM.module_count))
     unseen.states[..., -1, :] = np.nan
-    with pytest.raises(RecordingError, match="tip was never seen"):
+    with pytest.raises(RecordingError, match="tip was seen in 0 samples"):
         fit_session(MODEL, unseen)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.data import load_recording
-from s2c2a.errors import StrategyError
+from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation import describe_session
 from s2c2a.jobs import GivenNetworks
 from s2c2a.models.session import DayChange, SessionC2S
@@ -20,6 +20,7 @@ from s2c2a.strategies import (
     load_session,
     measured_session,
     networks_from,
+    save_networks,
     save_session,
     session_of,
     session_path,
@@ -92,6 +93,7 @@ def test_a_session_of_other_weights_is_refused(measured, tmp_path, weights):
         {"code": "import os"},
         {"before": -1.0},
         {"before": float("nan")},
+        {"before": 1e300},
         {"weights": "0"},
         {"change": {"translation": [5.0, 0.0, 0.0]}},
     ],
@@ -114,6 +116,33 @@ def test_a_session_that_does_not_improve_is_not_used(measured, networks):
     session = measured[0].model_copy(update={"before": 0.01, "after": 0.01})
     assert with_session(networks, session) is networks
     assert "stays as it is" in describe_use(session)
+
+
+def test_a_session_is_measured_against_the_networks_of_the_training_alone(
+    measured, weights, networks, short
+):
+    session = measured[0].model_copy(update={"before": 0.02, "after": 0.01})
+    corrected = with_session(networks, session)
+    with pytest.raises(StrategyError, match="have a session already"):
+        measured_session(corrected, weights, short)
+    with pytest.raises(StrategyError, match="have a session already"):
+        with_session(corrected, session)
+    before = weights.read_bytes()
+    with pytest.raises(StrategyError, match="a file of its own"):
+        save_networks(corrected, weights)
+    assert weights.read_bytes() == before
+
+
+def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
+    networks, weights, short
+):
+    still = dict(short.episodes[0].columns)
+    still["sensor.states"] = np.repeat(
+        still["sensor.states"][:1], len(still["time"]), axis=0
+    )
+    frozen = replace(short, episodes=(replace(short.episodes[0], columns=still),))
+    with pytest.raises(RecordingError, match=r"gains -.*check homing and tracking"):
+        measured_session(networks, weights, frozen)
 
 
 def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):

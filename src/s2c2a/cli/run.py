@@ -38,7 +38,11 @@ if TYPE_CHECKING:
     from s2c2a import arm, jobs, robots, strategies, tasks
 
 
-@effective("session", where="with --weights", holds=lambda given: given["weights"])
+@effective(
+    "session",
+    where="with --weights FILE of `s2c2a train`",
+    holds=lambda given: _has_own_networks(given["weights"]),
+)
 @effective(
     "recipe",
     where="with a strategy that uses a recipe",
@@ -169,6 +173,13 @@ def run(
     _report(runs, directory, f"{paced.name} with {spec.name}", video)
 
 
+def _has_own_networks(weights: Path | None) -> bool:
+    """Whether the weights are a file, beside which a session may be."""
+    from s2c2a.strategies.checkpoint import SHIPPED
+
+    return weights is not None and str(weights) != SHIPPED
+
+
 def _given_networks(
     weights: Path,
     spec: "arm.ArmSpec",
@@ -177,10 +188,9 @@ def _given_networks(
 ) -> "jobs.GivenNetworks":
     """The networks of a file with its session, or those of the package."""
     from s2c2a import jobs, strategies
-    from s2c2a.strategies.checkpoint import SHIPPED
     from s2c2a.strategies.shipped import shipped_file
 
-    if str(weights) == SHIPPED:
+    if not _has_own_networks(weights):
         with shipped_file(spec) as path:
             return jobs.GivenNetworks.read(path, spec, recipe)
     found = strategies.session_of(weights, session)

@@ -1,6 +1,7 @@
 """Command `s2c2a session`: measure the present day of an arm, and correct its model."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +17,8 @@ from s2c2a.cli.execution import (
     TrackingSource,
     robot_factory_for,
 )
+from s2c2a.errors import RecordingError
+from s2c2a.files import MAX_COUNT
 
 if TYPE_CHECKING:
     from s2c2a import data, strategies
@@ -69,12 +72,14 @@ def session(
 
     spec = load_arm(arm) if arm else None
     networks = strategies.load_networks(weights, spec)
+    date = None
     if recording is not None:
         moved = data.load_recording(recording)
+        date = datetime.fromtimestamp(recording.stat().st_mtime, UTC)
     else:
         factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
         moved = _move(networks, factory, seconds, seed, weights)
-    found, fit = strategies.measured_session(networks, weights, moved)
+    found, fit = strategies.measured_session(networks, weights, moved, date)
     for line in evaluation.describe_session(fit, networks.arm):
         print(line)
     path = strategies.session_path(weights)
@@ -89,10 +94,21 @@ def _move(
     seed: int,
     weights: Path,
 ) -> "data.Recording":
-    """Move the arm as in the training, and record it beside the weights."""
+    """Move the arm as in the training, and record it beside the weights.
+
+    Raises:
+        RecordingError: the tip would not be seen, or the time is impossible.
+    """
     from s2c2a import data
 
     arm = networks.arm
+    if "states" not in factory.make(arm).sensors:
+        raise RecordingError(
+            f"{factory} measures no tip, and a session compares it with the model; turn "
+            "on the tracking (--tracking)"
+        )
+    if not 0.0 < seconds < MAX_COUNT:
+        raise RecordingError(f"cannot move for {seconds:g} s; give --seconds 50")
     options = replace(
         networks.recipe.collect_options(seed),
         episodes=1,

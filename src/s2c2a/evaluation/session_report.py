@@ -44,6 +44,11 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         explained = fit.explained[cause]
         share = 100 * explained / fit.before
         lines.append(f"{text}; explains {1000 * explained:.1f} mm ({share:.0f} %)")
+    if fit.after > fit.before / 2.0:
+        lines.append(
+            "the larger part is none of these: errors of the model itself, or a frame "
+            "that is far off; `s2c2a tracking frames` calibrates it"
+        )
     return lines
 
 

@@ -269,7 +269,7 @@ def _is_smaller(
 
 
 def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
-    """Groups of features that share a factor of their length scales (`fit_kernels`).
+    """Groups of features that share a factor of their length scales (`fit_process`).
 
     One group for each component of a module's bend and its common displacement, and one
     for each input of the hysteresis.

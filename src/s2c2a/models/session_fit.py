@@ -29,8 +29,9 @@ ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
 GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
 ITERATIONS = 8
-"""Of Gauss-Newton, which halves of this bring to rest after 1 cm and 6 deg; the others
+"""Of Gauss-Newton, which halves of this bring to rest after 20 cm and 10 deg; the others
 bring the variance of the noise to rest."""
+FRAME = slice(6)  # of the numbers of a `DayChange`: of the tracking, which come first
 FITTED = 0.475
 """Share of a session that is fitted where another one is judged: half of it, with the
 gap of `data.windows.PARTS` between them."""
@@ -94,17 +95,19 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
         data: of the present day; ends that are not seen are NaN.
 
     Raises:
-        RecordingError: the tip is not seen, or the sensed configurations are not finite.
+        RecordingError: the tip is hardly seen, or the sensed configurations are not
+            finite.
     """
     fit = _Residuals(model, data)
-    known = fit.known
-    if not known[..., -1].any():
-        raise RecordingError(
-            "the tip was never seen in this recording; turn on the tracking (--tracking)"
-        )
-    order = np.cumsum(known.any(axis=-1)).reshape(known.shape[:2]) / known.any(-1).sum()
+    seen = fit.known[..., -1]
+    order = np.cumsum(seen).reshape(seen.shape) / max(seen.sum(), 1)
     first = (order <= FITTED)[..., None]
     last = (order > 1.0 - FITTED)[..., None]
+    if not (seen[first[..., 0]].any() and seen[last[..., 0]].any()):
+        raise RecordingError(
+            f"the tip was seen in {seen.sum()} samples of this recording, too few to fit "
+            "and to judge; turn on the tracking (--tracking), and move for 50 s"
+        )
     none = DayChange.none(data.arm.module_count)
     before = fit.tip_error(none, first | last)
     crossed = [(fit.posterior(first), last), (fit.posterior(last), first)]
@@ -157,7 +160,7 @@ class _Residuals:
         """The change that fits some samples, and its covariance."""
         whitened = np.zeros(len(self._scales), np.float32)
         precision = np.eye(len(whitened))
-        for _ in range(ITERATIONS):
+        for iteration in range(ITERATIONS):
             errors = self._states - self._predict(jnp.asarray(whitened))
             slopes = self._slopes(jnp.asarray(whitened))
             precision = np.eye(len(whitened))
@@ -167,7 +170,10 @@ class _Residuals:
                 for part in (POSITION, AXIS):
                     error = errors[..., module, part][seen].astype(float)
                     slope = slopes[..., module, part, :][seen].astype(float)
-                    weight = _weight(error)
+                    # as noise, a frame that is far off would weigh less than its prior
+                    is_late = iteration >= ITERATIONS / 2
+                    noise = error if is_late else _unexplained(error, slope[..., FRAME])
+                    weight = _weight(noise)
                     precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                     gradient += weight * np.einsum("tki,tk->i", slope, error)
             whitened += np.linalg.solve(precision, gradient).astype(np.float32)
@@ -213,6 +219,20 @@ def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
     if not power > 0.0:
         return 0.0
     return errors.size / (power * correlation_time(errors))
+
+
+def _unexplained(
+    errors: Float[np.ndarray, "samples 3"],
+    slopes: Float[np.ndarray, "samples 3 frame"],
+) -> Float[np.ndarray, "samples 3"]:
+    """What no frame explains to first order; all, if there are too few samples to say."""
+    design = slopes.reshape(errors.size, slopes.shape[-1])
+    frame, _, rank, _ = np.linalg.lstsq(design, errors.ravel())
+    if rank >= errors.size:
+        return errors
+    # of as many degrees of freedom as the errors
+    scale = np.sqrt(errors.size / (errors.size - rank))
+    return scale * (errors - (design @ frame).reshape(errors.shape))
 
 
 def correlation_time(errors: Float[np.ndarray, "samples 3"]) -> float:

@@ -136,6 +136,11 @@ def damaged(path: str | os.PathLike) -> Iterator[None]:
 def _content(path: str | os.PathLike) -> bytes:
     """All of a file, unless it is too large."""
     if not Path(path).is_file():
+        if str(path) == SHIPPED:
+            raise StrategyError(
+                "a file is needed, and 'shipped' stands for the networks of the package; "
+                "train your own with `s2c2a train`"
+            )
         likely = did_you_mean(str(path), [SHIPPED])
         raise StrategyError(
             f"no strategy at {path}{likely}; train one with `s2c2a train`"

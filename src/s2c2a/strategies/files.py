@@ -18,6 +18,7 @@ from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
 from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.files import check_replaceable
+from s2c2a.models.session import SessionC2S
 from s2c2a.strategies.checkpoint import (
     SCHEMA,
     Arrays,
@@ -62,8 +63,13 @@ def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:
     """Write trained networks; the file appears whole or not at all.
 
     Raises:
-        S2C2AError: the file cannot be written.
+        S2C2AError: the file cannot be written, or the networks have a session.
     """
+    if isinstance(networks.networks.get("C2S"), SessionC2S):
+        raise StrategyError(
+            "these networks have a session, which is a file of its own; save those of "
+            "load_networks"
+        )
     metadata = Metadata(
         schema_version=SCHEMA,
         version=s2c2a.__version__,

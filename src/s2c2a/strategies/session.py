@@ -12,10 +12,17 @@ from typing import Annotated, Literal
 
 import jax.numpy as jnp
 import numpy as np
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+)
 
 from s2c2a.data import Recording
-from s2c2a.errors import StrategyError
+from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.files import LARGEST
 from s2c2a.json_files import load_json, save_json
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.session import DayChange, SessionC2S
@@ -26,11 +33,11 @@ from s2c2a.strategies.trained import TrainedNetworks
 
 ENDING = ".session.json"
 NO_SESSION = "none"
-MAKE_ONE = "make one with `s2c2a session`, or leave it out with --session none"
+MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run --session none`"
 Length = Annotated[float, Field(ge=-1.0, le=1.0)]  # m; a frame moves by less
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]  # rad; of a rotation vector
-Gain = Annotated[float, Field(gt=-1.0, lt=1.0)]  # 1; a bend keeps its direction
-Error = Annotated[float, Field(ge=0.0)]
+Gain = Annotated[float, Field(ge=-0.5, le=0.5)]  # 1; five times what arms change by
+Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
 class Numbers(BaseModel):
@@ -63,7 +70,7 @@ class Session(BaseModel):
     Attributes:
         weights: digest of the weight file that it belongs to.
         arm: name of the arm.
-        date: of the measurement.
+        date: of the motion.
         change: since the training.
         std: standard deviations of the change.
         before: mean error of the tip without the change [m].
@@ -95,7 +102,10 @@ def session_path(weights: str | os.PathLike) -> Path:
 
 
 def measured_session(
-    networks: TrainedNetworks, weights: str | os.PathLike, recording: Recording
+    networks: TrainedNetworks,
+    weights: str | os.PathLike,
+    recording: Recording,
+    date: datetime | None = None,
 ) -> tuple[Session, SessionFit]:
     """Measure the present day of an arm from a recording with the tip seen.
 
@@ -103,10 +113,13 @@ def measured_session(
         networks: of the weight file, without a session.
         weights: the file.
         recording: of the present day.
+        date: of the recording; now by default.
 
     Raises:
-        StrategyError: the networks hold no forward model, or the arm is another one.
-        RecordingError: the tip or the configurations are not known.
+        StrategyError: the networks hold no forward model or a session already, or the
+            arm is another one.
+        RecordingError: the tip or the configurations are not known, or no arm changes
+            by as much.
     """
     arm = recording.arm
     if not networks.arm.same_mechanics(arm):
@@ -115,17 +128,24 @@ def measured_session(
             f"'{arm.name}', which differs in {', '.join(networks.arm.differences(arm))}"
         )
     fit = fit_session(_model(networks), training_data(recording, networks.recipe))
-    posterior = fit.posterior
-    session = Session(
-        weights=_digest(weights),
-        arm=arm.name,
-        date=datetime.now(UTC),
-        change=Numbers.of(posterior.change),
-        std=Numbers.of(posterior.std),
-        before=fit.before,
-        after=fit.after,
-        explained=fit.explained,
-    )
+    try:
+        session = Session(
+            weights=_digest(weights),
+            arm=arm.name,
+            date=date or datetime.now(UTC),
+            change=Numbers.of(fit.posterior.change),
+            std=Numbers.of(fit.posterior.std),
+            before=fit.before,
+            after=fit.after,
+            explained=fit.explained,
+        )
+    except ValidationError as error:
+        found = [f"{each['loc'][0]} {each['input']:.2g}" for each in error.errors()]
+        raise RecordingError(
+            "no arm changes between days by as much as this recording shows "
+            f"({', '.join(found)}); check homing and tracking (`s2c2a tracking frames`), "
+            "or train anew"
+        ) from error
     return session, fit
 
 
@@ -207,6 +227,11 @@ def _model(networks: TrainedNetworks) -> ForwardModel:
         raise StrategyError(
             f"networks of {networks.strategy} hold no forward model that a session "
             "could correct; take those of s2c2a, or leave it out with --session none"
+        )
+    if isinstance(model, SessionC2S):
+        raise StrategyError(
+            "these networks have a session already, and a session is measured against "
+            "and used with those of the training; take them from load_networks"
         )
     return model
 

@@ -26,8 +26,8 @@ class TrainedNetworks:
         curves: network -> rows of epoch, training loss, validation loss.
         strategy: name of the strategy.
         strategy_options: numbers of its options class.
-        errors: network -> mean errors of the tip [m] on samples that a second training
-            has not seen, by the kind of these samples.
+        errors: network -> mean errors of the tip [m] on held-out samples, by the kind of
+            these samples.
         spread: of a prior: the forward model with the standard deviations of its
             parameters over arms; None for networks of one arm.
     """
