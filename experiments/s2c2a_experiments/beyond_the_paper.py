@@ -189,10 +189,11 @@ def repetition(
     strength: float = 1.0,
     tasks: tuple[str, ...] = ("circle",),
     repetitions: int = 5,
+    turns: int = 3,
     seeds: int = 1,
     work: Work = ALL_CORES,
 ) -> None:
-    """Iterative learning control with a slow camera, on randomized arms.
+    """What a slow camera teaches, over runs (learning control) and within one.
 
     Repeat the command to continue an interrupted run.
 
@@ -203,6 +204,7 @@ def repetition(
         strength: magnitude of their mismatch.
         tasks: names of tasks.
         repetitions: of each task.
+        turns: of the circle in one run, with and without the camera; none if zero.
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
@@ -210,7 +212,7 @@ def repetition(
     from s2c2a_experiments.sensors import randomized_arms
 
     arms = randomized_arms(load_arm(arm), random_arms, strength)
-    repeated = study.RepetitionStudy(arms, tasks, repetitions, _seeds(seeds))
+    repeated = study.RepetitionStudy(arms, tasks, repetitions, _seeds(seeds), turns)
     options = asdict(repeated) | {"arms": [one.name for one in arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.repetition_rows(repeated, results.make))

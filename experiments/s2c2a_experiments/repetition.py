@@ -1,7 +1,8 @@
 """Repetition: how well a slow camera corrects the model, within a run and over runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -10,11 +11,14 @@ from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.strategies import recipe_named
+from s2c2a.tasks import Task, circle
+from s2c2a.tasks.circle import ROUND_TIME
 from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.sensors import last_quarter, with_sensors
 
 EXPERIMENT = "repetition"
 SENSORS = "camera"
+ENCODERS = "encoders"
 
 
 @dataclass(frozen=True)
@@ -26,16 +30,18 @@ class RepetitionStudy:
         tasks: names.
         repetitions: of each task.
         seeds: of data, training and start.
+        turns: of the circle in one run, with and without the camera; none if zero.
     """
 
     arms: tuple[ArmSpec, ...]
     tasks: tuple[str, ...] = ("circle",)
     repetitions: int = 5
     seeds: tuple[int, ...] = (0,)
+    turns: int = 3
 
 
 def repetition_rows(study: RepetitionStudy, make: jobs.Make) -> list[Row]:
-    """Mean and last-quarter error of every repetition, for every arm and task.
+    """Errors of every repetition, for every arm and task, and of every turn of a run.
 
     Args:
         study: what is repeated.
@@ -45,7 +51,48 @@ def repetition_rows(study: RepetitionStudy, make: jobs.Make) -> list[Row]:
     rows = []
     for runs in jobs.in_groups(make, groups):
         rows += rows_of(runs)
+    if study.turns:
+        rows += _turn_rows(study, make)
     return rows
+
+
+def _turn_rows(study: RepetitionStudy, make: jobs.Make) -> list[Row]:
+    """Mean error of every turn of the circle in one run."""
+    cases = list(product(study.arms, (ENCODERS, SENSORS)))
+    groups = [
+        jobs.jobs_for(
+            [turning(arm, study.turns)],
+            with_sensors(arm, sensors),
+            ["s2c2a"],
+            study.seeds,
+            recipe_named("best"),
+        )
+        for arm, sensors in cases
+    ]
+    rows = []
+    for (_, sensors), runs in zip(cases, jobs.in_groups(make, groups), strict=True):
+        errors = np.array([_turn_errors(run, study.turns) for run in runs])
+        for number, values in enumerate(errors.T, start=1):
+            label = f"{sensors}, turn {number}"
+            metrics = {("position", "cm"): values.tolist()}
+            rows += metric_rows(EXPERIMENT, runs, label, metrics)
+    return rows
+
+
+def turning(arm: ArmSpec, turns: int) -> Task:
+    """The task circle with several turns."""
+    once = circle(arm)
+    start = len(once.goals) - round(ROUND_TIME * arm.control_rate)
+    goals = once.goals[:start] + turns * once.goals[start:]
+    return replace(once, name=f"circle-{turns}-turns", goals=goals)
+
+
+def _turn_errors(run: jobs.Run, turns: int) -> list[float]:
+    """Mean distance of the tip from its target in every turn [cm]."""
+    states = run.episode.after("states")
+    errors = position_errors(states, run.job.task.desired_positions())
+    steps = turns * round(ROUND_TIME * run.job.arm.control_rate)
+    return [float(np.nanmean(turn)) for turn in np.split(errors[-steps:], turns)]
 
 
 def _jobs(study: RepetitionStudy, arm: ArmSpec, task: str) -> list[jobs.Job]:

@@ -1,8 +1,9 @@
 """The study of repetition: its runs, and a row for every repetition."""
 
+import numpy as np
 import pytest
 
-from s2c2a_experiments.repetition import RepetitionStudy, repetition_rows
+from s2c2a_experiments.repetition import RepetitionStudy, repetition_rows, turning
 
 
 def test_every_arm_and_task_is_repeated_with_a_camera(twin):
@@ -19,3 +20,24 @@ def test_every_arm_and_task_is_repeated_with_a_camera(twin):
     assert [job.task.name for job in jobs] == ["circle", "tilt-50"]
     assert {job.repetitions for job in jobs} == {3}
     assert all(job.arm.sensors.camera for job in jobs)
+
+
+def test_without_repetitions_the_circle_turns_with_and_without_a_camera(twin):
+    asked = []
+
+    def make(jobs):
+        asked.extend(jobs)
+        return []
+
+    study = RepetitionStudy((twin,), tasks=(), turns=2)
+    assert repetition_rows(study, make) == []
+    assert [bool(job.arm.sensors.camera) for job in asked] == [False, True]
+    assert {job.task.name for job in asked} == {"circle-2-turns"}
+
+
+def test_every_turn_of_the_circle_is_the_same(twin):
+    one, three = (turning(twin, count).desired_positions()[:, -1] for count in (1, 3))
+    turn = round(16.0 * twin.control_rate)
+    assert len(three) == len(one) + 2 * turn
+    np.testing.assert_array_equal(three[: len(one)], one)
+    np.testing.assert_array_equal(three[-turn:], one[-turn:])
