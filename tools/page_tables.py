@@ -472,13 +472,7 @@ def _from_prior(strategy: str) -> str:
     return number(row["mean"])
 
 
-REAL_FILES = (
-    "opencr_v4",
-    "opencr_v4_largest",
-    "stanford_trunk",
-    "stanford_trunk_largest",
-    "kosice",
-)
+REAL_FILES = ("opencr_v4", "stanford_trunk", "kosice")
 REAL_SCORES = {
     "tip": "tip [mm]",
     "log likelihood": "log likelihood [nats]",
