@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import describe_disagreement
+from s2c2a.evaluation import describe_disagreement, describe_session
+from s2c2a.models.session import DayChange
+from s2c2a.models.session_fit import DayPosterior, SessionFit
 
 TWIN = load_arm("twin_arm")
 STEPS = 300
@@ -43,3 +46,40 @@ def test_larger_errors_and_a_lasting_shift_name_the_session(scale, shift):
 
 def test_a_tip_that_was_not_seen_disagrees_with_nothing():
     assert describe_disagreement(run(9.0, seen=False)) == ""
+
+
+@pytest.mark.parametrize("states_age", [True, False])
+def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
+    states_age,
+):
+    late = 3  # rows
+    camera = Camera(delay=0.3)
+    arm = TWIN.model_copy(update={"sensors": Sensors(camera=camera)})
+    rows = np.arange(STEPS)
+    predicted = np.zeros((STEPS, 3, 6))
+    predicted[:, -1, 0] = 0.02 * (rows + 1)  # m; of the next row
+    pictures = np.full((STEPS, 3, 3), np.nan)
+    pictures[:, -1] = 0.0
+    pictures[:, -1, 0] = 0.02 * (rows - late)
+    columns = {
+        "time": 0.1 * rows,
+        "actions": np.zeros((STEPS, 3, 3)),
+        "predicted": predicted,
+        "predictive_std": np.full((STEPS, 3), STD),
+        "sensor.camera_positions": pictures,
+    }
+    if states_age:
+        columns["sensor.camera_age"] = np.full(STEPS, 0.1 * late)
+    assert describe_disagreement(Episode(arm, columns)) == ""
+    columns["sensor.camera_positions"] = pictures + 2.0 * STD
+    assert "`s2c2a session`" in describe_disagreement(Episode(arm, columns))
+
+
+@pytest.mark.parametrize(("after", "is_said"), [(0.004, False), (0.006, True)])
+def test_the_report_says_if_the_larger_part_of_an_error_is_unexplained(after, is_said):
+    change = DayChange.none(3)
+    covariance = 1e-6 * np.eye(18)
+    explained = {"frame": 0.004, "homing": 0.0, "stiffness": 0.0}
+    fit = SessionFit(DayPosterior(change, covariance), 0.01, after, explained)
+    text = "\n".join(describe_session(fit, TWIN))
+    assert ("the larger part is none of these" in text) == is_said

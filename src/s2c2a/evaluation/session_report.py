@@ -1,11 +1,12 @@
 """What a session shows: how far an arm is from its model, and why."""
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.special import chdtri
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.models.session_fit import SessionFit, correlation_time
+from s2c2a.models.session_fit import SessionFit, samples_per_independent_one
 from s2c2a.spaces import POSITION
 
 SEEN = "states", "camera_positions"
@@ -66,15 +67,19 @@ def describe_disagreement(episode: Episode) -> str:
     if seen is None or not {"predicted", "predictive_std"} <= episode.columns.keys():
         return ""
     steps = episode.running
-    steps = steps[steps + 1 < len(episode)]
-    tip = episode.sensor(seen)[steps + 1, -1, POSITION]
-    errors = tip - episode["predicted"][steps, -1, POSITION]
-    std = episode["predictive_std"][steps, -1]
+    # a step predicts the next row; pictures show an earlier one than that they are in
+    shown = np.arange(len(episode)) - _ages(episode, seen)
+    within = (shown >= steps[0] + 1) & (shown <= steps[-1] + 1)
+    predicted, std = (
+        _at(shown[within] - 1, steps, values[steps, -1])
+        for values in (episode["predicted"][..., POSITION], episode["predictive_std"])
+    )
+    errors = episode.sensor(seen)[within, -1, POSITION] - predicted
     known = np.isfinite(errors).all(axis=-1) & (std > 0.0)
     if not known.any():
         return ""
     relative = np.sqrt(3.0) * errors[known] / std[known, None]
-    time = correlation_time(relative)
+    time = samples_per_independent_one(relative)
     # of all coordinates of the samples that are independent
     freedom = relative.size / time
     if (relative**2).sum() / time <= chdtri(freedom, UNLIKELY):
@@ -85,6 +90,29 @@ def describe_disagreement(episode: Episode) -> str:
         f"{1000 * std[known].mean():.1f} mm: if nothing hangs at it or pushes it, the "
         "arm has changed since the training; run `s2c2a session` with its weights"
     )
+
+
+def _ages(episode: Episode, seen: str) -> Float[np.ndarray, " rows"]:
+    """How many rows before its own each measurement of a sensor was taken."""
+    camera = episode.arm.sensors.camera
+    if seen != "camera_positions" or camera is None:
+        return np.zeros(len(episode))
+    ages = np.full(len(episode), camera.delay)
+    if "camera_age" in episode.sensors:
+        stated = episode.sensor("camera_age")
+        ages = np.where(np.isfinite(stated), stated, ages)
+    return ages / episode.arm.control_period
+
+
+def _at(
+    rows: Float[np.ndarray, " rows"],
+    steps: Int[np.ndarray, " steps"],
+    values: Float[np.ndarray, "steps *shape"],
+) -> Float[np.ndarray, "rows *shape"]:
+    """Values of control steps at rows between them."""
+    columns = values.reshape(len(steps), -1).T
+    between = [np.interp(rows, steps, column) for column in columns]
+    return np.stack(between, axis=-1).reshape(len(rows), *values.shape[1:])
 
 
 def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -> str:

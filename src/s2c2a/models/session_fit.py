@@ -218,7 +218,7 @@ def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
     power = float((errors**2).sum())
     if not power > 0.0:
         return 0.0
-    return errors.size / (power * correlation_time(errors))
+    return errors.size / (power * samples_per_independent_one(errors))
 
 
 def _unexplained(
@@ -235,7 +235,7 @@ def _unexplained(
     return scale * (errors - (design @ frame).reshape(errors.shape))
 
 
-def correlation_time(errors: Float[np.ndarray, "samples 3"]) -> float:
+def samples_per_independent_one(errors: Float[np.ndarray, "samples 3"]) -> float:
     """Number of successive samples that tell as much as one independent one.
 
     1 + 2 sum r_k, with the correlations r_k up to the first that is not positive.
