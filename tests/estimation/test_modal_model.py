@@ -70,6 +70,24 @@ def test_factors_are_identified_again_from_a_simulation():
     assert remaining < 0.1 * without
 
 
+def test_factors_fit_best_also_where_the_model_knows_the_vibration_already():
+    """The filter simulates vibration in any case: nominal factors would be worse."""
+    true = ModalFactors(jnp.asarray(1.3), jnp.asarray(1.2))
+    equilibria = np.repeat(
+        np.random.default_rng(0).normal(0, 0.1, (3, 20, 6)), 10, axis=1
+    )
+    arm = LinearizedArm.of(TWIN)
+    bends = simulate(modal_step(arm, true, PERIOD), equilibria)
+    shape = (3, 200, 3, 2)
+    factors, without, remaining = identify_modal_factors(
+        TWIN, bends.reshape(shape), bends.reshape(shape)
+    )
+    assert remaining > without
+    twice = simulate(modal_step(arm, ModalFactors.nominal(), PERIOD), bends)
+    best = simulate(modal_step(arm, factors, PERIOD), bends)
+    assert np.abs(best - bends).mean() < 0.8 * np.abs(twice - bends).mean()
+
+
 def test_unknown_bends_leave_the_nominal_factors():
     unknown = np.full((2, 100, 3, 2), np.nan)
     factors, *errors = identify_modal_factors(TWIN, np.zeros_like(unknown), unknown)

@@ -258,5 +258,6 @@ def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):
         replace(data, states=data.states + noise), FIT, jax.random.key(0)
     )
     process = trained.network.process
+    assert not process.is_fitted
     assert float(process.scale.min()) > 0.0
     assert trained.errors["held-out samples"] > 0.02

@@ -206,7 +206,7 @@ def _warn_of_age(
     session: "strategies.Session | None",
 ) -> None:
     """Say that an arm was homed or calibrated after its model was last compared with it."""
-    calibrated = factory.make(spec).calibrated
+    calibrated = factory.make(spec).last_calibration()
     if calibrated is None or not weights.exists():
         return
     compared = datetime.fromtimestamp(weights.stat().st_mtime, UTC)

@@ -45,10 +45,11 @@ from s2c2a.models.forward_model import ForwardModel
 
 # control steps in the past: the present one, and two to interpolate between
 MIN_HISTORY = 3
-UNCLEAR = 0.03
-"""Bends [rad] whose effect on positions counts as noise where these do not determine all.
+UNCLEAR = STD / 2.0
+"""Bends [rad] whose mean effect on positions counts as noise.
 
-It keeps the explanation short along directions that pictures hardly show.
+Along directions that pictures hardly show, biases then stay small; along the others, a
+fifth of a residual is left to the next picture.
 """
 
 

@@ -121,14 +121,14 @@ class ResidualProcess(Fixed):
         scale = np.asarray(self.scale, np.float64)[known]
         scaled = (features[complete] - np.asarray(self.center)) * np.asarray(self.rates)
         noise = float(self.noise / self.amplitude)
-        count = len(self.points)
-        posterior = _posterior(scaled, (y - mean) / scale, noise, count)
-        points, weights, root = posterior
+        points, weights, root = _posterior(
+            scaled, (y - mean) / scale, noise, len(self.points)
+        )
 
         def for_all_outputs(values: np.ndarray) -> Array:
-            complete = np.zeros((*values.shape[:-1], len(known)), np.float32)
-            complete[..., known] = values
-            return jnp.asarray(complete)
+            outputs = np.zeros((*values.shape[:-1], len(known)), np.float32)
+            outputs[..., known] = values
+            return jnp.asarray(outputs)
 
         return replace(
             self,

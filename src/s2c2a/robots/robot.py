@@ -33,8 +33,7 @@ class Robot(ABC):
     arm: ArmSpec
     own_time: ClassVar[bool] = False
 
-    @property
-    def calibrated(self) -> datetime | None:
+    def last_calibration(self) -> datetime | None:
         """When the arm was last homed, or its tracking calibrated; None if unknown."""
         return None
 

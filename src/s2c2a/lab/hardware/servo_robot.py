@@ -280,8 +280,7 @@ class ServoRobot(Robot):
         self._send_positions(positions)
         self.bus.set_torque(self._flat_ids, on=True)
 
-    @property
-    def calibrated(self) -> datetime:
+    def last_calibration(self) -> datetime:
         """When the arm was homed."""
         return self._calibration.date
 

@@ -251,11 +251,10 @@ class TrackedRobot(Robot):
                 "add --tracking none"
             )
 
-    @property
-    def calibrated(self) -> datetime | None:
+    def last_calibration(self) -> datetime | None:
         """When the arm was homed or its tracking calibrated, the later of both."""
         path = calibration_path(self.arm)
-        dates = [self._robot.calibrated]
+        dates = [self._robot.last_calibration()]
         if path.exists():
             dates.append(load_tracking_calibration(path, self.arm).date)
         known = [date.astimezone(UTC) for date in dates if date is not None]
