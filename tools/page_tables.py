@@ -549,6 +549,29 @@ def stability_table() -> str:
     return table(["", *(f"{payload} g" for payload in payloads)], lines)
 
 
+@shown_as("session")
+def session_table() -> str:
+    """An arm on another day, without and with a session: circle and other motion."""
+    file = "session/results.json"
+    rows = find_rows(file)
+    changes = dict.fromkeys(row["strategy"].split(",")[0] for row in rows)
+    lines = []
+    for arm in dict.fromkeys(row["arm"] for row in rows):
+        for change in changes:
+            cells = []
+            for metric, digits in (("position", 2), ("model error", 1), ("warns", 0)):
+                pair = []
+                for session in ("without", "with"):
+                    name = f"{change}, {session} session"
+                    row = find_row(file, arm=arm, strategy=name, metric=metric)
+                    pair.append(number(row["mean"], digits))
+                cells.append(" / ".join(pair))
+            lines.append([f"`{arm}`", change, *cells])
+    return table(
+        ["arm", "change", "circle [cm]", "other motion [mm]", "warns [runs]"], lines
+    )
+
+
 @shown_as("repetition")
 def repetition_table() -> str:
     """Iterative learning: whole run, and its last quarter."""
