@@ -589,6 +589,9 @@ def repetition_table() -> str:
             last = find_row(file, metric="position, last quarter", **match)
             cells.append(f"{number(whole['mean'])} ({number(last['mean'])})")
         lines.append([label, *cells])
+    for label in ("encoders, turn 3", "camera, turn 3"):
+        rows = [find_row(file, arm=arm, strategy=label) for arm in arms]
+        lines.append([label, *(number(row["mean"]) for row in rows)])
     return table(["repetition [cm]", *(f"`{arm}`" for arm in arms)], lines)
 
 
