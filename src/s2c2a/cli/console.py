@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from s2c2a.strategies import TrainedNetworks
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
+OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 _STRATEGY = "s2c2a|pcc|pcc-fitted|s2c2a-motor|FILE.py:Class"
 StrategyName = Annotated[str, tyro.conf.arg(metavar=_STRATEGY)]
 StrategyNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_STRATEGY} ...")]

@@ -4,11 +4,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import tyro
 
-from s2c2a.cli.console import FidelityName, progress_bar
+from s2c2a.cli.console import FidelityName, OptionalArm, progress_bar
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
@@ -23,8 +23,6 @@ from s2c2a.files import MAX_COUNT
 if TYPE_CHECKING:
     from s2c2a import data, strategies
     from s2c2a.robots import RobotFactory
-
-OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 
 
 @effective(

@@ -7,6 +7,7 @@ import tyro
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import (
+    OptionalArm,
     RecipeName,
     StrategyName,
     print_held_out_errors,
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 Recorded = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]
-OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 Start = Annotated[Path | None, tyro.conf.arg(name="from", metavar="FILE")]
 
 

@@ -1,7 +1,8 @@
 """What a session shows: how far an arm is from its model, and why."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
+from scipy.interpolate import make_interp_spline
 from scipy.special import chdtri
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -70,10 +71,14 @@ def describe_disagreement(episode: Episode) -> str:
     # a step predicts the next row; pictures show an earlier one than that they are in
     shown = np.arange(len(episode)) - _ages(episode, seen)
     within = (shown >= steps[0] + 1) & (shown <= steps[-1] + 1)
-    predicted, std = (
-        _at(shown[within] - 1, steps, values[steps, -1])
-        for values in (episode["predicted"][..., POSITION], episode["predictive_std"])
+    if len(steps) < 2 or not within.any():
+        return ""
+    columns = (
+        episode["predicted"][steps, -1, POSITION],
+        episode["predictive_std"][steps],
     )
+    between = make_interp_spline(steps, np.hstack(columns), k=1)(shown[within] - 1)
+    predicted, std = between[:, POSITION], between[:, -1]
     errors = episode.sensor(seen)[within, -1, POSITION] - predicted
     known = np.isfinite(errors).all(axis=-1) & (std > 0.0)
     if not known.any():
@@ -102,17 +107,6 @@ def _ages(episode: Episode, seen: str) -> Float[np.ndarray, " rows"]:
         stated = episode.sensor("camera_age")
         ages = np.where(np.isfinite(stated), stated, ages)
     return ages / episode.arm.control_period
-
-
-def _at(
-    rows: Float[np.ndarray, " rows"],
-    steps: Int[np.ndarray, " steps"],
-    values: Float[np.ndarray, "steps *shape"],
-) -> Float[np.ndarray, "rows *shape"]:
-    """Values of control steps at rows between them."""
-    columns = values.reshape(len(steps), -1).T
-    between = [np.interp(rows, steps, column) for column in columns]
-    return np.stack(between, axis=-1).reshape(len(rows), *values.shape[1:])
 
 
 def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -> str:

@@ -1,8 +1,9 @@
 """Options of forward models, and the paper's C2S: configurations to states."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -15,7 +16,13 @@ from s2c2a.components import Options
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel, Memory, MemorylessModel
+from s2c2a.models.forward_model import (
+    ForwardModel,
+    Memory,
+    MemorylessModel,
+    Output,
+    along_episode,
+)
 from s2c2a.models.layers import Scaling, Size
 from s2c2a.paper import BiLSTM
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
@@ -54,9 +61,7 @@ class ForwardOptions(Options, ABC):
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """Predict the states of whole episodes [m, 1], base frame."""
-        return _along_episodes(
-            lambda model, now, memory: model.predict(now, memory), model, data
-        )
+        return _along_episodes(model, data, "predict")
 
     def deviations(
         self, model: ForwardModel, data: TrainingData
@@ -65,9 +70,7 @@ class ForwardOptions(Options, ABC):
 
         Each is the root of the expected squared distance (`predictive_std`).
         """
-        return _along_episodes(
-            lambda model, now, memory: model.predictive_std(now, memory), model, data
-        )
+        return _along_episodes(model, data, "predictive_std")
 
     @abstractmethod
     def train(
@@ -161,19 +164,10 @@ class ForwardOptions(Options, ABC):
 
 
 def _along_episodes(
-    output: Callable[[ForwardModel, Float[Array, "modules 3"], Memory], Array],
-    model: ForwardModel,
-    data: TrainingData,
+    model: ForwardModel, data: TrainingData, output: Output
 ) -> np.ndarray:
-    """An output of the model at every sample, with its memory along each episode."""
-
-    @eqx.filter_jit
-    def run(model: ForwardModel, sensed: Float[Array, "samples modules 3"]) -> Array:
-        def step(memory, now):
-            return model.observe(now, memory), output(model, now, memory)
-
-        return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
-
+    """An output of the model at every sample of all episodes."""
+    run = eqx.filter_jit(partial(along_episode, output=output))
     episodes = jnp.asarray(data.sensed, jnp.float32)
     return np.stack([run(model, sensed) for sensed in episodes])
 

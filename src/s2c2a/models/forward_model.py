@@ -1,9 +1,10 @@
 """The interface of forward models (C2S), and the constant-curvature model."""
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -118,6 +119,22 @@ class ForwardModel(eqx.Module):
         return jnp.zeros(configurations.shape[:-2])
 
 
+Output = Literal["predict", "predictive_std"]
+
+
+def along_episode(
+    model: ForwardModel,
+    sensed: Float[Array, "samples modules 3"],
+    output: Output = "predict",
+) -> Float[Array, "samples ..."]:
+    """An output of a model at every sample of an episode from rest, with its memory."""
+
+    def step(memory: Memory, now: Array) -> tuple[Memory, Array]:
+        return model.observe(now, memory), getattr(model, output)(now, memory)
+
+    return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
+
+
 class MemorylessModel(ForwardModel):
     """A forward model without hysteresis, as in the paper."""
 
@@ -130,6 +147,64 @@ class MemorylessModel(ForwardModel):
     def for_planning(self) -> "MemorylessModel":
         """See `ForwardModel`: without memory, the true gradients are used."""
         return self
+
+
+class WrappedModel(ForwardModel):
+    """A model that changes what another one predicts; all else is that of the other."""
+
+    @property
+    @abstractmethod
+    def inner(self) -> ForwardModel:
+        """The other model."""
+
+    def moved(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch modules 3"]:
+        """Configurations for the other model; the same by default."""
+        return configurations
+
+    @property
+    def takes_payload(self) -> bool:
+        return self.inner.takes_payload
+
+    def start(self, sensed: Float[Array, "*batch modules 3"]) -> Memory:
+        return self.inner.start(self.moved(sensed))
+
+    def observe(
+        self, sensed: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Memory:
+        return self.inner.observe(self.moved(sensed), memory)
+
+    def with_moments(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        before: Disturbances,
+    ) -> Disturbances:
+        moved = self.moved(configurations)
+        return self.inner.with_moments(disturbances, moved, memory, before)
+
+    def tensions(
+        self,
+        configurations: Float[Array, "*batch modules 3"],
+        memory: Memory,
+        disturbances: Disturbances | None = None,
+    ) -> Float[Array, "*batch modules cables"]:
+        return self.inner.tensions(self.moved(configurations), memory, disturbances)
+
+    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+        return self.inner.cable_stiffnesses()
+
+    def predictive_std(
+        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+    ) -> Float[Array, "*batch modules"]:
+        return self.inner.predictive_std(self.moved(configurations), memory)
+
+    def extrapolation(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch"]:
+        return self.inner.extrapolation(self.moved(configurations))
 
 
 class PCCForwardModel(MemorylessModel):

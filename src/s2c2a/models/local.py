@@ -12,7 +12,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics import bends_from_configurations, limit_lengths
@@ -20,7 +19,7 @@ from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.data_region import PRIOR_STD, DataRegion
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.forward_model import WrappedModel
 from s2c2a.models.residual_process import ResidualProcess
 from s2c2a.spaces import AXIS, POSITION
 
@@ -44,7 +43,7 @@ class Tangent(NamedTuple):
     slopes: Float[Array, "outputs features"]
 
 
-class LocalC2S(ForwardModel):
+class LocalC2S(WrappedModel):
     """The chain model and a Gaussian process of its residual.
 
     Attributes:
@@ -61,37 +60,10 @@ class LocalC2S(ForwardModel):
     unit: float = eqx.field(static=True)
     tangent: Tangent | None = None
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
-        return self.chain.start(sensed)
-
-    def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
-    ) -> HysteresisMemory:
-        return self.chain.observe(sensed, memory)
-
     @property
-    def takes_payload(self) -> bool:
-        return True
-
-    def with_moments(
-        self,
-        disturbances: Disturbances,
-        configurations: Float[Array, "*batch modules 3"],
-        memory: HysteresisMemory,
-        before: Disturbances,
-    ) -> Disturbances:
-        return self.chain.with_moments(disturbances, configurations, memory, before)
-
-    def tensions(
-        self,
-        configurations: Float[Array, "*batch modules 3"],
-        memory: HysteresisMemory,
-        disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules cables"]:
-        return self.chain.tensions(configurations, memory, disturbances)
-
-    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
-        return self.chain.cable_stiffnesses()
+    def inner(self) -> ChainC2S:
+        """See `WrappedModel`: the chain."""
+        return self.chain
 
     def for_planning(self) -> "LocalC2S":
         return replace(self, chain=self.chain.for_planning())

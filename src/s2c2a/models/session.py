@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics.bends import (
@@ -19,7 +18,7 @@ from s2c2a.kinematics.bends import (
     squared_norm,
 )
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel, Memory
+from s2c2a.models.forward_model import ForwardModel, Memory, WrappedModel
 from s2c2a.models.trunk import slackened
 from s2c2a.spaces import AXIS, POSITION
 
@@ -76,17 +75,17 @@ def rotated(
     return vectors + sinc(squared) * first + sinc(squared / 4.0) ** 2 / 2.0 * second
 
 
-class SessionC2S(ForwardModel):
+class SessionC2S(WrappedModel):
     """A forward model after a change of day.
 
     Planner and controller go on in sensed configurations.
 
     Attributes:
-        inner: the model of the training, with the present slack.
+        trained: the model of the training, with the present slack.
         change: since then.
     """
 
-    inner: ForwardModel
+    trained: ForwardModel
     change: DayChange
 
     @classmethod
@@ -95,24 +94,15 @@ class SessionC2S(ForwardModel):
         return cls(slackened(model, change.slack), change)
 
     @property
-    def takes_payload(self) -> bool:
-        return self.inner.takes_payload
+    def inner(self) -> ForwardModel:
+        """See `WrappedModel`: the model of the training."""
+        return self.trained
 
-    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
-        return self.inner.start(self.change.moved(sensed))
-
-    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
-        return self.inner.observe(self.change.moved(sensed), memory)
-
-    def with_moments(
-        self,
-        disturbances: Disturbances,
-        configurations: Float[Array, "*batch modules 3"],
-        memory: Memory,
-        before: Disturbances,
-    ) -> Disturbances:
-        moved = self.change.moved(configurations)
-        return self.inner.with_moments(disturbances, moved, memory, before)
+    def moved(
+        self, configurations: Float[Array, "*batch modules 3"]
+    ) -> Float[Array, "*batch modules 3"]:
+        """See `WrappedModel`: those that the arm had on the day of the training."""
+        return self.change.moved(configurations)
 
     def predict(
         self,
@@ -120,37 +110,14 @@ class SessionC2S(ForwardModel):
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        moved = self.change.moved(configurations)
+        moved = self.moved(configurations)
         return self.change.seen(self.inner.predict(moved, memory, disturbances))
 
-    def tensions(
-        self,
-        configurations: Float[Array, "*batch modules 3"],
-        memory: Memory,
-        disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules cables"]:
-        moved = self.change.moved(configurations)
-        return self.inner.tensions(moved, memory, disturbances)
-
-    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
-        return self.inner.cable_stiffnesses()
-
     def for_planning(self) -> "SessionC2S":
-        return replace(self, inner=self.inner.for_planning())
+        return replace(self, trained=self.trained.for_planning())
 
     def near(
         self, configurations: Float[Array, "modules 3"], memory: Memory
     ) -> "SessionC2S":
-        near = self.inner.near(self.change.moved(configurations), memory)
-        return replace(self, inner=near)
-
-    def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
-    ) -> Float[Array, "*batch modules"]:
-        moved = self.change.moved(configurations)
-        return self.inner.predictive_std(moved, memory)
-
-    def extrapolation(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch"]:
-        return self.inner.extrapolation(self.change.moved(configurations))
+        near = self.trained.near(self.moved(configurations), memory)
+        return replace(self, trained=near)

@@ -7,6 +7,7 @@ correlated in time, so many samples count as one as their correlation lasts.
 """
 
 from collections.abc import Iterable
+from functools import partial
 from itertools import permutations
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RecordingError
-from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.forward_model import ForwardModel, along_episode
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
@@ -117,13 +118,6 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     return SessionFit(posterior, before, float(np.mean(after)), explained)
 
 
-def tip_error(model: ForwardModel, data: TrainingData) -> float:
-    """Mean distance of the seen tip from a model's [m]."""
-    return _Residuals(model, data).tip_error(
-        DayChange.none(data.arm.module_count), True
-    )
-
-
 class _Residuals:
     """Residuals of a model on a recording, and their derivatives by the change."""
 
@@ -141,28 +135,22 @@ class _Residuals:
         @eqx.filter_jit
         def predict(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
             change = self._as_change(whitened * self._scales)
-            return jax.vmap(lambda one: _simulated(SessionC2S.of(model, change), one))(
-                sensed
-            )
+            simulate = partial(along_episode, SessionC2S.of(model, change))
+            return jax.vmap(simulate)(sensed)
 
         @eqx.filter_jit
         def slopes(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
             return jax.jacfwd(lambda at: predict(model, at, sensed))(whitened)
 
-        self._predict = lambda whitened: np.asarray(
-            predict(model, whitened, self._sensed)
-        )
-        self._slopes = lambda whitened: np.asarray(
-            slopes(model, whitened, self._sensed)
-        )
+        self._predict = partial(predict, model, sensed=self._sensed)
+        self._slopes = partial(slopes, model, sensed=self._sensed)
 
     def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
         """The change that fits some samples, and its covariance."""
         whitened = np.zeros(len(self._scales), np.float32)
-        precision = np.eye(len(whitened))
         for iteration in range(ITERATIONS):
-            errors = self._states - self._predict(jnp.asarray(whitened))
-            slopes = self._slopes(jnp.asarray(whitened))
+            errors = self._states - np.asarray(self._predict(jnp.asarray(whitened)))
+            slopes = np.asarray(self._slopes(jnp.asarray(whitened)))
             precision = np.eye(len(whitened))
             gradient = -whitened.astype(float)
             for module in range(self.known.shape[-1]):
@@ -185,7 +173,7 @@ class _Residuals:
     ) -> float:
         """Mean distance of the seen tip from the model's, after a change [m]."""
         whitened = ravel_pytree(change)[0] / self._scales
-        errors = self._states - self._predict(whitened)
+        errors = self._states - np.asarray(self._predict(whitened))
         seen = (self.known & judged)[..., -1]
         return float(np.linalg.norm(errors[seen][:, -1, POSITION], axis=-1).mean())
 
@@ -200,17 +188,6 @@ def _scales(arm: ArmSpec) -> DayChange:
         CABLE / radii,
         jnp.full(len(radii), GAIN),
     )
-
-
-def _simulated(
-    model: ForwardModel, sensed: Float[Array, "samples modules 3"]
-) -> Float[Array, "samples modules 6"]:
-    """Predicted states of an episode from rest."""
-
-    def step(memory, now):
-        return model.observe(now, memory), model.predict(now, memory)
-
-    return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
 
 
 def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
