@@ -14,6 +14,7 @@ from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
 
 if TYPE_CHECKING:
+    from s2c2a.arm import ArmSpec
     from s2c2a.evaluation.report import Row
     from s2c2a.jobs import Make
 
@@ -218,6 +219,43 @@ def repetition(
         results.keep(study.repetition_rows(repeated, results.make))
 
 
+def data(
+    arms: tuple[Arm, ...] = ("twin_arm", "simulated_arm"),
+    arm_seeds: tuple[int, ...] = (31, 33, 32, 34),
+    strengths: tuple[float, ...] = (0.5, 0.5, 1.0, 1.0),
+    base: Arm = "twin_arm",
+    kinds: tuple[str, ...] = ("coverage", "mixed", "coverage-mixed"),
+    tasks: tuple[str, ...] = ("circle", "square", "tilt-50", "hold-middle"),
+    seeds: int = 3,
+    work: Work = ALL_CORES,
+) -> None:
+    """Kinds of babbling compared in closed loop, and the choice among them.
+
+    A kind is chosen in place of the first one if its errors are smaller by two standard
+    errors over the arms. Repeat the command to continue an interrupted run.
+
+    Args:
+        arms: presets or arm files, such as those that `s2c2a import` fits to recordings.
+        arm_seeds: of randomized arms, as `s2c2a arm random` samples them.
+        strengths: magnitude of the mismatch of each.
+        base: of the randomized arms, a preset or an arm file.
+        kinds: of babbling; the first is the one to beat.
+        tasks: names of tasks.
+        seeds: number of seeds, from zero; each sets data, training and start.
+        work: run directory and parallel execution.
+    """
+    from s2c2a_experiments import data_choice as study
+
+    drawn = _drawn_arms(base, arm_seeds, strengths)
+    compared = study.DataStudy(
+        (*map(load_arm, arms), *drawn), kinds, tasks, _seeds(seeds)
+    )
+    options = asdict(compared) | {"arms": [arm.name for arm in compared.arms]}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.data_rows(compared, results.make))
+    print(f"chosen: {study.choice(results.rows, kinds)}")
+
+
 def session(
     arm_seeds: tuple[int, ...] = (31, 33, 32),
     strengths: tuple[float, ...] = (0.5, 0.5, 1.0),
@@ -238,14 +276,9 @@ def session(
         seed: of data, training, start and days.
         work: run directory and parallel execution.
     """
-    from s2c2a.arm import randomized_arm
     from s2c2a_experiments import session as study
 
-    nominal = load_arm(base)
-    arms = tuple(
-        randomized_arm(nominal, *drawn)
-        for drawn in zip(arm_seeds, strengths, strict=True)
-    )
+    arms = _drawn_arms(base, arm_seeds, strengths)
     options = {"arms": [one.name for one in arms], "task": task, "seed": seed}
     with _study(study.EXPERIMENT, options, work) as results:
         changed = study.SessionStudy(arms, task, seed, results.directory)
@@ -507,6 +540,17 @@ def _study(
     print_results(title or name, averages or rows, [], directory)
     if as_table:
         print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
+
+
+def _drawn_arms(
+    base: str, seeds: Sequence[int], strengths: Sequence[float]
+) -> "tuple[ArmSpec, ...]":
+    """Randomized arms, one for each seed and strength."""
+    from s2c2a.arm import randomized_arm
+
+    nominal = load_arm(base)
+    pairs = zip(seeds, strengths, strict=True)
+    return tuple(randomized_arm(nominal, *pair) for pair in pairs)
 
 
 def _seeds(count: int) -> tuple[int, ...]:

@@ -6,9 +6,15 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.episodes import Episode
-from s2c2a.evaluation import describe_disagreement, describe_session
+from s2c2a.evaluation import (
+    DisagreementWatch,
+    describe_disagreement,
+    describe_session,
+)
 from s2c2a.models.session import DayChange
 from s2c2a.models.session_fit import DayPosterior, SessionFit
+from s2c2a.runtime import StepRecord
+from s2c2a.spaces import Reading, Stage
 
 TWIN = load_arm("twin_arm")
 STEPS = 300
@@ -46,6 +52,33 @@ def test_larger_errors_and_a_lasting_shift_name_the_session(scale, shift):
 
 def test_a_tip_that_was_not_seen_disagrees_with_nothing():
     assert describe_disagreement(run(9.0, seen=False)) == ""
+
+
+def test_steps_in_which_the_arm_is_held_have_no_prediction_and_count_for_nothing():
+    columns = dict(run(0.97).columns)
+    for name in ("predicted", "predictive_std"):
+        columns[name] = columns[name].copy()
+        columns[name][100:110] = np.nan
+    assert describe_disagreement(Episode(TWIN, columns)) == ""
+
+
+def test_a_motion_is_watched_while_it_goes_on():
+    watch = DisagreementWatch(TWIN)
+    states = np.zeros((3, 6))
+    states[:, 5] = 1.0
+    predicted = states.copy()
+    predicted[-1, 0] = 5.0 * STD
+    told = {"predicted": predicted, "predictive_std": np.full(3, STD)}
+    texts = []
+    for number in range(STEPS):
+        reading = Reading(0.1 * number, {"states": states})
+        step = StepRecord(
+            number, 0.1 * number, Stage.RUN, reading, None, np.zeros((3, 3)), told
+        )
+        watch.add([step])
+        texts.append(watch.text)
+    assert set(texts[:-1]) == {""}
+    assert "the tip was 15.0 mm from its predictions" in texts[-1]
 
 
 @pytest.mark.parametrize("states_age", [True, False])

@@ -4,6 +4,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -77,6 +78,21 @@ def test_steps_of_a_real_arm_are_on_disk_while_it_runs(job, tmp_path, monkeypatc
     assert [len(trace.episode) for trace in shown] == [30]
     assert shown[0].episode.options["task"] == "circle"
     assert list(path.parent.iterdir()) == []
+
+
+def test_a_real_arm_that_differs_from_its_model_is_reported_while_it_runs(
+    job, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(step_writer, "PIECE", 0.02)
+    watch = Mock(text="far off")
+    monkeypatch.setattr(evaluation, "DisagreementWatch", lambda arm: watch)
+    robot = SimpleNamespace(own_time=False)
+    with (
+        pytest.warns(UserWarning, match="far off"),
+        job._steps_on_disk(robot, Cache(tmp_path)) as add,
+    ):
+        add(step(0))
+    watch.add.assert_called_once()
 
 
 def test_a_simulated_run_writes_no_steps(job, tmp_path):

@@ -1,4 +1,4 @@
-"""The page shows a vibration and the feedback that is left."""
+"""The page shows a vibration, the feedback that is left, and a changed arm."""
 
 from dataclasses import replace
 
@@ -22,3 +22,8 @@ def test_a_vibration_and_the_reduced_feedback_are_shown(control, page):
     status = page._status_of(replace(control.latest, step=step))
     assert f"**{VIBRATION}**" in status
     assert "feedback 50%" in status
+
+
+def test_a_tip_far_from_its_predictions_is_shown(control, page):
+    page._disagreement.text = "the tip was 15.0 mm from its predictions"
+    assert "**the tip was 15.0 mm" in page._status_of(control.latest)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 def collect(
     out: Path,
     arm: Arm = "twin_arm",
-    babbling: Literal["staged", "motor", "mixed", "coverage"] | None = None,
+    babbling: Literal["staged", "motor", "mixed", "coverage", "coverage-mixed"]
+    | None = None,
     episodes: int | None = None,
     samples: int = 500,
     seed: int = 0,
@@ -45,8 +46,9 @@ def collect(
         out: the recording, such as twin.episodes.
         arm: a preset or an arm file.
         babbling: staged as in the paper, independent modules (motor), a mixture of
-            both (mixed), or targets that cover the configurations of plans (coverage);
-            default from the recipe.
+            both (mixed), targets that cover the configurations of plans (coverage), or
+            one of the last two in each episode (coverage-mixed); default from the
+            recipe.
         episodes: number of episodes, each from rest; default from the recipe.
         samples: control steps per episode.
         seed: random seed.

@@ -99,6 +99,24 @@ class CoverageBabbling(Babbling):
         return speeds[1]
 
 
+@dataclass(frozen=True)
+class OneOf(Babbling):
+    """Babbling of one kind in each episode, drawn at random.
+
+    Attributes:
+        kinds: that are drawn from.
+    """
+
+    kinds: tuple[Babbling, ...]
+
+    def bends(self, exploration: Exploration) -> Bends:
+        kind = self.kinds[exploration.random.integers(len(self.kinds))]
+        return kind.bends(exploration)
+
+    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
+        return max(kind.fastest(modules, speeds) for kind in self.kinds)
+
+
 def coverage_targets(
     geometry: ArmGeometry, count: int, random: np.random.Generator
 ) -> Float[np.ndarray, "targets modules 2"]:
@@ -227,5 +245,6 @@ BABBLING: dict[str, Babbling] = {
     "motor": MixedPaths(_motor),
     "mixed": MixedPaths(_mixed),
     "coverage": CoverageBabbling(),
+    "coverage-mixed": OneOf((CoverageBabbling(), MixedPaths(_mixed))),
 }
 """Babbling by name."""

@@ -22,7 +22,11 @@ from s2c2a.evaluation.report import (
     describe_vibrations,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout
-from s2c2a.evaluation.session_report import describe_disagreement, describe_session
+from s2c2a.evaluation.session_report import (
+    DisagreementWatch,
+    describe_disagreement,
+    describe_session,
+)
 from s2c2a.evaluation.training_report import (
     describe_held_out_errors,
     describe_modal_model,

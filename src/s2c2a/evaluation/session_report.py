@@ -1,5 +1,7 @@
 """What a session shows: how far an arm is from its model, and why."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
@@ -8,11 +10,13 @@ from scipy.special import chdtri
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.models.session_fit import SessionFit, samples_per_independent_one
+from s2c2a.runtime import StepRecord, build_episode
 from s2c2a.spaces import POSITION
 
 SEEN = "states", "camera_positions"
 """Sensors of the module ends, the best first."""
 UNLIKELY = 0.05  # the usual level of a test: so often no change looks like one
+WATCHED = 30.0  # s, of a stretch; errors of soft arms correlate over a few seconds
 
 
 def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
@@ -68,10 +72,14 @@ def describe_disagreement(episode: Episode) -> str:
     if seen is None or not {"predicted", "predictive_std"} <= episode.columns.keys():
         return ""
     steps = episode.running
+    # a held arm has no prediction
+    steps = steps[np.isfinite(episode["predictive_std"][steps]).all(axis=-1)]
+    if len(steps) < 2:
+        return ""
     # a step predicts the next row; pictures show an earlier one than that they are in
     shown = np.arange(len(episode)) - _ages(episode, seen)
     within = (shown >= steps[0] + 1) & (shown <= steps[-1] + 1)
-    if len(steps) < 2 or not within.any():
+    if not within.any():
         return ""
     columns = (
         episode["predicted"][steps, -1, POSITION],
@@ -95,6 +103,35 @@ def describe_disagreement(episode: Episode) -> str:
         f"{1000 * std[known].mean():.1f} mm: if nothing hangs at it or pushes it, the "
         "arm has changed since the training; run `s2c2a session` with its weights"
     )
+
+
+class DisagreementWatch:
+    """Compares the seen tip with its predictions while the arm moves.
+
+    Attributes:
+        text: what `describe_disagreement` says of the last whole stretch.
+    """
+
+    def __init__(self, arm: ArmSpec):
+        """A watch that has seen nothing yet.
+
+        Args:
+            arm: that moves.
+        """
+        self.text = ""
+        self._arm = arm
+        self._length = round(WATCHED * arm.control_rate)
+        self._steps: list[StepRecord] = []
+
+    def add(self, steps: Iterable[StepRecord]) -> None:
+        """Take the next steps; not on the control thread.
+
+        The end of a stretch takes milliseconds.
+        """
+        self._steps += steps
+        if len(self._steps) >= self._length:
+            self.text = describe_disagreement(build_episode(self._steps, self._arm))
+            self._steps = []
 
 
 def _ages(episode: Episode, seen: str) -> Float[np.ndarray, " rows"]:

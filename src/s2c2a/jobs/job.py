@@ -1,6 +1,7 @@
 """A job: one strategy on one task with one seed, and the run that results."""
 
 import hashlib
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from s2c2a.jobs.artifacts import (
 )
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
-from s2c2a.runtime import Driver
+from s2c2a.runtime import Driver, StepRecord
 from s2c2a.runtime.step_writer import StepWriter
 from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
 from s2c2a.tasks import Task, load_task
@@ -239,13 +240,21 @@ class Job(Artifact[Run]):
         """Write the steps of a real arm to files, a second after they were done.
 
         They are deleted at the end, where the result is saved, or what is `kept`. An
-        error before that, or a killed process, leaves them.
+        error before that, or a killed process, leaves them. A warning says, while the arm
+        moves, that the seen tip disagrees with its predictions.
         """
         if robot.own_time:
             yield ignore_step
             return
         path = self.path(cache).with_name(f"running-{self.file}")
-        writer = StepWriter(path, self.arm, "run")
+        watch = evaluation.DisagreementWatch(self.arm)
+
+        def warn_of_disagreement(steps: Sequence[StepRecord]) -> None:
+            watch.add(steps)
+            if watch.text:
+                warnings.warn(watch.text, stacklevel=1)
+
+        writer = StepWriter(path, self.arm, "run", watch=warn_of_disagreement)
         is_saved = False
         try:
             yield partial(writer.add, strategy=self.strategy, task=self.task.name)

@@ -12,7 +12,11 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from s2c2a.evaluation import describe_step_estimates, describe_step_plan
+from s2c2a.evaluation import (
+    DisagreementWatch,
+    describe_step_estimates,
+    describe_step_plan,
+)
 from s2c2a.live.gate import HOST
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
@@ -82,6 +86,7 @@ class LivePage(Window):
         )
         self._snapshots: deque[Snapshot] = deque(maxlen=2)
         self._drawn: StepRecord | None = None
+        self._disagreement = DisagreementWatch(self.arm)
         # zero until the survey
         self._gap = 0.0
         self._gap_at = lambda position: 0.0
@@ -179,6 +184,7 @@ class LivePage(Window):
         if not self._snapshots or latest.step is not self._snapshots[-1].step:
             self._snapshots.append(latest)
             self._plots.add(latest)
+            self._disagreement.add([latest.step])
             self._draw_trails(latest)
             control = self._control
             self.scene.draw_payload(latest.tip, control.request, control.limits)
@@ -284,6 +290,7 @@ class LivePage(Window):
             f"**{latest.step.vibration}**": latest.step.vibration,
             f"feedback {latest.feedback:.0%}": latest.feedback < 1.0,
             f"**{latest.fault}**": latest.fault,
+            f"**{self._disagreement.text}**": self._disagreement.text,
         }
         return [text for text, applies in texts.items() if applies]
 

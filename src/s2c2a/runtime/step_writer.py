@@ -34,6 +34,10 @@ def leave(path: Path) -> None:
     """Leave a finished file as it is."""
 
 
+def ignore(steps: Sequence[StepRecord]) -> None:
+    """Ignore the steps of a piece."""
+
+
 class StepWriter:
     """Thread that appends a piece to a file every second, for any time.
 
@@ -51,6 +55,7 @@ class StepWriter:
         arm: ArmSpec,
         verb: str,
         finish: Callable[[Path], None] = leave,
+        watch: Callable[[Sequence[StepRecord]], None] = ignore,
     ):
         """Begin the first file; the next ones have a number behind its name.
 
@@ -59,6 +64,7 @@ class StepWriter:
             arm: that is controlled.
             verb: the command, an option of the episodes.
             finish: called on the thread with every file that is closed and not empty.
+            watch: called on the thread with the steps of every piece.
 
         Raises:
             S2C2AError: the file cannot be written.
@@ -67,6 +73,7 @@ class StepWriter:
         self._arm = arm
         self._verb = verb
         self._finish = finish
+        self._watch = watch
         self.files: list[Path] = []
         self.count = 0
         self.error: S2C2AError | None = None
@@ -126,6 +133,7 @@ class StepWriter:
                 )
             )
             self.count += len(steps)
+            self._watch(steps)
 
     def _next_piece(self) -> tuple[list[_Queued], bool]:
         """The new steps of a second, and whether they are the last."""
