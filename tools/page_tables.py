@@ -316,24 +316,21 @@ def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | Non
 
 @shown_as("other-data")
 def other_data_table() -> str:
-    """The model of `best` with other training data."""
-    folder = "randomised-arms"
-    first = f"{folder}/paths-other-data-strength-0.5.json"
-    second = f"{folder}/paths-other-data-seed-1-strength-0.5.json"
-    of_best = f"{folder}/paths-strength-0.5.json"
+    """Kinds of babbling: position errors of every arm, and the ratios over all arms."""
+    file = "data/results.json"
+    rows = find_rows(file)
+    kinds = dict.fromkeys(row["strategy"] for row in rows if row["unit"] == "cm")
+    arms = dict.fromkeys(row["arm"] for row in rows if row["unit"] == "cm")
     lines = []
-    for label, strategy, file in (
-        ("`coverage` (`best`)", "best", of_best),
-        ("`coverage`, speeds 0.02 to 0.06", "cov_slow.toml", first),
-        ("`motor`: independent paths, speeds 0.03 to 0.1", "uniform.toml", first),
-        ("`mixed`, speeds 0.02 to 0.06", "mixed.toml", first),
-    ):
-        cells = [_mean_value(file, task, "position", strategy) for task in PACES]
-        again = [_mean_value(second, task, "position", strategy) for task in PACES]
-        known = None if None in again else sum(again)
-        lines.append([label, *map(number, [*cells, sum(cells), known])])
-    tasks = (f"`{task}`" for task in PACES)
-    return table(["data", *tasks, "sum", "sum, seed 1"], lines)
+    for kind in kinds:
+        cells = []
+        for arm in arms:
+            of_arm = find_rows(file, arm=arm, strategy=kind, metric="position")
+            cells.append("; ".join(number(row["mean"]) for row in of_arm))
+        ratios = find_rows(file, strategy=kind, unit="times")
+        text = " to ".join(number(row["mean"]) for row in ratios) or "1"
+        lines.append([f"`{kind}`", *cells, text])
+    return table(["data", *(f"`{arm}`" for arm in arms), "times `coverage`"], lines)
 
 
 @shown_as("sensors")

@@ -17,7 +17,7 @@ from s2c2a.strategies import recipe_named
 from s2c2a_experiments.run_rows import labeled
 
 EXPERIMENT = "data"
-SCORED = "position"  # metric of the runs
+SCORED = "position", "constraint"  # metrics of the runs, in cm
 RATIO = "error, share of that of the first kind"
 BOUND = "the same, two standard errors over arms more"
 
@@ -69,7 +69,7 @@ def ratio_rows(rows: Sequence[Row], kinds: Sequence[str]) -> Iterator[Row]:
         rows: of every arm, task and kind.
         kinds: of babbling; the first is the reference.
     """
-    scored = [row for row in rows if row.metric == SCORED]
+    scored = [row for row in rows if row.metric in SCORED]
     errors = {(row.arm, row.task, row.strategy): row.mean for row in scored}
     arms = list(dict.fromkeys(row.arm for row in scored))
     tasks = list(dict.fromkeys(row.task for row in scored))
