@@ -14,7 +14,7 @@ from s2c2a.models.registry import MODELS
 from s2c2a.planning import PlannerOptions
 from s2c2a.planning.fallback import FALLBACKS
 from s2c2a.planning.guides import GUIDES
-from s2c2a.planning.solvers import SOLVERS
+from s2c2a.planning.planner import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.strategies import RECIPES, Recipe
 from s2c2a.training.fit import FitOptions

@@ -3,7 +3,7 @@
 All goals have the same array shapes, so that a new goal causes no compilation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,8 @@ from s2c2a.errors import TargetError
 from s2c2a.files import LARGEST
 from s2c2a.immutable import immutable
 
+PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
+PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
 
@@ -32,6 +34,8 @@ class Goal(NamedTuple):
             (MAX_OBSTACLES,).
         obstacle_weight: mu_ob.
         change_weight: mu_d.
+        preview: positions [m] and axes of the goals of the next moments, shape
+            (PREVIEW, modules, 6); NaN where they are not known (`previewed`).
     """
 
     positions: Float[Numbers, "modules 3"]
@@ -42,6 +46,7 @@ class Goal(NamedTuple):
     thresholds: Float[Numbers, " obstacles"]
     obstacle_weight: Float[Numbers, ""]
     change_weight: Float[Numbers, ""]
+    preview: Float[Numbers, "moments modules 6"]
 
     @classmethod
     def of(cls, modules: int, change_weight: float = 0.5) -> "Goal":
@@ -55,6 +60,7 @@ class Goal(NamedTuple):
             thresholds=np.zeros(MAX_OBSTACLES, np.float32),
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=_weight(change_weight),
+            preview=np.full((PREVIEW, modules, 6), np.nan, np.float32),
         ).frozen()
 
     def with_position(self, position, weight: float = 1.0, module: int = -1) -> "Goal":
@@ -172,6 +178,34 @@ class Goal(NamedTuple):
             thresholds=np.concatenate([thresholds, unused.thresholds[count:]]),
             obstacle_weight=_weight(weight),
         ).frozen()
+
+
+def preview_stride(period: float) -> int:
+    """Number of control steps between the moments of a preview.
+
+    Args:
+        period: of the control steps [s].
+    """
+    return max(1, round(PREVIEW_INTERVAL / period))
+
+
+def previewed(goals: Sequence[Goal], period: float) -> Iterator[Goal]:
+    """Goals that know those after them; the last goal lasts.
+
+    A planner that looks ahead (`planning.Horizon`) otherwise assumes that a goal goes on
+    as it moved.
+
+    Args:
+        goals: one for every control step.
+        period: of the control steps [s].
+    """
+    stacked = Goal.stacked(goals)
+    targets = [stacked.desired_positions(), stacked.desired_axes()]
+    known = np.concatenate(targets, axis=-1, dtype=np.float32)
+    later = preview_stride(period) * np.arange(1, PREVIEW + 1) - 1
+    for number, goal in enumerate(goals):
+        preview = known[np.minimum(number + later, len(goals) - 1)]
+        yield goal._replace(preview=preview).frozen()
 
 
 def _numbers(

@@ -28,6 +28,7 @@ COLUMN = re.compile(
 SENSORS = {"imu": {}, "camera": {"rate": 10.0, "lost": 0.0, "sees": "ends"}, "flex": {}}
 OF_TRACKERS = {"sensor.states_age"}
 OF_REPETITIONS = {"target_offsets"}
+OF_HORIZONS = {"horizon"}
 DIMENSIONS = {"()": 0, "(modules,)": 1, "(samples, points, 3)": 3}
 
 
@@ -77,7 +78,7 @@ def test_the_page_names_the_columns_of_a_recording_and_of_a_run(recorded, run):
     found = {name: values.ndim - 1 for name, values in recorded.columns.items()}
     found |= {name: values.ndim - 1 for name, values in run.columns.items()}
     found |= {name: values.ndim for name, values in estimate_columns().items()}
-    rest = OF_TRACKERS | OF_REPETITIONS | {"desired_axes"}
+    rest = OF_TRACKERS | OF_REPETITIONS | OF_HORIZONS | {"desired_axes"}
     assert found == {
         name: axes for name, axes in documented().items() if name not in rest
     }

@@ -1,4 +1,4 @@
-"""The page shows a vibration, the feedback that is left, and a changed arm."""
+"""The page shows a vibration, the feedback that is left, a changed arm, and the plan."""
 
 from dataclasses import replace
 
@@ -27,3 +27,14 @@ def test_a_vibration_and_the_reduced_feedback_are_shown(control, page):
 def test_a_tip_far_from_its_predictions_is_shown(control, page):
     page._disagreement.text = "the tip was 15.0 mm from its predictions"
     assert "**the tip was 15.0 mm" in page._status_of(control.latest)
+
+
+def test_the_planned_way_is_drawn_ahead_of_the_tip(control, page, monkeypatch):
+    drawn = {}
+    monkeypatch.setattr(page.scene, "draw_trail", drawn.__setitem__)
+    way = np.linspace([0.0, 0.0, 0.6], [0.1, 0.0, 0.55], 12)
+    step = replace(control.latest.step, diagnostics={"horizon": way})
+    page._draw_trails(replace(control.latest, step=step))
+    np.testing.assert_array_equal(drawn["horizon"], way)
+    page._draw_trails(control.latest)
+    assert not len(drawn["horizon"])

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import RecordingError
+from s2c2a.goals import PREVIEW
 from s2c2a.spaces import Stage
 
 SENSOR = "sensor."
@@ -34,6 +35,7 @@ class Episode:
     | `extrapolation`     | part of it due to extrapolation [m]   |                   |
     | `outcome`           | number of the planner's `Outcome`     |                   |
     | `plan_error`        | of the plan's ends from the goal [m]  |                   |
+    | `horizon`           | tip that is planned ahead [m]         | (PREVIEW, 3)      |
     | `feedback`          | share of the feedback in use          |                   |
     | `target_offsets`    | learned in repetitions [m]            | (modules, 3)      |
     | `payload`           | estimated payload at the tip [kg]     |                   |
@@ -217,6 +219,7 @@ def _standard_row_shapes(
         "extrapolation": (),
         "outcome": (),
         "plan_error": (),
+        "horizon": (PREVIEW, 3),
         "feedback": (),
         "target_offsets": vectors,
         "payload": (),

@@ -200,6 +200,8 @@ class LivePage(Window):
         points = np.array(self._trail) if visible else np.zeros((0, 2, 3))
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("desired", points[:, 1])
+        ahead = latest.step.diagnostics.get("horizon", np.zeros((0, 3)))
+        self.scene.draw_trail("horizon", ahead if visible else ahead[:0])
 
     def _draw_arm(self, latest: Snapshot) -> None:
         """Interpolate between the last two snapshots; stand still without new ones."""

@@ -99,7 +99,13 @@ class ArmScene:
             faces=tube_faces(1, TRAIL_POINTS, THREAD_SIDES),
             visible=False,
         )
-        colors = {"real": REAL, "desired": DESIRED, "axis": DESIRED, "force": WARNING}
+        colors = {
+            "real": REAL,
+            "desired": DESIRED,
+            "horizon": MUTED,
+            "axis": DESIRED,
+            "force": WARNING,
+        }
         self._lines = {
             name: add_line(name=f"/trails/{name}", color=color)
             for name, color in colors.items()
@@ -224,7 +230,10 @@ class ArmScene:
             sphere.draw(obstacle, tip)
 
     def draw_trail(self, name: str, points: Points) -> None:
-        """Draw the path of the `real` or `desired` tip since its last NaN."""
+        """Draw the path of the `real` or `desired` tip, or its `horizon`.
+
+        It begins after the last NaN.
+        """
         missing = np.flatnonzero(~np.isfinite(points).all(axis=-1))
         start = missing[-1] + 1 if len(missing) else 0
         self._draw_line(name, *points[start:])

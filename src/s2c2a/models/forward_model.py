@@ -99,9 +99,9 @@ class ForwardModel(eqx.Module):
     def near(
         self, configurations: Float[Array, "modules 3"], memory: Memory
     ) -> "ForwardModel":
-        """A model for plans within one step of these configurations.
+        """A model for plans that start from these configurations.
 
-        It may be cheaper. Where a control step is shorter than the arm's delay, it
+        Where a control step is shorter than the arm's delay, it
         predicts where the arm arrives.
         """
         return self

@@ -15,11 +15,15 @@ from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled, select_if_finite
-from s2c2a.components import CustomComponent, Options
+from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate
-from s2c2a.goals import Goal
-from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.goals import Goal, preview_stride
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    configurations_from_bends,
+    limit_lengths,
+)
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
@@ -32,8 +36,10 @@ from s2c2a.planning.fallback import (
     SearchState,
 )
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.horizon import Horizon
+from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
-from s2c2a.planning.solvers import SOLVERS, Adam, LeastSquares, Problem, Solver
+from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
     Bends,
@@ -45,6 +51,7 @@ from s2c2a.planning.terms import (
     Term,
     largest_bend,
 )
+from s2c2a.spaces import POSITION
 
 AXES_WEIGHT = 0.5
 """Weight of axes in `BEST`: 1 deg costs as much as 2 mm on an arm of 0.6 m.
@@ -55,6 +62,11 @@ states, its ends stay near their positions.
 # rad, of payload and biases: 5 mm at 0.2 m; smaller effects are ignored
 DISTURBED = np.deg2rad(1.5)
 
+SOLVERS: Registry[Solver] = Registry(
+    "solver",
+    Solver,
+    {"Adam": Adam, "LeastSquares": LeastSquares, "Horizon": Horizon},
+)
 AnySolver = Annotated[
     Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)
 ]
@@ -152,12 +164,16 @@ class Plan(NamedTuple):
         memory: hysteresis of the forward model, from the estimate.
         search: memory of the fallback search.
         disturbances: that the plan counts on, with payload moments; None for none.
+        solver: memory of the solver.
+        motion: of the goals; None before the first.
     """
 
     configurations: Configurations
     memory: Memory
     search: Search
     disturbances: Disturbances | None = None
+    solver: Any = None
+    motion: GoalMotion | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -174,11 +190,14 @@ class Expectation(NamedTuple):
         predictive_std: standard deviation of the module ends [m], shape
             (modules,); zero if unknown.
         extrapolation: the part of it from extrapolation beyond the data [m].
+        horizon: positions of the tip in the next moments [m], base frame, shape
+            (moments, 3); None if the solver plans one step.
     """
 
     states: Float[Array, "modules 6"]
     predictive_std: Float[Array, " modules"]
     extrapolation: Float[Array, ""]
+    horizon: Float[Array, "moments 3"] | None
 
 
 class Step(NamedTuple):
@@ -231,8 +250,15 @@ class Step(NamedTuple):
             for _ in range(PAYLOAD_ITERATIONS):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
             disturbances = settled
-        search = Search.none(bends_from_configurations(sensed))
-        return Plan(sensed, memory, search, disturbances)
+        bends = bends_from_configurations(sensed)
+        return Plan(
+            sensed,
+            memory,
+            Search.none(bends),
+            disturbances,
+            self.solver.start(bends),
+            GoalMotion.of(len(sensed)),
+        )
 
     def expectation(self, plan: Plan) -> Expectation:
         """What the forward model predicts for a plan."""
@@ -240,7 +266,18 @@ class Step(NamedTuple):
             self.model.predict(plan.configurations, plan.memory, plan.disturbances),
             self.model.predictive_std(plan.configurations, plan.memory),
             self.model.extrapolation(plan.configurations),
+            self._tips_ahead(plan),
         )
+
+    def _tips_ahead(self, plan: Plan) -> Float[Array, "moments 3"] | None:
+        bends = self.solver.planned(plan.solver)
+        if bends is None:
+            return None
+
+        def states_at(configurations: Configurations) -> Float[Array, "modules 6"]:
+            return self.model.predict(configurations, plan.memory, plan.disturbances)
+
+        return jax.vmap(states_at)(configurations_from_bends(bends))[:, -1, POSITION]
 
     def next_plan(
         self,
@@ -271,9 +308,10 @@ class Step(NamedTuple):
         if hysteresis is None:
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
-        last = Plan(plan.configurations, memory, plan.search, disturbances)
+        last = plan._replace(memory=memory, disturbances=disturbances)
         problem = self.problem(last, goal)
-        planned = problem.within_limits(self.solver.solve(problem))
+        desired, solver = self.solver.next(problem, plan.solver)
+        planned = problem.within_limits(desired)
         problem = problem._replace(predict=self._predictor(last, engaged=False))
         candidate = problem.candidate_at(bends_from_configurations(planned))
         search = plan.search.with_outcome(jnp.asarray(Outcome.SOLVED))
@@ -286,11 +324,18 @@ class Step(NamedTuple):
         situation = problem.situation._replace(goal=goal)
         lengths = ArmGeometry.of(self.arm).lengths
         outcome = judge(search.state.outcome, candidate, situation, lengths)
-        unchanged = plan.configurations, Search.none(problem.situation.last.bends)
-        planned, search = select_if_finite(
-            (planned, search.with_outcome(outcome)), unchanged
+        without_search = Search.none(problem.situation.last.bends)
+        planned, search, solver = select_if_finite(
+            (planned, search.with_outcome(outcome), solver),
+            (plan.configurations, without_search, plan.solver),
         )
-        return last._replace(configurations=planned, search=search)
+        motion = self._motion(plan).after(goal)
+        return last._replace(
+            configurations=planned, search=search, solver=solver, motion=motion
+        )
+
+    def _motion(self, plan: Plan) -> GoalMotion:
+        return plan.motion or GoalMotion.of(len(plan.configurations))
 
     def _with_moments(
         self,
@@ -322,7 +367,16 @@ class Step(NamedTuple):
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.apply(situation, prepared)
-        return Problem(situation, self.terms, predict)
+        stride = preview_stride(self.arm.control_period)
+        ahead = self._motion(last).ahead(goal, stride)
+        # a guide leads past what blocks the goals of the next second, too
+        guided = jnp.asarray(situation.goal.positions)
+        is_guided = guided != jnp.asarray(goal.positions)
+        positions = jnp.where(is_guided, guided, ahead.positions)
+        # from targets far beyond the arm, a plan would swing from side to side
+        positions = limit_lengths(positions, np.cumsum(geometry.lengths))
+        ahead = ahead._replace(positions=positions)  # type: ignore[arg-type]
+        return Problem(situation, self.terms, predict, ahead, stride)
 
     def _predictor(
         self, last: Plan, engaged: bool

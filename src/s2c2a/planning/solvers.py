@@ -8,7 +8,7 @@ nearer to the optimum in a few iterations than gradient descent does in dozens.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Component, Registry
+from s2c2a.components import Component
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -95,18 +95,12 @@ def solve_least_squares(
     """
     identity = jnp.eye(start.size)
 
-    def linearize(point):
-        def directional_derivative(direction):
-            return jax.jvp(residuals, (point,), (direction.reshape(start.shape),))
-
-        return jax.vmap(directional_derivative, out_axes=(None, 1))(identity)
-
     def iterate(state: _LoopState) -> _LoopState:
         current = state.current
         damped = current.curvature + current.damping * identity
         step = jnp.linalg.solve(damped, current.gradient)
         point = project(current.point - step.reshape(start.shape))
-        values, jacobian = linearize(point)
+        values, jacobian = linearize(residuals, point)
         cost = jnp.sum(values**2)
         accepted = cost < current.cost
         factor = jnp.where(accepted, DAMPING_AFTER_ACCEPTED, DAMPING_AFTER_REJECTED)
@@ -142,6 +136,18 @@ def solve_least_squares(
     return final.current.point, final.current.cost
 
 
+def linearize(
+    residuals: Residuals, point: Float[Array, "*variables"]
+) -> tuple[Float[Array, " residuals"], Float[Array, "residuals variables"]]:
+    """Residuals at a point, and their Jacobian, all directions side by side."""
+
+    def directional_derivative(direction):
+        return jax.jvp(residuals, (point,), (direction.reshape(point.shape),))
+
+    directions = jnp.eye(point.size)
+    return jax.vmap(directional_derivative, out_axes=(None, 1))(directions)
+
+
 class Problem(NamedTuple):
     """The optimization problem of a control step, in both forms that solvers need.
 
@@ -149,11 +155,15 @@ class Problem(NamedTuple):
         situation: what is fixed; `situation.last` is the starting point.
         terms: of the objective.
         predict: (configurations, the same as bends) -> a candidate with its prediction.
+        ahead: goals of the next moments (`goals.Goal.preview`), with these as first axis.
+        stride: control steps between two of these moments.
     """
 
     situation: Situation
     terms: tuple[Term, ...]
     predict: Callable[[Configurations, Bends], Candidate]
+    ahead: Goal
+    stride: int
 
     def sum_of_norms(self, configurations: Configurations) -> Float[Array, ""]:
         """The sum over all groups of mu |r| (Chen et al. 2025, eq. (7))."""
@@ -212,11 +222,30 @@ class Problem(NamedTuple):
 
 @dataclass(frozen=True)
 class Solver(Component, ABC):
-    """Finds the next configurations; traced by JAX, so no branches on values."""
+    """Finds the next configurations; traced by JAX, so no branches on values.
+
+    A solver with a memory also overrides `start` and `next`.
+    """
 
     @abstractmethod
     def solve(self, problem: Problem) -> Configurations:
         """Configurations of a low objective, shape (modules, 3), module frames."""
+
+    def start(self, bends: Bends) -> Any:
+        """The memory at rest, a pytree: nothing unless a subclass overrides it.
+
+        Args:
+            bends: of the arm at rest [rad], shape (modules, 2).
+        """
+        return None
+
+    def next(self, problem: Problem, memory: Any) -> tuple[Configurations, Any]:
+        """Configurations as of `solve`, and the memory for the next control step."""
+        return self.solve(problem), memory
+
+    def planned(self, memory: Any) -> Float[Array, "knots modules 2"] | None:
+        """Bends that are planned for the next moments [rad]; None unless it looks ahead."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -263,11 +292,6 @@ class LeastSquares(Solver):
             problem.stacked, start, problem.within_step, self.iterations, self.enough
         )
         return configurations_from_bends(bends)
-
-
-SOLVERS: Registry[Solver] = Registry(
-    "solver", Solver, {"Adam": Adam, "LeastSquares": LeastSquares}
-)
 
 
 def reach_gaps(

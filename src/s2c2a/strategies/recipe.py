@@ -39,7 +39,7 @@ from s2c2a.models.registry import MODELS
 from s2c2a.paper import C2S_SIZE, HISTORY_NOISE
 from s2c2a.planning import BEST, PAPER, PlannerOptions
 from s2c2a.planning.guides import GUIDES
-from s2c2a.planning.solvers import SOLVERS
+from s2c2a.planning.planner import SOLVERS
 from s2c2a.planning.terms import TERMS
 from s2c2a.plugins import trust_code_in
 from s2c2a.training.fit import FitOptions

@@ -145,6 +145,7 @@ class Strategy:
         | `extrapolation`  | the part of it due to missing data [m]        | ()           |
         | `outcome`        | of the planner (`planning.Outcome`)           | ()           |
         | `plan_error`     | of the predicted ends from their goal [m]     | ()           |
+        | `horizon`        | tip that is planned ahead [m], if it is       | (moments, 3) |
 
         The estimator adds its own (`Estimate.diagnostics`).
 
@@ -153,14 +154,21 @@ class Strategy:
         """
         plan = self._check_started()
         expectation = self._planner.expectation(plan)
-        return self._estimate.diagnostics() | {
-            "planned": np.asarray(plan.configurations),
-            "predicted": np.asarray(expectation.states, dtype=float),
-            "predictive_std": np.asarray(expectation.predictive_std),
-            "extrapolation": np.asarray(expectation.extrapolation),
-            "outcome": np.asarray(plan.outcome),
-            "plan_error": np.asarray(plan_error(expectation.states, self._goal)),
-        }
+        ahead = {}
+        if expectation.horizon is not None:
+            ahead["horizon"] = np.asarray(expectation.horizon, dtype=float)
+        return (
+            self._estimate.diagnostics()
+            | ahead
+            | {
+                "planned": np.asarray(plan.configurations),
+                "predicted": np.asarray(expectation.states, dtype=float),
+                "predictive_std": np.asarray(expectation.predictive_std),
+                "extrapolation": np.asarray(expectation.extrapolation),
+                "outcome": np.asarray(plan.outcome),
+                "plan_error": np.asarray(plan_error(expectation.states, self._goal)),
+            }
+        )
 
     def _with_feedback(self, estimate: Estimate) -> Estimate:
         """The estimate as planner and controller may use it."""

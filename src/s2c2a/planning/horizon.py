@@ -1,0 +1,171 @@
+"""A plan over a horizon: the bends of the next second, planned together.
+
+Every control step shifts the last plan by one step and improves it by a few iterations
+(the real-time iteration of Diehl, Bock and Schlöder, SIAM J. Control Optim. 43, 2005).
+Each knot has the terms of the objective; changes of bends, and changes of these changes,
+cost too, so plans are smooth, and a plan moves before its goal does.
+
+The gradients of a model with hysteresis are those of taut cables, which can point
+uphill, and obstacles have edges. So each iteration solves with several dampings side by
+side and takes the plan that costs least, also where it costs more than before: a plan
+that waits for a slope that points downhill stands still.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.goals import PREVIEW, Goal
+from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.planning.solvers import Problem, Solver, linearize
+from s2c2a.planning.terms import Bends, Configurations
+
+Knots = Float[Array, "knots modules 2"]
+# of squared slopes near one, since residuals are scaled: from nearly none to one above
+# what decides between shapes of equal tips
+DAMPINGS = (3e-4, 3e-3, 3e-2)
+
+
+class HorizonMemory(NamedTuple):
+    """What a horizon remembers.
+
+    Attributes:
+        knots: planned bends [rad].
+        before: bends before the last step [rad].
+    """
+
+    knots: Knots
+    before: Bends
+
+
+@dataclass(frozen=True)
+class Horizon(Solver):
+    """Damped Gauss-Newton on the bends at all knots of a horizon.
+
+    A knot comes every `goals.PREVIEW_INTERVAL`, or every control step if that is longer.
+
+    Attributes:
+        iterations: in a control step.
+        change: cost of a change of bends from knot to knot [1/rad].
+        acceleration: cost of a change of this change [1/rad].
+    """
+
+    iterations: int = 2
+    change: float = 0.03
+    acceleration: float = 1.0
+
+    def start(self, bends: Bends) -> HorizonMemory:
+        return HorizonMemory(jnp.tile(bends, (PREVIEW, 1, 1)), bends)
+
+    def planned(self, memory: HorizonMemory) -> Knots:
+        return memory.knots
+
+    def solve(self, problem: Problem) -> Configurations:
+        return self.next(problem, self.start(problem.situation.last.bends))[0]
+
+    def next(
+        self, problem: Problem, memory: HorizonMemory
+    ) -> tuple[Configurations, HorizonMemory]:
+        last = problem.situation.last.bends
+        stride = problem.stride
+        goal = problem.situation.goal
+        change_weight = jnp.asarray(goal.change_weight)
+        has_target = (goal.position_weights > 0.0) | (goal.axis_weights > 0.0)
+        # an arm that has lost its target stops; it does not coast
+        made = jnp.where(has_target.any(), stride * (last - memory.before), 0.0)
+
+        def terms_at(bends: Bends, goal: Goal) -> Float[Array, " residuals"]:
+            return problem.with_goal(goal).stacked(bends)
+
+        def roughness(knots: Knots) -> Float[Array, ""]:
+            changes = jnp.diff(knots, axis=0, prepend=last[None])
+            turns = jnp.diff(changes, axis=0, prepend=made[None])
+            squares = self.change**2 * changes**2 + self.acceleration**2 * turns**2
+            return change_weight * jnp.sum(squares)
+
+        def cost(knots: Knots) -> Float[Array, ""]:
+            terms = jax.vmap(terms_at)(knots, problem.ahead)
+            return jnp.sum(terms**2) + roughness(knots)
+
+        def within_steps(knots: Knots) -> Knots:
+            longest = stride * problem.situation.longest_step
+
+            def step(before: Bends, wanted: Bends) -> tuple[Bends, Bends]:
+                allowed = before + limit_lengths(wanted - before, longest)
+                return allowed, allowed
+
+            return jax.lax.scan(step, last, knots)[1]
+
+        def iterate(knots: Knots, _: None) -> tuple[Knots, None]:
+            values, slopes = jax.vmap(
+                lambda bends, goal: linearize(lambda at: terms_at(at, goal), bends)
+            )(knots, problem.ahead)
+            gradients = jnp.einsum("kri,kr->ki", slopes, values)
+            rough = jax.grad(roughness)(knots).reshape(gradients.shape)
+            blocks = jnp.einsum("kri,krj->kij", slopes, slopes)
+            coupling = change_weight * self._coupling(last.size)
+
+            def trial(damping: Float[Array, ""]) -> Knots:
+                damped = blocks + damping * jnp.eye(last.size)
+                step = minimum(damped, gradients + rough / 2.0, coupling)
+                return within_steps(knots + step.reshape(knots.shape))
+
+            trials = jax.vmap(trial)(jnp.asarray(DAMPINGS))
+            return trials[jnp.argmin(jax.vmap(cost)(trials))], None
+
+        following = jnp.concatenate([memory.knots[1:], memory.knots[-1:]])
+        shifted = memory.knots + (following - memory.knots) / stride
+        start = within_steps(shifted)
+        knots, _ = jax.lax.scan(iterate, start, length=self.iterations)
+        bends = last + (knots[0] - last) / stride
+        return configurations_from_bends(bends), HorizonMemory(knots, last)
+
+    def _coupling(self, size: int) -> Float[Array, "triple triple"]:
+        """Curvature of the costs of changes, of a knot and the two before it."""
+        change = self.change * np.array([1.0, -1.0, 0.0])
+        turn = self.acceleration * np.array([1.0, -2.0, 1.0])
+        curvature = np.outer(change, change) + np.outer(turn, turn)
+        return jnp.asarray(np.kron(curvature, np.eye(size)), dtype=jnp.float32)
+
+
+def minimum(
+    blocks: Float[Array, "knots size size"],
+    gradients: Float[Array, "knots size"],
+    coupling: Float[Array, "triple triple"],
+) -> Float[Array, "knots size"]:
+    """Minimum of a quadratic function that couples each knot with the two before it.
+
+    Dynamic programming: from the last knot on, each is expressed by the two before it
+    (a block-banded Cholesky factorization). Time grows linearly with the knots.
+
+    Args:
+        blocks: curvature at every knot.
+        gradients: at every knot, at zero.
+        coupling: curvature of each knot (first) and the two before it; those before the
+            first knot are zero.
+    """
+    size = blocks.shape[-1]
+
+    def eliminate(later, knot):
+        curvature, gradient = later
+        block, own = knot
+        matrix = coupling.at[: 2 * size, : 2 * size].add(curvature)
+        matrix = matrix.at[:size, :size].add(block)
+        vector = jnp.concatenate([gradient, jnp.zeros(size)]).at[:size].add(own)
+        right = jnp.concatenate([matrix[:size, size:], vector[:size, None]], axis=1)
+        gains = jnp.linalg.solve(matrix[:size, :size], right)
+        rest = matrix[size:, size:] - matrix[size:, :size] @ gains[:, :-1]
+        return (rest, vector[size:] - matrix[size:, :size] @ gains[:, -1]), gains
+
+    none = jnp.zeros((2 * size, 2 * size)), jnp.zeros(2 * size)
+    _, gains = jax.lax.scan(eliminate, none, (blocks, gradients), reverse=True)
+
+    def follow(before, gain):
+        step = -(gain[:, :-1] @ before + gain[:, -1])
+        return jnp.concatenate([step, before[:size]]), step
+
+    return jax.lax.scan(follow, jnp.zeros(2 * size), gains)[1]

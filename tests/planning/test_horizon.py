@@ -1,0 +1,138 @@
+"""The plan of a second: its linear system, goals ahead, and control rates."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.estimation import Estimate
+from s2c2a.goals import PREVIEW, preview_stride, previewed
+from s2c2a.kinematics import bends_from_configurations
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import BEST, NO_FALLBACK, Goal, Horizon, LeastSquares, Planner
+from s2c2a.planning.horizon import minimum
+from s2c2a.planning.motion import GoalMotion
+
+TWIN = load_arm("twin_arm")
+MODEL = PCCForwardModel.of(TWIN)
+OPTIONS = replace(BEST, solver=Horizon(), guides=(), fallback=NO_FALLBACK)
+STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
+
+
+@pytest.mark.parametrize(("knots", "size"), [(12, 6), (1, 2), (2, 4), (5, 20)])
+def test_the_minimum_is_that_of_the_whole_system(knots, size):
+    random = np.random.default_rng(knots)
+    slopes = random.normal(size=(knots, 3, size))
+    blocks = np.einsum("kri,krj->kij", slopes, slopes) + 0.1 * np.eye(size)
+    gradients = random.normal(size=(knots, size))
+    coupling = np.asarray(Horizon()._coupling(size))
+    whole = np.zeros(2 * ((knots + 2) * size,))
+    for knot in range(2, knots + 2):
+        places = [np.arange(size) + (knot - back) * size for back in range(3)]
+        whole[np.ix_(places[0], places[0])] += blocks[knot - 2]
+        together = np.concatenate(places)
+        whole[np.ix_(together, together)] += coupling
+    # both knots before the first one do not move
+    free = whole[2 * size :, 2 * size :]
+    expected = -np.linalg.solve(free, gradients.reshape(-1))
+    found = minimum(
+        *(jnp.asarray(v, jnp.float32) for v in (blocks, gradients, coupling))
+    )
+    np.testing.assert_allclose(found.reshape(-1), expected, atol=1e-4)
+
+
+def towards(x: float) -> Goal:
+    return Goal.of(3).with_position([x, 0.0, 0.5]).with_obstacles([[x, 1, 0]], [0.1])
+
+
+@pytest.mark.parametrize(
+    ("xs", "expected"),
+    [
+        ((0.1, 0.11, 0.12), 0.01),
+        ((0.1, 0.11, 0.13), 0.01),  # the smaller of two steps
+        ((0.1, 0.1, 0.2), 0.0),  # a jump is no motion
+        ((0.1, 0.12, 0.11), 0.0),
+        ((0.1,), 0.0),
+    ],
+)
+def test_a_goal_without_preview_moves_on_as_it_moved(xs, expected):
+    motion = GoalMotion.of(3)
+    *before, now = map(towards, xs)
+    for goal in before:
+        motion = motion.after(goal)
+    ahead = motion.ahead(now, stride=1)
+    later = xs[-1] + expected * np.arange(PREVIEW)
+    np.testing.assert_allclose(ahead.positions[:, -1, 0], later, atol=1e-5)
+    np.testing.assert_allclose(ahead.obstacles[:, 0, 0], later, atol=1e-5)
+    assert np.isfinite(ahead.axes).all()
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
+def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
+    goals = [Goal.of(3).with_position([0.01 * n, 0.0, 0.5]) for n in range(100)]
+    stride = preview_stride(1.0 / rate)
+    assert stride == max(1, round(rate / 10.0))
+    shown = list(previewed(goals, 1.0 / rate))
+    numbers = np.minimum(20 + stride * np.arange(1, PREVIEW + 1) - 1, 99)
+    np.testing.assert_allclose(shown[20].preview[:, -1, 0], 0.01 * numbers, atol=1e-6)
+    # modules without a target have none ahead
+    assert np.isnan(shown[20].preview[:, :2]).all()
+    ahead = GoalMotion.of(3).ahead(shown[20], stride)
+    np.testing.assert_allclose(ahead.positions[:, -1, 0], 0.01 * numbers, atol=1e-6)
+
+
+def drive(arm, goals):
+    """Bends of all plans, for an arm that follows them exactly."""
+    planner = Planner(arm, PCCForwardModel.of(arm), OPTIONS)
+    plan = planner.start(Estimate(STRAIGHT))
+    bends = []
+    for goal in goals:
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
+        bends.append(np.asarray(bends_from_configurations(plan.configurations)))
+    tip = planner.expectation(plan).states[-1, :3]
+    return np.array(bends), np.asarray(tip)
+
+
+def test_a_plan_that_knows_of_a_step_moves_before_it():
+    still, there = (Goal.of(3).with_position([x, 0.0, 0.55]) for x in (0.1, 0.2))
+    goals = [still] * 30 + [there] * 5
+    known, _ = drive(TWIN, previewed(goals, TWIN.control_period))
+    unknown, _ = drive(TWIN, goals)
+    np.testing.assert_allclose(unknown[29], unknown[28], atol=2e-3)
+    assert np.abs(known[29] - known[28]).max() > 0.02
+
+
+@pytest.mark.parametrize("rate", [2.0, 10.0, 100.0])
+def test_a_target_is_reached_at_every_control_rate_within_the_step_limit(rate):
+    limit = min(40.0 / rate, 20.0)
+    arm = TWIN.model_copy(update={"control_rate": rate, "step_limit_deg": limit})
+    target = np.array([0.15, 0.05, 0.55])
+    goals = [Goal.of(3).with_position(target)] * max(12, round(3 * rate))
+    bends, tip = drive(arm, goals)
+    steps = np.linalg.norm(np.diff(bends, axis=0), axis=-1)
+    assert np.linalg.norm(tip - target) < 2e-3
+    assert np.rad2deg(steps.max()) <= limit + 0.01
+
+
+def test_without_an_iteration_nothing_is_planned():
+    with pytest.raises(Exception, match="iterations = 0 was given"):
+        replace(BEST, solver=Horizon(iterations=0))
+
+
+def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
+    goal = Goal.of(3).with_position([0.15, 0.0, 0.55])
+    shown = []
+    for solver in (Horizon(), LeastSquares()):
+        planner = Planner(TWIN, MODEL, replace(OPTIONS, solver=solver))
+        plan = planner.start(Estimate(STRAIGHT))
+        for _ in range(5):
+            plan = planner.plan(plan, Estimate(STRAIGHT), goal)
+        shown.append(planner.expectation(plan))
+    ahead, none = shown
+    # the first moment is the plan itself
+    np.testing.assert_allclose(ahead.horizon[0], ahead.states[-1, :3], atol=1e-6)
+    distances = np.linalg.norm(ahead.horizon - goal.positions[-1], axis=-1)
+    assert (np.diff(distances) < 0.0).all() or distances[-1] < 2e-3
+    assert none.horizon is None
