@@ -12,6 +12,7 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, Events, print_results, progress_bar
 from s2c2a.cli.dependent_options import beside
 from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
+from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from s2c2a.arm import ArmSpec
@@ -548,6 +549,11 @@ def _drawn_arms(
     """Randomized arms, one for each seed and strength."""
     from s2c2a.arm import randomized_arm
 
+    if len(seeds) != len(strengths):
+        raise S2C2AError(
+            f"{len(seeds)} --arm-seeds and {len(strengths)} --strengths were given; give "
+            "one strength for each seed"
+        )
     nominal = load_arm(base)
     pairs = zip(seeds, strengths, strict=True)
     return tuple(randomized_arm(nominal, *pair) for pair in pairs)

@@ -87,6 +87,9 @@ class LivePage(Window):
         self._snapshots: deque[Snapshot] = deque(maxlen=2)
         self._drawn: StepRecord | None = None
         self._disagreement = DisagreementWatch(self.arm)
+        # every step counts; a frame may come after several
+        self._watched: deque[StepRecord] = deque()
+        self._unwatch = control.watch(lambda seen: self._watched.append(seen.step))
         # zero until the survey
         self._gap = 0.0
         self._gap_at = lambda position: 0.0
@@ -99,6 +102,7 @@ class LivePage(Window):
 
     def close(self) -> None:
         """See `Window`; writes a recording that runs."""
+        self._unwatch()
         try:
             self._recorder.stop()
         finally:
@@ -184,7 +188,8 @@ class LivePage(Window):
         if not self._snapshots or latest.step is not self._snapshots[-1].step:
             self._snapshots.append(latest)
             self._plots.add(latest)
-            self._disagreement.add([latest.step])
+            count = len(self._watched)
+            self._disagreement.add(self._watched.popleft() for _ in range(count))
             self._draw_trails(latest)
             control = self._control
             self.scene.draw_payload(latest.tip, control.request, control.limits)
