@@ -12,7 +12,6 @@ from s2c2a.data.babbling import BABBLING
 from s2c2a.estimation import ESTIMATORS
 from s2c2a.models.registry import MODELS
 from s2c2a.planning import PlannerOptions
-from s2c2a.planning.fallback import FALLBACKS
 from s2c2a.planning.guides import GUIDES
 from s2c2a.planning.planner import SOLVERS
 from s2c2a.planning.terms import TERMS
@@ -41,7 +40,7 @@ A file without `based_on` needs all keys that have no default. `s2c2a sweep` wri
 files. [The recipe best](../concepts/recipe.md) explains and measures the choices, and
 [Your robot and your own parts](../guides/extending.md) replaces a part by your code.
 """
-NUMBERS = """Solver, terms, guides, fallback and state estimator are components. Their numbers are
+NUMBERS = """Solver, terms, guides and state estimator are components. Their numbers are
 at least 0 and at most 1 000 000, and `iterations` at most 10 000. In place of a table, a
 component may be your own: `name = "file.py:Name"`, with its arguments in `parameters`.
 """
@@ -59,7 +58,6 @@ PLACES = {
     "estimator": "table `[estimator]`",
     "planner": "table `[planner]`",
     "solver": "table `[planner.solver]`",
-    "fallback": "table `[planner.fallback]`",
     "terms": "tables `[[planner.terms]]`",
     "guides": "tables `[[planner.guides]]`",
 }
@@ -68,7 +66,6 @@ COMPONENTS = (
     ("Solver: `[planner.solver]`", SOLVERS),
     ("Terms: `[[planner.terms]]`", TERMS),
     ("Guides: `[[planner.guides]]`", GUIDES),
-    ("Fallback: `[planner.fallback]`", FALLBACKS),
 )
 
 
@@ -141,7 +138,7 @@ def _components(known: Mapping[str, type]) -> Iterator[str]:
 
 
 def _components_of(planner: PlannerOptions) -> Iterator[Any]:
-    yield from (planner.solver, planner.fallback)
+    yield planner.solver
     yield from planner.terms
     yield from planner.guides
 

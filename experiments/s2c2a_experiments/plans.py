@@ -35,10 +35,11 @@ from s2c2a.strategies import TrainedNetworks
 
 KINDS = ("tip", "tip and axis", "middle and tip", "anywhere")
 HISTORY = 40  # steps before the goal
-SETTLING = 60  # steps with a constant goal
+SETTLING = 150  # steps with a constant goal
 STARTS = 24  # of the long search
 ITERATIONS = 30  # of the long search from each start, with either slopes
 OPTIMAL_RATIO = 1.05  # largest ratio of an optimal plan's cost to the long search's
+NEGLIGIBLE_COST = 1e-5  # excess cost of an optimal plan; below 1 mm at the tip
 LIMITED = 0.999  # of the step limit; a longer step counts as limited
 STUCK_COST = 1.5e-4  # excess cost of a stuck plan; 3 mm at the tip
 CHUNK = 250  # problems at once
@@ -75,8 +76,9 @@ class Comparison(NamedTuple):
 
     @property
     def optimal(self) -> np.ndarray:
-        """Whether the cost is within 5 % of the best known, or the step is limited."""
-        return np.asarray(self.limited | (self.cost <= OPTIMAL_RATIO * self.least))
+        """Whether the cost is about the best known, or the step is limited."""
+        most = OPTIMAL_RATIO * self.least + NEGLIGIBLE_COST
+        return np.asarray(self.limited | (self.cost <= most))
 
     @property
     def stuck(self) -> np.ndarray:
@@ -174,7 +176,7 @@ def _after_one_step(planners: _Planners, problem: PlanningProblems) -> Compariso
 
     plan = step.started(problem.histories[0])
     memory, _ = jax.lax.scan(observe, plan.memory, jnp.asarray(problem.histories))
-    last = plan._replace(configurations=problem.histories[-1], memory=memory)
+    last = step.started(problem.histories[-1])._replace(memory=memory)
     plan = step.next_plan(last, last.configurations, problem.goals)
     shared = last._replace(memory=plan.memory)
     engaged = step.problem(shared, problem.goals)

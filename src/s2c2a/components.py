@@ -1,6 +1,6 @@
 """Options that recipes and commands choose by name, and their registry.
 
-Cost terms, guides, solvers, fallback searches, state estimators, forward models,
+Cost terms, guides, solvers, state estimators, forward models,
 controllers and strategies are frozen dataclasses that derive from `Options`. A class
 comes with the package, from an entry point of `s2c2a.<kind>s`, or is custom code
 (`module:Class` or `file.py:Class`).

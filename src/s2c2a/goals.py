@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.errors import TargetError
 from s2c2a.files import LARGEST
@@ -103,6 +103,11 @@ class Goal(NamedTuple):
                 "or goals for different arms"
             )
         return cls(*map(np.stack, zip(*goals, strict=True)))
+
+    @property
+    def has_target(self) -> Bool[Numbers, "*goals"]:
+        """Whether a position or an axis of any module is desired."""
+        return (self.position_weights + self.axis_weights > 0.0).any(axis=-1)
 
     def desired_positions(self) -> Float[np.ndarray, "*goals modules 3"]:
         """Return the desired module ends [m], base frame; NaN for the others."""

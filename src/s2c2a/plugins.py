@@ -35,7 +35,6 @@ GROUPS = {
     "term": "s2c2a.terms",
     "solver": "s2c2a.solvers",
     "guide": "s2c2a.guides",
-    "fallback": "s2c2a.fallbacks",
     "tracker": "s2c2a.trackers",
 }
 """Groups of entry points, by the kind of objects that they hold."""

@@ -324,9 +324,9 @@ def test_the_recipe_sets_the_default_number_of_episodes(
 
 def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):
     folder = tmp_path / "quick"
-    run("run", "circle", "--strategy", "pcc", "--pace", "4", "--out", str(folder))
+    run("run", "circle", "--strategy", "pcc", "--pace", "8", "--out", str(folder))
     with open(folder / "metrics.csv", newline="") as file:
-        assert len(list(csv.DictReader(file))) == 200 / 4
+        assert len(list(csv.DictReader(file))) == 200 / 8
     assert "step limit of 4 deg" in capsys.readouterr().out
     assert "0.01 to 10" in failing(capsys, "run", "circle", "--pace", "0")
 

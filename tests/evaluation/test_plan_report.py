@@ -29,14 +29,13 @@ def make_episode(**columns):
         ({}, ""),
         ({"outcome": np.zeros(4)}, ""),
         (
-            {"outcome": np.array([0.0, 2.0, 2.0, np.nan])},
-            "the planner restarted from another shape in 2 of 4 steps",
+            {"outcome": np.array([0.0, 5.0, 5.0, np.nan])},
+            "the planner stood still short of its goal in 2 of 4 steps",
         ),
         (
-            {"outcome": np.array([1, 3, 4, 4])},
-            "the planner kept the last plan in 1 of 4 steps, "
-            "the planner used the fallback search in 1 of 4 steps, "
-            "the planner was stuck in 2 of 4 steps",
+            {"outcome": np.array([1, 5, 6, 6])},  # 1 is of version 0.3
+            "the planner stood still short of its goal in 1 of 4 steps, "
+            "the planner found its goal out of reach in 2 of 4 steps",
         ),
     ],
 )

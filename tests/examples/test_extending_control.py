@@ -18,7 +18,7 @@ WEIGHTS = resources.files("s2c2a.strategies") / "weights" / "twin_arm.safetensor
 def waypoints(tmp_path_factory) -> Path:
     """A path of three seconds."""
     path = tmp_path_factory.mktemp("task") / "short.csv"
-    path.write_text("time,x,y,z\n0,0,0,0.6\n3,0.08,0.0,0.58\n")
+    path.write_text("time,x,y,z\n0,0,0,0.6\n3,0.08,0.0,0.58\n8,0.08,0.0,0.58\n")
     return path
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, NO_FALLBACK, FallbackSearch, LeastSquares, Pull
+from s2c2a.planning import BEST, Horizon, LeastSquares, Solver
 from s2c2a.strategies import shipped_networks
 from s2c2a_experiments import plans as studied
 from s2c2a_experiments.plans import (
@@ -29,7 +29,7 @@ def small():
             "CHUNK": 8,
             "STARTS": 4,
             "ITERATIONS": 8,
-            "SETTLING": 20,
+            "SETTLING": 100,
         }.items():
             patched.setattr(studied, name, number)
         yield
@@ -53,17 +53,17 @@ def test_a_seed_gives_the_same_problems_and_every_kind_of_goal():
 
 def test_a_plan_is_optimal_near_the_long_search_or_at_the_step_limit():
     comparison = Comparison(
-        np.array([1.0, 1.2, 1.2, 1e-5]),
-        np.array([0.99, 1.0, 1.0, 1e-6]),
+        np.array([1.0, 1.2, 1.2, 1e-6]),
+        np.array([0.99, 1.0, 1.0, 1e-7]),
         np.array([0, 0, 1, 0], bool),
     )
-    assert comparison.optimal.tolist() == [True, False, True, False]
+    assert comparison.optimal.tolist() == [True, False, True, True]
     assert comparison.stuck.tolist() == [False, True, False, False]
 
 
-def compared(solver, fallback):
-    """Plans with this search, after one step and settled, beside the long one."""
-    options = replace(BEST, solver=solver, guides=(Pull(),), fallback=fallback)
+def compared(solver: Solver):
+    """Plans of this solver, after one step and settled, beside the long search."""
+    options = replace(BEST, solver=solver, guides=())
     comparisons = compare_with_long_search(TWIN, MODEL, options, 8)
     assert all(
         np.isfinite(comparisons[when].cost).all() for when in ("one step", "settled")
@@ -72,13 +72,13 @@ def compared(solver, fallback):
 
 
 def test_most_plans_are_optimal():
-    comparisons = compared(LeastSquares(), FallbackSearch())
+    comparisons = compared(Horizon())
     assert comparisons["settled"].optimal.mean() > 0.8
 
 
 @pytest.mark.slow
 def test_few_plans_with_one_iteration_are_optimal():
-    comparisons = compared(LeastSquares(1), NO_FALLBACK)
+    comparisons = compared(LeastSquares(1))
     assert comparisons["settled"].optimal.mean() < 0.8
 
 

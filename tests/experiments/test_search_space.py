@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.planning import LeastSquares
+from s2c2a.planning import Horizon
 from s2c2a.strategies import recipe_named
 from s2c2a_experiments.search_space import Varied, value_at, varied_from, with_values
 
@@ -51,12 +51,12 @@ def test_search_spaces_are_parsed(text, expected):
         (["integral_gain=0,1", "integral_gain=0:1"], "name every place once"),
         (
             ["planner.solver.iteration=5:60"],
-            r"has planner\.solver\.iterations, planner\.solver\.enough$",
+            r"has planner\.solver\.iterations, planner\.solver\.change, .*acceleration$",
         ),
         (["plan=1,2"], "recipe best has c2s, c2a"),
         (
             ["planner=1,2"],
-            r"vary one of planner\.solver, planner\.terms, .*planner\.fallback$",
+            r"vary one of planner\.solver, planner\.terms, planner\.guides, ",
         ),
         (["speeds=1,2"], r"vary one of speeds\.0, speeds\.1"),
         (["correction.x=1,2"], "nothing to vary at"),
@@ -67,7 +67,7 @@ def test_search_spaces_are_parsed(text, expected):
             ["planner.terms.1=1,2"],
             r"planner\.terms has planner\.terms\.Positions, planner\.terms\.Axes",
         ),
-        (["planner.terms.Pull.weight=1,2"], "Evenness"),
+        (["planner.terms.Pool.weight=1,2"], "Evenness"),
         (["planner.terms.Axes.name=1,2"], r"has planner\.terms\.Axes\.weight$"),
         (["axis_weights.0.0=1,2"], "'hold-'; only numbers"),
         (["planner.solver.iterations"], "has no values to try"),
@@ -100,7 +100,7 @@ def test_values_change_their_place_only():
         BEST,
         {"planner.solver.iterations": 7, "speeds.1": 0.12, "axis_weights.0.1": 2.0},
     )
-    assert changed.planner == replace(BEST.planner, solver=LeastSquares(7))
+    assert changed.planner == replace(BEST.planner, solver=Horizon(7))
     assert (changed.speeds, changed.axis_weights) == ((0.03, 0.12), (("hold-", 2.0),))
     assert (
         replace(

@@ -206,7 +206,7 @@ def test_weights_of_an_arm_with_a_sensor_formula_run_no_code(
     assert "this" not in sys.modules
 
 
-@pytest.mark.parametrize("field", ["solver", "terms", "guides", "fallback"])
+@pytest.mark.parametrize("field", ["solver", "terms", "guides"])
 def test_the_planner_of_a_weight_file_runs_no_code(
     field, ran, tiny_best_networks, tmp_path
 ):
@@ -383,7 +383,6 @@ def evil_weights(tiny_best_networks, tmp_path) -> str:
         solver=CUSTOM,
         terms=(CUSTOM,),
         guides=(CUSTOM,),
-        fallback=CUSTOM,
     )
     recipe = replace(tiny_best_networks.recipe, planner=planner, estimator=CUSTOM)
     save_networks(

@@ -98,7 +98,6 @@ ARTIFACTS = {
     "controller": controller_artifacts,
     "estimator": estimator_artifacts,
     "solver": lambda name, twin: [planned_with(twin, solver=CustomComponent(name))],
-    "fallback": lambda name, twin: [planned_with(twin, fallback=CustomComponent(name))],
     "guide": lambda name, twin: [planned_with(twin, guides=(CustomComponent(name),))],
     "term": lambda name, twin: [planned_with(twin, terms=(CustomComponent(name),))],
     "robot": lambda name, twin: [

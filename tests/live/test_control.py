@@ -40,7 +40,7 @@ def test_the_tip_follows_the_target_and_holds_after_a_stop(control, clock):
     drive(control, target=(0.18, 0.05, 0.54))
     clock.until(lambda: control.latest.error < 0.01, what="arriving")
     control.ask(target=(-0.18, 0.05, 0.54))
-    clock.until(lambda: tip(control)[0] < 0.1)
+    clock.until(lambda: tip(control)[0] < 0.15)
     control.ask(stopped=True)
     clock.until(lambda: control.latest.stage is Stage.HOLD)
     stopped = control.latest.step.number

@@ -110,6 +110,36 @@ def test_moments_follow_a_changed_payload_in_proportion():
     )
 
 
+@pytest.mark.parametrize("kilograms", [0.0, 0.05, 0.1])
+def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms):
+    """The bends of a heavily loaded arm change half as much again as under constant moments."""
+    model = shipped_networks(load_arm("twin_arm")).c2s
+    bends = jnp.array([[0.0, 0.0], [0.2, 0.1], [0.35, 0.1]])
+
+    def prediction(change, disturbances):
+        sensed = configurations_from_bends(bends + change)
+        memory = model.start(sensed)
+        if disturbances is None:
+            disturbances = settled(model, payload_of(kilograms), sensed, memory, 30)
+        states = predict(model, sensed, memory, disturbances)
+        return bends_from_configurations(configurations_from_states(states))
+
+    sensed = configurations_from_bends(bends)
+    memory = model.start(sensed)
+    constant = settled(model, payload_of(kilograms), sensed, memory, steps=30)
+    changing = eqx.filter_jit(lambda *at: model.with_gains(*at))(
+        constant, sensed, memory
+    )
+    change = jnp.array([[0.03, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    there, without, expected = (
+        np.asarray(prediction(change, loads) - prediction(0.0, loads))
+        for loads in (changing, constant, None)
+    )
+    np.testing.assert_allclose(there, expected, atol=0.15 * np.abs(expected).max())
+    if kilograms == 0.1:
+        assert np.linalg.norm(without) < 0.8 * np.linalg.norm(expected)
+
+
 def test_a_model_trained_without_payload_predicts_its_effect():
     """Poses of the twin with 50 g: three times nearer with the payload than without."""
     arm = load_arm("twin_arm")

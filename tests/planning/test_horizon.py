@@ -9,15 +9,14 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.goals import PREVIEW, preview_stride, previewed
-from s2c2a.kinematics import bends_from_configurations
-from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, NO_FALLBACK, Goal, Horizon, LeastSquares, Planner
+from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
+from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
+from s2c2a.planning import BEST, Goal, Horizon, LeastSquares, Planner
 from s2c2a.planning.horizon import minimum
 from s2c2a.planning.motion import GoalMotion
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
-OPTIONS = replace(BEST, solver=Horizon(), guides=(), fallback=NO_FALLBACK)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
@@ -85,7 +84,7 @@ def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
 
 def drive(arm, goals):
     """Bends of all plans, for an arm that follows them exactly."""
-    planner = Planner(arm, PCCForwardModel.of(arm), OPTIONS)
+    planner = Planner(arm, PCCForwardModel.of(arm), BEST)
     plan = planner.start(Estimate(STRAIGHT))
     bends = []
     for goal in goals:
@@ -116,6 +115,36 @@ def test_a_target_is_reached_at_every_control_rate_within_the_step_limit(rate):
     assert np.rad2deg(steps.max()) <= limit + 0.01
 
 
+class Lagging(ForwardModel):
+    """An arm that makes a third of each step in the next one."""
+
+    def start(self, sensed):
+        return bends_from_configurations(sensed)
+
+    def observe(self, sensed, memory):
+        return bends_from_configurations(sensed)
+
+    def predict(self, configurations, memory, disturbances=None):
+        bends = (2.0 * bends_from_configurations(configurations) + memory) / 3.0
+        return MODEL.predict(configurations_from_bends(bends), ())
+
+    def for_planning(self):
+        return self
+
+
+def test_what_lags_behind_has_arrived_later_on_the_horizon():
+    """A plan that counts on the lag for good swings past its target and back."""
+    planner = Planner(TWIN, Lagging(), BEST)
+    plan = planner.start(Estimate(STRAIGHT))
+    goal = Goal.of(3).with_position([0.1, 0.0, 0.58])
+    bends = []
+    for _ in range(40):
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
+        bends.append(np.asarray(bends_from_configurations(plan.configurations)))
+    last = np.linalg.norm(np.diff(bends[-11:], axis=0), axis=-1)
+    assert np.rad2deg(last.max()) < 0.05
+
+
 def test_without_an_iteration_nothing_is_planned():
     with pytest.raises(Exception, match="iterations = 0 was given"):
         replace(BEST, solver=Horizon(iterations=0))
@@ -125,7 +154,7 @@ def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
     goal = Goal.of(3).with_position([0.15, 0.0, 0.55])
     shown = []
     for solver in (Horizon(), LeastSquares()):
-        planner = Planner(TWIN, MODEL, replace(OPTIONS, solver=solver))
+        planner = Planner(TWIN, MODEL, replace(BEST, solver=solver))
         plan = planner.start(Estimate(STRAIGHT))
         for _ in range(5):
             plan = planner.plan(plan, Estimate(STRAIGHT), goal)

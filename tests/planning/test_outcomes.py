@@ -1,16 +1,13 @@
 """Outcomes tell plans that reach their goal from those that move, stall or cannot."""
 
-from dataclasses import replace
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, NO_FALLBACK, PAPER, Goal, Outcome, Plan, plan_error
+from s2c2a.planning import BEST, PAPER, Goal, Outcome, plan_error
 from s2c2a.planning.outcomes import SIGNIFICANT, judge
 from s2c2a.planning.planner import Step
 
@@ -22,24 +19,21 @@ STRAIGHT = np.zeros((3, 2), np.float32)
 FULL = np.tile(np.array([LIMIT, 0.0], np.float32), (3, 1))
 """All modules at their bend limit, towards x."""
 HALF = 0.5 * FULL
-LEANING = HALF + np.float32(0.05)
 
 
 @jax.jit
-def judged_jit(last, planned, goal, outcome, droop=0.0):
-    problem = STEP.problem(Plan(configurations_from_bends(last), (), None), goal)
+def judged_jit(last, planned, goal, droop=0.0):
+    problem = STEP.problem(STEP.started(configurations_from_bends(last)), goal)
     candidate = problem.candidate_at(planned)
     lower = candidate.states.at[:, 2].add(-droop)
     situation = problem.situation._replace(goal=goal)
-    return judge(outcome, candidate._replace(states=lower), situation, LENGTHS)
+    return judge(candidate._replace(states=lower), situation, LENGTHS)
 
 
-def judged(last, planned, position, outcome=Outcome.SOLVED, droop=0.0):
+def judged(last, planned, position, droop=0.0):
     """Outcome of a plan, after a plan, towards a position of the tip."""
     goal = Goal.of(3).with_position(position)
-    return Outcome(
-        int(judged_jit(last, planned, goal, jnp.asarray(int(outcome)), droop))
-    )
+    return Outcome(int(judged_jit(last, planned, goal, droop)))
 
 
 def tip(bends):
@@ -93,24 +87,9 @@ def test_a_plan_that_follows_a_goal_without_reaching_it_is_moving():
     assert judged(HALF, towards, goal) is Outcome.MOVING
 
 
-def test_what_the_fallback_search_did_stays_unless_a_kept_plan_cannot_get_nearer():
-    goal = tip(LEANING)
-    for outcome in (
-        Outcome.KEPT,
-        Outcome.RESTARTED,
-        Outcome.FALLBACK,
-        Outcome.STUCK,
-    ):
-        assert judged(HALF, HALF, goal, outcome) is outcome
-    above = tip(STRAIGHT) + np.array([0.0, 0.0, 0.1])
-    # a kept plan is the last one
-    kept = judged(STRAIGHT, HALF, above, Outcome.KEPT)
-    assert kept is Outcome.OUT_OF_REACH
-
-
 def test_without_a_desired_position_a_plan_is_solved_and_has_no_error():
     goal = Goal.of(3)
-    result = judged_jit(HALF, HALF, goal, jnp.asarray(0))
+    result = judged_jit(HALF, HALF, goal)
     assert Outcome(int(result)) is Outcome.SOLVED
     assert np.isnan(plan_error(np.zeros((3, 6)), goal))
 
@@ -121,8 +100,8 @@ def test_the_error_of_a_plan_is_that_of_its_worst_module_end():
     assert plan_error(states, goal) == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.parametrize("options", [PAPER, replace(BEST, fallback=NO_FALLBACK)])
-def test_planners_without_a_fallback_search_judge_every_plan_anew(options):
+@pytest.mark.parametrize("options", [PAPER, BEST])
+def test_planners_judge_every_plan_anew(options):
     step = Step.of(TWIN, PCCForwardModel.of(TWIN), options)
     next_plan = jax.jit(step.next_plan)
     above = Goal.of(3).with_position([0.0, 0.0, 0.7])

@@ -12,8 +12,18 @@ from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Estimate
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, PAPER, Adam, Goal, LeastSquares, Planner, Solver, Term
-from s2c2a.planning.planner import Plan, Step
+from s2c2a.planning import (
+    BEST,
+    PAPER,
+    Adam,
+    Goal,
+    Horizon,
+    LeastSquares,
+    Planner,
+    Solver,
+    Term,
+)
+from s2c2a.planning.planner import Step
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
@@ -24,9 +34,8 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
     "target", [[0.22, 0.0, 0.54], [-0.1, 0.2, 0.5], [2.0, 0.0, 0.3]]
 )
 def test_adam_strictly_lowers_the_objective(target):
-    problem = Step.of(TWIN, MODEL, PAPER).problem(
-        Plan(STRAIGHT, (), None), Goal.of(3).with_position(target)
-    )
+    step = Step.of(TWIN, MODEL, PAPER)
+    problem = step.problem(step.started(STRAIGHT), Goal.of(3).with_position(target))
     ends = [
         STRAIGHT,
         *(jax.jit(lambda n=n: Adam(iterations=n).solve(problem))() for n in (1, 10)),
@@ -62,9 +71,9 @@ def test_adam_is_adam_with_a_projection_after_every_iteration():
         )
         place /= np.linalg.norm(place, axis=-1, keepdims=True)
     options = replace(PAPER, terms=(SquaredDistance(),))
-    problem = Step.of(TWIN, MODEL, options).problem(
-        Plan(jnp.asarray(first, dtype=jnp.float32), (), None), Goal.of(3)
-    )
+    step = Step.of(TWIN, MODEL, options)
+    start = step.started(jnp.asarray(first, dtype=jnp.float32))
+    problem = step.problem(start, Goal.of(3))
     np.testing.assert_allclose(
         jax.jit(lambda: Adam().solve(problem))(), place, atol=2e-6
     )
@@ -103,6 +112,7 @@ def test_plans_of_every_solver_stay_within_the_limits_of_the_arm():
         *BEST.guides,
         Adam(),
         LeastSquares(),
+        Horizon(),
         Unlimited(),
         SquaredDistance(),
     ],

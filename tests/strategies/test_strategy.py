@@ -288,7 +288,7 @@ def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, 
 
 @pytest.mark.parametrize(
     ("name", "watched"),
-    [("trained", {}), ("best", {})],
+    [("trained", {}), ("best", {"horizon": (12, 3)})],
 )
 def test_what_is_told_of_a_step_has_the_columns_of_an_episode(
     name, watched, twin, request

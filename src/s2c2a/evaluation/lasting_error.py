@@ -21,7 +21,6 @@ LAST_PART = 0.25  # of a run, in which an error lasts
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
 CHAIN = {"predicted", "planned", "sensed", "outcome", "plan_error", "desired_positions"}
 TROUBLES = {
-    Outcome.STUCK: "stuck",
     Outcome.STALLED: "stalled",
     Outcome.OUT_OF_REACH: "out of reach",
 }

@@ -23,10 +23,6 @@ from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 
 PLAN_OUTCOMES = {
-    Outcome.KEPT: "kept the last plan",
-    Outcome.RESTARTED: "restarted from another shape",
-    Outcome.FALLBACK: "used the fallback search",
-    Outcome.STUCK: "was stuck",
     Outcome.STALLED: "stood still short of its goal",
     Outcome.OUT_OF_REACH: "found its goal out of reach",
 }

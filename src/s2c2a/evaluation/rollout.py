@@ -7,7 +7,7 @@ import numpy as np
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.goals import Goal, previewed
+from s2c2a.goals import Goal
 from s2c2a.operator import OPERATOR
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
@@ -150,7 +150,7 @@ def _do_steps(
     loop: Loop, task: Task, progress: StepProgress, steps: list[StepRecord]
 ) -> None:
     """Append the record of every step, as soon as it is done."""
-    for number, goal in enumerate(previewed(task.goals, loop.arm.control_period), 1):
+    for number, goal in enumerate(task.shown_goals(loop.arm.control_period), 1):
         steps.append(loop.tick(StepRequest(goal)))
         while steps[-1].stage is Stage.START:
             steps.append(loop.tick(StepRequest(goal)))

@@ -21,6 +21,7 @@ from s2c2a.models.cables import Hysteresis, HysteresisMemory
 from s2c2a.models.disturbances import (
     PAYLOAD_ITERATIONS,
     Disturbances,
+    LoadGains,
     moments_of_weights,
 )
 from s2c2a.models.forward_model import ForwardModel
@@ -97,24 +98,71 @@ class ChainC2S(ForwardModel):
         taut or slack.
         """
         inputs = self.inputs(self.body.displacements(configurations), memory)
-        moments_of = partial(
-            moments_of_weights,
-            compliances=self.body.compliances,
-            gravity=self.body.gravity,
-        )
-        tip_mass = jnp.zeros_like(self.body.weights).at[-1].set(1.0)
+        moments_of = self._moments_of
         unloaded, lengths, _corrections = self._at_rest(inputs)
         own_moments = moments_of(self.body.weights, unloaded.bends, lengths)
 
         def iterate(_: int, last: tuple[Array, Array]) -> tuple[Array, Array]:
             loaded, lengths, _corrections = self._at_rest(inputs, last[0])
-            per_kg = moments_of(tip_mass, loaded.bends, lengths)
+            per_kg = moments_of(self._tip_mass, loaded.bends, lengths)
             sagging = moments_of(self.body.weights, loaded.bends, lengths) - own_moments
             return sagging + disturbances.payload * per_kg, per_kg
 
         first = (before.moments, jnp.zeros_like(own_moments))
         moments, per_kg = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, first)
         return disturbances._replace(moments=moments, moments_per_kg=per_kg)
+
+    def with_gains(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "modules 3"],
+        memory: HysteresisMemory,
+    ) -> Disturbances:
+        """See `ForwardModel`: the iteration of `with_moments`, linearized.
+
+        A few iterations, instead of its limit, are bounded for an arm that buckles too.
+        """
+        if disturbances.moments is None:
+            return disturbances
+        inputs = self.inputs(self.body.displacements(configurations), memory)
+        unloaded = self._at_rest(inputs)[0].bends
+        loaded, lengths, _corrections = self._at_rest(inputs, disturbances.moments)
+        size = unloaded.size
+
+        def slopes(function, at: Array) -> Float[Array, "bends bends"]:
+            return jax.jacfwd(function)(at).reshape(size, size)
+
+        def own_moments(bends: Array) -> Array:
+            return self._moments_of(self.body.weights, bends, lengths)
+
+        def all_moments(bends: Array) -> Array:
+            per_kg = self._moments_of(self._tip_mass, bends, lengths)
+            return own_moments(bends) + disturbances.payload * per_kg
+
+        compliance = slopes(
+            lambda moments: self._at_rest(inputs, moments)[0].bends,
+            disturbances.moments,
+        )
+        sagging = compliance @ slopes(all_moments, loaded.bends)
+        # the model's network knows the moments of the arm's own weight
+        known = compliance @ slopes(own_moments, unloaded)
+        identity = jnp.eye(size)
+        matrix = identity
+        for _ in range(PAYLOAD_ITERATIONS):
+            matrix = identity - known + sagging @ matrix
+        return disturbances._replace(gains=LoadGains(loaded.bends, matrix))
+
+    @property
+    def _tip_mass(self) -> Float[Array, " modules"]:
+        """One kilogram at the tip."""
+        return jnp.zeros_like(self.body.weights).at[-1].set(1.0)
+
+    def _moments_of(
+        self, weights: Array, bends: Array, lengths: Array
+    ) -> Float[Array, "*batch modules 2"]:
+        return moments_of_weights(
+            weights, bends, lengths, self.body.compliances, self.body.gravity
+        )
 
     def predict(
         self,
@@ -152,7 +200,10 @@ class ChainC2S(ForwardModel):
         """
         moments = None if disturbances is None else disturbances.moments
         rest, lengths, corrections = self._at_rest(inputs, moments)
-        bends = rest.bends + BEND_CORRECTION_UNIT * corrections[..., 2:4]
+        own = rest.bends
+        if disturbances is not None and disturbances.gains is not None:
+            own = disturbances.gains.applied(own)
+        bends = own + BEND_CORRECTION_UNIT * corrections[..., 2:4]
         ends = END_CORRECTION_UNIT * self.body.lengths[:, None] * corrections[..., 4:]
         if disturbances is None:
             return states_from_arcs(bends, lengths, ends)

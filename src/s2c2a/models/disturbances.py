@@ -13,6 +13,34 @@ PAYLOAD_ITERATIONS = 3
 start."""
 
 
+class LoadGains(NamedTuple):
+    """How bends change with a payload whose moments depend on the shape.
+
+    A plan that counts on constant moments moves a loaded arm too far: the more an
+    upright arm bends, the more its payload bends it.
+
+    Attributes:
+        bends: at the present shape [rad], shape (modules, 2).
+        matrix: change of all bends for each change under constant moments, shape
+            (2 modules, 2 modules).
+    """
+
+    bends: Float[Array, "modules 2"]
+    matrix: Float[Array, "bends bends"]
+
+    def applied(
+        self, bends: Float[Array, "*batch modules 2"]
+    ) -> Float[Array, "*batch modules 2"]:
+        """Bends under the moments of their own shape [rad].
+
+        Args:
+            bends: under the moments of the present shape [rad].
+        """
+        changes = bends - self.bends
+        flat = changes.reshape(*changes.shape[:-2], -1) @ self.matrix.T
+        return self.bends + flat.reshape(changes.shape)
+
+
 class Disturbances(NamedTuple):
     """A payload at the tip and bend biases of the modules.
 
@@ -24,12 +52,15 @@ class Disturbances(NamedTuple):
             present shape, shape (modules, 2). None until a forward model has computed
             them (`ForwardModel.with_moments`).
         moments_per_kg: change of the moments with the payload [rad/kg], the same shape.
+        gains: how shapes other than the present one change the moments
+            (`ForwardModel.with_gains`); None for constant moments.
     """
 
     payload: Float[Array, ""]
     bend_biases: Float[Array, "modules 2"]
     moments: Float[Array, "modules 2"] | None = None
     moments_per_kg: Float[Array, "modules 2"] | None = None
+    gains: "LoadGains | None" = None
 
     @classmethod
     def none(cls, modules: int) -> "Disturbances":

@@ -61,6 +61,23 @@ class ForwardModel(eqx.Module):
         zeros = jnp.zeros_like(disturbances.bend_biases)
         return disturbances._replace(moments=zeros, moments_per_kg=zeros)
 
+    def with_gains(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "modules 3"],
+        memory: Memory,
+    ) -> Disturbances:
+        """Disturbances whose moments change with the shape that is predicted.
+
+        A model that ignores the payload returns them unchanged.
+
+        Args:
+            disturbances: with moments (`with_moments`).
+            configurations: present configurations, module frames.
+            memory: of the hysteresis.
+        """
+        return disturbances
+
     @abstractmethod
     def predict(
         self,
@@ -184,6 +201,14 @@ class WrappedModel(ForwardModel):
     ) -> Disturbances:
         moved = self.moved(configurations)
         return self.inner.with_moments(disturbances, moved, memory, before)
+
+    def with_gains(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "modules 3"],
+        memory: Memory,
+    ) -> Disturbances:
+        return self.inner.with_gains(disturbances, self.moved(configurations), memory)
 
     def tensions(
         self,

@@ -3,8 +3,7 @@
 from s2c2a.components import CustomComponent
 from s2c2a.goals import Goal
 from s2c2a.planning.batch import BatchPlanner
-from s2c2a.planning.fallback import NO_FALLBACK, FallbackSearch, SearchState
-from s2c2a.planning.guides import Detour, Guide, Pull
+from s2c2a.planning.guides import Detour, Guide
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome, plan_error
 from s2c2a.planning.planner import BEST, PAPER, Plan, Planner, PlannerOptions

@@ -21,7 +21,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
-from s2c2a.kinematics import configurations_from_bends, limit_lengths, norm
+from s2c2a.kinematics import configurations_from_bends, limit_lengths
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points
@@ -33,6 +33,9 @@ NODES_AHEAD = 4
 NEAR = 0.1  # of the arm's length: largest distance of the tip from the map
 LOOKAHEAD = 0.1  # of the arm's length, along the path
 SAMPLES = 16  # on the straight path
+# share of the way of a straight arm that turns at its base by the step limit: near
+# obstacles, an arm that swings must not move as fast as it can
+ADVANCE = 0.5
 SHAPE_STEP_DEG = 2.0  # per module and step, towards the bends of a node
 OFFSETS = (-1, 0, 1)
 NEIGHBORS = tuple((x, y) for x in OFFSETS for y in OFFSETS if (x, y) != (0, 0))
@@ -53,32 +56,6 @@ class Guide(Component, ABC):
     @abstractmethod
     def apply(self, situation: Situation, prepared: Any) -> Situation:
         """The situation with another goal, or another desired shape."""
-
-
-@dataclass(frozen=True)
-class Pull(Guide):
-    """Moves distant targets nearer, so that steps are as small as those in the data.
-
-    Attributes:
-        per_radian: largest distance to a target for each radian of the step limit, in
-            parts of the arm's length.
-    """
-
-    per_radian: float = 0.5013  # 0.035 at 4 deg
-
-    def prepare(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> None:
-        """No data are needed."""
-
-    def apply(self, situation: Situation, prepared: None) -> Situation:
-        """The situation with all targets within the largest distance of module ends."""
-        goal = situation.goal
-        ends = situation.last.states[:, POSITION]
-        displacement = goal.positions - ends
-        longest = self.per_radian * situation.longest_step * situation.length
-        shares = jnp.minimum(1.0, longest / jnp.maximum(norm(displacement), 1e-6))
-        positions = ends + displacement * shares[:, None]
-        goal = goal._replace(positions=positions)  # type: ignore[arg-type]
-        return situation._replace(goal=goal)
 
 
 class WorkspaceMap(NamedTuple):
@@ -138,6 +115,10 @@ class Detour(Guide):
             return None
         return workspace_map(arm, model, guard)
 
+    def _advance(self, situation: Situation) -> Length:
+        """Largest distance of the tip from its target on the path [m]."""
+        return ADVANCE * situation.longest_step * situation.length
+
     def apply(self, situation: Situation, prepared: WorkspaceMap | None) -> Situation:
         """The situation with a point of the path as target, and the shape there."""
         goal = situation.goal
@@ -146,14 +127,17 @@ class Detour(Guide):
             return situation
 
         def follow_path() -> TipTarget:
-            return tip_target(
+            tip = last.states[-1, POSITION]
+            target = tip_target(
                 prepared,
-                tip=last.states[-1, POSITION],
+                tip=tip,
                 target=goal.positions[-1],
                 goal=goal,
                 margin=self.margin * prepared.length,
                 longest=self.longest * prepared.length,
             )
+            way = limit_lengths(target.position - tip, self._advance(situation))
+            return target._replace(position=tip + way)
 
         def go_straight() -> TipTarget:
             return TipTarget(goal.positions[-1], last.bends, jnp.zeros(()))
@@ -351,4 +335,4 @@ def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
     return padded[row : row + SIDE, column : column + SIDE]
 
 
-GUIDES: Registry[Guide] = Registry("guide", Guide, {"Detour": Detour, "Pull": Pull})
+GUIDES: Registry[Guide] = Registry("guide", Guide, {"Detour": Detour})

@@ -5,10 +5,12 @@ Every control step shifts the last plan by one step and improves it by a few ite
 Each knot has the terms of the objective; changes of bends, and changes of these changes,
 cost too, so plans are smooth, and a plan moves before its goal does.
 
-The gradients of a model with hysteresis are those of taut cables, which can point
-uphill, and obstacles have edges. So each iteration solves with several dampings side by
-side and takes the plan that costs least, also where it costs more than before: a plan
-that waits for a slope that points downhill stands still.
+Every iteration takes its damped step, also where it costs more than before: the slopes
+are those of taut cables, which can point uphill inside a backlash, and a plan that waits
+for a slope that points downhill stands still. Far from a goal the damping is larger, since
+Gauss-Newton leaves out the curvature of what stays of the residual (Fan and Yuan,
+Computing 74, 2005). Since iterations can go to and fro across the edge of an obstacle, the
+cheapest of them is taken.
 """
 
 from dataclasses import dataclass
@@ -21,13 +23,13 @@ from jaxtyping import Array, Float
 
 from s2c2a.goals import PREVIEW, Goal
 from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.models.forward_model import Memory
 from s2c2a.planning.solvers import Problem, Solver, linearize
 from s2c2a.planning.terms import Bends, Configurations
 
 Knots = Float[Array, "knots modules 2"]
-# of squared slopes near one, since residuals are scaled: from nearly none to one above
-# what decides between shapes of equal tips
-DAMPINGS = (3e-4, 3e-3, 3e-2)
+DAMPING = 1e-2  # of squared slopes near one, since residuals are scaled
+FAR_DAMPING = 0.1  # further damping, of the squared residual
 
 
 class HorizonMemory(NamedTuple):
@@ -56,7 +58,7 @@ class Horizon(Solver):
 
     iterations: int = 2
     change: float = 0.03
-    acceleration: float = 1.0
+    acceleration: float = 0.5
 
     def start(self, bends: Bends) -> HorizonMemory:
         return HorizonMemory(jnp.tile(bends, (PREVIEW, 1, 1)), bends)
@@ -74,22 +76,11 @@ class Horizon(Solver):
         stride = problem.stride
         goal = problem.situation.goal
         change_weight = jnp.asarray(goal.change_weight)
-        has_target = (goal.position_weights > 0.0) | (goal.axis_weights > 0.0)
-        # an arm that has lost its target stops; it does not coast
-        made = jnp.where(has_target.any(), stride * (last - memory.before), 0.0)
-
-        def terms_at(bends: Bends, goal: Goal) -> Float[Array, " residuals"]:
-            return problem.with_goal(goal).stacked(bends)
-
-        def roughness(knots: Knots) -> Float[Array, ""]:
-            changes = jnp.diff(knots, axis=0, prepend=last[None])
-            turns = jnp.diff(changes, axis=0, prepend=made[None])
-            squares = self.change**2 * changes**2 + self.acceleration**2 * turns**2
-            return change_weight * jnp.sum(squares)
-
-        def cost(knots: Knots) -> Float[Array, ""]:
-            terms = jax.vmap(terms_at)(knots, problem.ahead)
-            return jnp.sum(terms**2) + roughness(knots)
+        following = jnp.concatenate([memory.knots[1:], memory.knots[-1:]])
+        shifted = memory.knots + (following - memory.knots) / stride
+        # an arm that has lost its target stops: it neither coasts nor ends its plan
+        made = jnp.where(goal.has_target, stride * (last - memory.before), 0.0)
+        wanted = jnp.where(goal.has_target, shifted, last)
 
         def within_steps(knots: Knots) -> Knots:
             longest = stride * problem.situation.longest_step
@@ -100,27 +91,45 @@ class Horizon(Solver):
 
             return jax.lax.scan(step, last, knots)[1]
 
-        def iterate(knots: Knots, _: None) -> tuple[Knots, None]:
+        start = within_steps(wanted)
+
+        def remember(before: Memory, bends: Bends) -> tuple[Memory, Memory]:
+            return problem.observe(configurations_from_bends(bends), before), before
+
+        # the arm's memory at every knot, if it follows the plan so far
+        _, memories = jax.lax.scan(remember, problem.memory, start)
+
+        def terms_at(bends: Bends, goal: Goal, before: Memory):
+            return problem.later(goal, before).stacked(bends)
+
+        def roughness(knots: Knots) -> Float[Array, ""]:
+            changes = jnp.diff(knots, axis=0, prepend=last[None])
+            turns = jnp.diff(changes, axis=0, prepend=made[None])
+            squares = self.change**2 * changes**2 + self.acceleration**2 * turns**2
+            return change_weight * jnp.sum(squares)
+
+        def cost(knots: Knots) -> Float[Array, ""]:
+            terms = jax.vmap(terms_at)(knots, problem.ahead, memories)
+            return jnp.sum(terms**2) + roughness(knots)
+
+        def iterate(knots: Knots, _: None) -> tuple[Knots, Knots]:
             values, slopes = jax.vmap(
-                lambda bends, goal: linearize(lambda at: terms_at(at, goal), bends)
-            )(knots, problem.ahead)
+                lambda bends, goal, before: linearize(
+                    lambda at: terms_at(at, goal, before), bends
+                )
+            )(knots, problem.ahead, memories)
             gradients = jnp.einsum("kri,kr->ki", slopes, values)
             rough = jax.grad(roughness)(knots).reshape(gradients.shape)
             blocks = jnp.einsum("kri,krj->kij", slopes, slopes)
             coupling = change_weight * self._coupling(last.size)
+            damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
+            damped = blocks + damping[:, None, None] * jnp.eye(last.size)
+            step = minimum(damped, gradients + rough / 2.0, coupling)
+            improved = within_steps(knots + step.reshape(knots.shape))
+            return improved, improved
 
-            def trial(damping: Float[Array, ""]) -> Knots:
-                damped = blocks + damping * jnp.eye(last.size)
-                step = minimum(damped, gradients + rough / 2.0, coupling)
-                return within_steps(knots + step.reshape(knots.shape))
-
-            trials = jax.vmap(trial)(jnp.asarray(DAMPINGS))
-            return trials[jnp.argmin(jax.vmap(cost)(trials))], None
-
-        following = jnp.concatenate([memory.knots[1:], memory.knots[-1:]])
-        shifted = memory.knots + (following - memory.knots) / stride
-        start = within_steps(shifted)
-        knots, _ = jax.lax.scan(iterate, start, length=self.iterations)
+        _, iterates = jax.lax.scan(iterate, start, length=self.iterations)
+        knots = iterates[jnp.argmin(jax.vmap(cost)(iterates))]
         bends = last + (knots[0] - last) / stride
         return configurations_from_bends(bends), HorizonMemory(knots, last)
 

@@ -28,7 +28,10 @@ Count = Int[Array, ""]
 
 
 class Outcome(IntEnum):
-    """How a control step was planned; the value is the number in files."""
+    """How a control step was planned; the value is the number in files.
+
+    Numbers 1 to 4 are those of a search that version 0.3 had.
+    """
 
     sentence: str
 
@@ -36,24 +39,6 @@ class Outcome(IntEnum):
         0,
         "The plan is the result of the solver, and has reached its goal by the plan's "
         "own model, within 1 % of the arm's length.",
-    )
-    KEPT = (
-        1,
-        "The last plan is kept, because the solver's result is farther from the goal.",
-    )
-    RESTARTED = (
-        2,
-        "The plan is the result of a solver run from a random start, within the step "
-        "limit.",
-    )
-    FALLBACK = (
-        3,
-        "The plan moves toward a better configuration that the fallback search found.",
-    )
-    STUCK = (
-        4,
-        "The plan makes no progress, although the fallback search knows a better "
-        "configuration.",
     )
     STALLED = (
         5,
@@ -93,40 +78,32 @@ def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
 
 
 def judge(
-    outcome: Count,
     planned: Candidate,
     situation: Situation,
     lengths: Float[Numbers, " modules"],
 ) -> Count:
-    """The outcome of a step, refined where the solver made the plan or it is kept.
+    """The outcome of a step.
 
     Args:
-        outcome: of the solver and the fallback search.
         planned: by the solver.
         situation: of this step, with the goal as requested.
         lengths: of the modules [m].
     """
-    kept = outcome == Outcome.KEPT
-    plan = jax.tree.map(
-        lambda last, new: jnp.where(kept, last, new), situation.last, planned
-    )
     goal = situation.goal
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
-    gaps = jnp.where(is_desired, plan.states[:, POSITION] - goal.positions, 0.0)
+    gaps = jnp.where(is_desired, planned.states[:, POSITION] - goal.positions, 0.0)
     error = jnp.max(norm(gaps))
     reached = jnp.isnan(error) | (error <= SIGNIFICANT * situation.length)
     blocked = jax.lax.cond(
         reached,
         lambda: jnp.asarray(False),
-        lambda: _is_blocked(plan.bends, gaps, is_desired, situation, lengths),
+        lambda: _is_blocked(planned.bends, gaps, is_desired, situation, lengths),
     )
-    step = largest_bend(plan.bends - situation.last.bends)
+    step = largest_bend(planned.bends - situation.last.bends)
     still = step < STILL * situation.longest_step
     solved = jnp.where(still, Outcome.STALLED, Outcome.MOVING)
     solved = jnp.where(reached, Outcome.SOLVED, solved)
-    refined = jnp.where(outcome == Outcome.SOLVED, solved, outcome)
-    is_refined = kept | (outcome == Outcome.SOLVED)
-    return jnp.where(is_refined & blocked, Outcome.OUT_OF_REACH, refined)
+    return jnp.where(blocked, Outcome.OUT_OF_REACH, solved)
 
 
 def _is_blocked(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float, Int
 from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -28,14 +28,7 @@ from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
-from s2c2a.planning.fallback import (
-    FALLBACKS,
-    NO_FALLBACK,
-    FallbackSearch,
-    Search,
-    SearchState,
-)
-from s2c2a.planning.guides import GUIDES, Detour, Guide, Pull
+from s2c2a.planning.guides import GUIDES, Detour, Guide
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
@@ -49,7 +42,6 @@ from s2c2a.planning.terms import (
     Numbers,
     Situation,
     Term,
-    largest_bend,
 )
 from s2c2a.spaces import POSITION
 
@@ -59,9 +51,6 @@ AXES_WEIGHT = 0.5
 Where an arm cannot reach position and axis, as one that is shorter than its arm file
 states, its ends stay near their positions.
 """
-# rad, of payload and biases: 5 mm at 0.2 m; smaller effects are ignored
-DISTURBED = np.deg2rad(1.5)
-
 SOLVERS: Registry[Solver] = Registry(
     "solver",
     Solver,
@@ -74,14 +63,11 @@ AnyTerm = Annotated[Term | CustomComponent, SkipValidation, BeforeValidator(TERM
 AnyGuide = Annotated[
     Guide | CustomComponent, SkipValidation, BeforeValidator(GUIDES.read)
 ]
-AnyFallback = Annotated[
-    FallbackSearch | CustomComponent, SkipValidation, BeforeValidator(FALLBACKS.read)
-]
 
 
 @dataclass(frozen=True)
 class PlannerOptions(Options):
-    """Solver, terms, guides and fallback of a planner.
+    """Solver, terms and guides of a planner.
 
     In files, each component is a table with its name and parameters, or an `Own`.
 
@@ -93,7 +79,6 @@ class PlannerOptions(Options):
             motors (`ForwardModel.for_planning`) instead of the true ones.
         on_sphere: whether configurations are kept at unit length and within the bend
             limits. Configurations sensed under sensing coupling have other lengths.
-        fallback: random restarts when the plan is stuck.
         guard: the points of the arm that avoid obstacles.
     """
 
@@ -102,7 +87,6 @@ class PlannerOptions(Options):
     guides: tuple[AnyGuide, ...] = ()
     engaged_slopes: bool = False
     on_sphere: bool = True
-    fallback: AnyFallback = NO_FALLBACK
     guard: Guard = "tip"
 
     def __post_init__(self):
@@ -110,10 +94,8 @@ class PlannerOptions(Options):
         if not self.terms:
             raise S2C2AError("the planner has no terms; give at least one")
 
-    def build(
-        self,
-    ) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...], FallbackSearch]:
-        """Solver, terms, guides and fallback; imports those given by name.
+    def build(self) -> tuple[Solver, tuple[Term, ...], tuple[Guide, ...]]:
+        """Solver, terms and guides; imports those given by name.
 
         Raises:
             S2C2AError: a component is not found, may not be imported, or rejects its
@@ -121,9 +103,7 @@ class PlannerOptions(Options):
         """
         terms = tuple(TERMS.build(term) for term in self.terms)
         guides = tuple(GUIDES.build(guide) for guide in self.guides)
-        fallback = FALLBACKS.build(self.fallback)
-        solver = SOLVERS.build(self.solver)
-        return solver, terms, guides, fallback
+        return SOLVERS.build(self.solver), terms, guides
 
 
 PAPER = PlannerOptions(
@@ -137,20 +117,18 @@ PAPER = PlannerOptions(
 )
 """Planner options of the paper."""
 BEST = PlannerOptions(
-    LeastSquares(),
+    Horizon(),
     (
         terms.Positions(),
         terms.Axes(AXES_WEIGHT),
         terms.Shape(),
         terms.Evenness(),
-        terms.BendChange(),
         terms.Extrapolation(),
         terms.Limits(),
         terms.Obstacles(),
     ),
-    (Detour(), Pull()),
+    (Detour(),),
     engaged_slopes=True,
-    fallback=FallbackSearch(),
 )
 """Planner options of the recipe `best`."""
 
@@ -162,24 +140,23 @@ class Plan(NamedTuple):
         configurations: planned, C_0 of the next step, shape (modules, 3), module
             frames.
         memory: hysteresis of the forward model, from the estimate.
-        search: memory of the fallback search.
         disturbances: that the plan counts on, with payload moments; None for none.
         solver: memory of the solver.
-        motion: of the goals; None before the first.
+        motion: of the goals.
+        judged: the outcome of the last step, as an integer.
     """
 
     configurations: Configurations
     memory: Memory
-    search: Search
-    disturbances: Disturbances | None = None
-    solver: Any = None
-    motion: GoalMotion | None = None
+    disturbances: Disturbances | None
+    solver: Any
+    motion: GoalMotion
+    judged: Int[Array, ""]
 
     @property
     def outcome(self) -> Outcome:
         """How the last step was planned; for a single plan, outside compiled code."""
-        state = SearchState(*np.asarray(self.search.numbers))
-        return Outcome(int(state.outcome))  # type: ignore[call-arg]
+        return Outcome(int(self.judged))  # type: ignore[call-arg]
 
 
 class Expectation(NamedTuple):
@@ -209,7 +186,6 @@ class Step(NamedTuple):
         solver: minimizes the objective.
         terms: of the objective.
         guides: change the goal before the solver runs.
-        fallback: random restarts when the plan is stuck.
         prepared: data of each guide about the arm.
         options: the planner options.
     """
@@ -219,7 +195,6 @@ class Step(NamedTuple):
     solver: Solver
     terms: tuple[Term, ...]
     guides: tuple[Guide, ...]
-    fallback: FallbackSearch
     prepared: tuple[Any, ...]
     options: PlannerOptions
 
@@ -230,9 +205,9 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, guides, fallback = options.build()
+        solver, terms, guides = options.build()
         prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
-        return cls(arm, model, solver, terms, guides, fallback, prepared, options)
+        return cls(arm, model, solver, terms, guides, prepared, options)
 
     def started(
         self,
@@ -249,15 +224,14 @@ class Step(NamedTuple):
             )
             for _ in range(PAYLOAD_ITERATIONS):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
-            disturbances = settled
-        bends = bends_from_configurations(sensed)
+            disturbances = self.model.with_gains(settled, sensed, memory)
         return Plan(
             sensed,
             memory,
-            Search.none(bends),
             disturbances,
-            self.solver.start(bends),
+            self.solver.start(bends_from_configurations(sensed)),
             GoalMotion.of(len(sensed)),
+            jnp.asarray(Outcome.SOLVED),
         )
 
     def expectation(self, plan: Plan) -> Expectation:
@@ -304,6 +278,7 @@ class Step(NamedTuple):
             disturbances = self._with_moments(
                 disturbances, sensed, plan.memory, plan.disturbances
             )
+            disturbances = self.model.with_gains(disturbances, sensed, plan.memory)
             disturbances = select_if_finite(disturbances, plan.disturbances)
         if hysteresis is None:
             hysteresis = self.model.observe(sensed, plan.memory)
@@ -312,30 +287,19 @@ class Step(NamedTuple):
         problem = self.problem(last, goal)
         desired, solver = self.solver.next(problem, plan.solver)
         planned = problem.within_limits(desired)
-        problem = problem._replace(predict=self._predictor(last, engaged=False))
-        candidate = problem.candidate_at(bends_from_configurations(planned))
-        search = plan.search.with_outcome(jnp.asarray(Outcome.SOLVED))
-        if self.fallback.starts:
-            bends, search = self.fallback.improve(
-                problem, goal, candidate, plan.search, _is_disturbed(disturbances)
-            )
-            improved = problem.within_limits(configurations_from_bends(bends))
-            planned = jnp.where(search.state.is_replaced, improved, planned)
+        true = problem._replace(predict=self._predictor(last, engaged=False))
+        candidate = true.candidate_at(bends_from_configurations(planned))
         situation = problem.situation._replace(goal=goal)
-        lengths = ArmGeometry.of(self.arm).lengths
-        outcome = judge(search.state.outcome, candidate, situation, lengths)
-        without_search = Search.none(problem.situation.last.bends)
-        planned, search, solver = select_if_finite(
-            (planned, search.with_outcome(outcome), solver),
-            (plan.configurations, without_search, plan.solver),
+        judged = judge(candidate, situation, ArmGeometry.of(self.arm).lengths)
+        planned, solver = select_if_finite(
+            (planned, solver), (plan.configurations, plan.solver)
         )
-        motion = self._motion(plan).after(goal)
         return last._replace(
-            configurations=planned, search=search, solver=solver, motion=motion
+            configurations=planned,
+            solver=solver,
+            motion=plan.motion.after(goal),
+            judged=judged,
         )
-
-    def _motion(self, plan: Plan) -> GoalMotion:
-        return plan.motion or GoalMotion.of(len(plan.configurations))
 
     def _with_moments(
         self,
@@ -350,10 +314,11 @@ class Step(NamedTuple):
         return self.model.with_moments(disturbances, sensed, memory, before)
 
     def problem(self, last: Plan, goal: Goal) -> Problem:
-        """The problem of the solver: the goal as the guides change it."""
+        """The problem of the solver: the goals as the guides change them."""
         predict = self._predictor(last, self.options.engaged_slopes)
         configurations = last.configurations
-        candidate = predict(configurations, bends_from_configurations(configurations))
+        bends = bends_from_configurations(configurations)
+        candidate = predict(configurations, bends, last.memory)
         geometry = ArmGeometry.of(self.arm)
         situation = Situation(
             goal,
@@ -368,7 +333,7 @@ class Step(NamedTuple):
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.apply(situation, prepared)
         stride = preview_stride(self.arm.control_period)
-        ahead = self._motion(last).ahead(goal, stride)
+        ahead = last.motion.ahead(goal, stride)
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
         is_guided = guided != jnp.asarray(goal.positions)
@@ -376,17 +341,27 @@ class Step(NamedTuple):
         # from targets far beyond the arm, a plan would swing from side to side
         positions = limit_lengths(positions, np.cumsum(geometry.lengths))
         ahead = ahead._replace(positions=positions)  # type: ignore[arg-type]
-        return Problem(situation, self.terms, predict, ahead, stride)
+        return Problem(
+            situation,
+            self.terms,
+            predict,
+            self.model.observe,
+            last.memory,
+            ahead,
+            stride,
+        )
 
     def _predictor(
         self, last: Plan, engaged: bool
-    ) -> Callable[[Configurations, Bends], Candidate]:
+    ) -> Callable[[Configurations, Bends, Memory], Candidate]:
         model = self.model.for_planning() if engaged else self.model
         model = model.near(last.configurations, last.memory)
         points_of = terms.guarded_points(self.arm, self.options.guard)
 
-        def predict(configurations: Configurations, bends: Bends) -> Candidate:
-            states = model.predict(configurations, last.memory, last.disturbances)
+        def predict(
+            configurations: Configurations, bends: Bends, memory: Memory
+        ) -> Candidate:
+            states = model.predict(configurations, memory, last.disturbances)
             points = points_of(states)
             extrapolation = model.extrapolation(configurations)
             return Candidate(configurations, bends, states, points, extrapolation)
@@ -443,16 +418,6 @@ class Planner:
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
-
-
-def _is_disturbed(disturbances: Disturbances | None) -> Bool[Array, ""]:
-    """Whether a payload or bend biases bend the arm noticeably."""
-    if disturbances is None:
-        return jnp.asarray(False)
-    bends = disturbances.bend_biases
-    if disturbances.moments is not None:
-        bends = bends + disturbances.moments
-    return largest_bend(bends) > DISTURBED
 
 
 def _single(values: Numbers) -> Numbers:

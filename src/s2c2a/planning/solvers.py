@@ -26,6 +26,7 @@ from s2c2a.kinematics import (
     norm,
     states_from_bends,
 )
+from s2c2a.models.forward_model import Memory
 from s2c2a.paper import minimize, unit_vectors
 from s2c2a.planning.terms import (
     Bends,
@@ -154,14 +155,19 @@ class Problem(NamedTuple):
     Attributes:
         situation: what is fixed; `situation.last` is the starting point.
         terms: of the objective.
-        predict: (configurations, the same as bends) -> a candidate with its prediction.
+        predict: (configurations, the same as bends, memory) -> a candidate with its
+            prediction.
+        observe: (configurations, memory) -> memory after the arm has been there.
+        memory: of the forward model, before the next step.
         ahead: goals of the next moments (`goals.Goal.preview`), with these as first axis.
         stride: control steps between two of these moments.
     """
 
     situation: Situation
     terms: tuple[Term, ...]
-    predict: Callable[[Configurations, Bends], Candidate]
+    predict: Callable[[Configurations, Bends, Memory], Candidate]
+    observe: Callable[[Configurations, Memory], Memory]
+    memory: Memory
     ahead: Goal
     stride: int
 
@@ -169,7 +175,8 @@ class Problem(NamedTuple):
         """The sum over all groups of mu |r| (Chen et al. 2025, eq. (7))."""
         bends = bends_from_configurations(configurations)
         total = jnp.zeros(())
-        for weights, residuals in self._weighted(self.predict(configurations, bends)):
+        candidate = self.predict(configurations, bends, self.memory)
+        for weights, residuals in self._weighted(candidate):
             total = total + jnp.sum(weights * norm(residuals))
         return total
 
@@ -179,7 +186,7 @@ class Problem(NamedTuple):
 
     def candidate_at(self, bends: Bends) -> Candidate:
         """The candidate with these bends."""
-        return self.predict(configurations_from_bends(bends), bends)
+        return self.predict(configurations_from_bends(bends), bends, self.memory)
 
     def cost_of(self, candidate: Candidate) -> Float[Array, ""]:
         """The sum of mu |r|^2 of a candidate."""
@@ -193,9 +200,10 @@ class Problem(NamedTuple):
             rows.append((scale * residuals).reshape(-1))
         return jnp.concatenate(rows)
 
-    def with_goal(self, goal: Goal) -> "Problem":
-        """The same problem with another goal."""
-        return self._replace(situation=self.situation._replace(goal=goal))
+    def later(self, goal: Goal, memory: Memory) -> "Problem":
+        """The problem of a later moment: its goal, and the memory before it."""
+        situation = self.situation._replace(goal=goal)
+        return self._replace(situation=situation, memory=memory)
 
     def within_limits(self, desired: Configurations) -> Configurations:
         """Configurations within the bend limits and one step limit from the last ones.

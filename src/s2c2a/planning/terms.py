@@ -285,7 +285,8 @@ class Extrapolation(Term):
     """Uncertainty of ends from extrapolation: the plan stays near the data.
 
     With the weight and the unit of positions, the cost is the expected squared distance
-    of the tip from its target.
+    of the tip from its target. Without a target it costs nothing: an arm that is to rest
+    must not creep towards its data.
 
     Attributes:
         weight: relative to positions.
@@ -298,7 +299,8 @@ class Extrapolation(Term):
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """In units, shape (1, 1)."""
         scaled = self.weight * candidate.extrapolation.reshape(1, 1)
-        return 1.0, scaled / (self.unit * situation.length)
+        is_counted = jnp.asarray(situation.goal.has_target, jnp.float32)
+        return is_counted, scaled / (self.unit * situation.length)
 
 
 @dataclass(frozen=True)

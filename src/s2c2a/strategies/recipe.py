@@ -393,7 +393,7 @@ def _complete(written: dict[str, Any], folder: Path) -> dict[str, Any]:
     written = dict(written)
     if isinstance(written.get("planner"), dict):
         planner = dict(written["planner"])
-        for key in ("solver", "terms", "guides", "fallback"):
+        for key in ("solver", "terms", "guides"):
             if key in planner:
                 planner[key] = _with_full_path(planner[key], folder, "name")
         written["planner"] = planner

@@ -5,6 +5,7 @@ scale with the arm.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -91,7 +92,8 @@ def follow(arm: ArmSpec) -> Task:
     following = inside & ~_after_reentry(inside, round(1.5 * rate))
     following[: round(FOLLOW_APPROACH * rate)] = False
     scores = Score("position", steps=following), Score("recovery", steps=inside)
-    return Task.along("follow", path, Goal.of(arm.module_count), *scores)
+    task = Task.along("follow", path, Goal.of(arm.module_count), *scores)
+    return replace(task, foreseen=False)
 
 
 def straight(start, end, speed: float, control_rate: float) -> Path:

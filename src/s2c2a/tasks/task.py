@@ -1,12 +1,13 @@
 """Task: one goal for every control step, and the scores of a run."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.errors import TargetError
-from s2c2a.planning import Goal
+from s2c2a.goals import Goal, previewed
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
@@ -37,11 +38,14 @@ class Task:
         name: as the user types it.
         goals: one for every control step.
         scores: metrics of a run.
+        foreseen: whether the arm knows its goals ahead; not where they come as the arm
+            moves, as the target in a hand.
     """
 
     name: str
     goals: tuple[Goal, ...]
     scores: tuple[Score, ...] = (Score("position"),)
+    foreseen: bool = True
 
     def __post_init__(self):
         """Validate that there are goals."""
@@ -72,6 +76,14 @@ class Task:
             for goal in self.goals
         ]
         return replace(self, goals=tuple(goals))
+
+    def shown_goals(self, period: float) -> Iterable[Goal]:
+        """The goals as the arm gets them, with those ahead if it knows them.
+
+        Args:
+            period: of the control steps [s].
+        """
+        return previewed(self.goals, period) if self.foreseen else self.goals
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Desired module ends [m], base frame; NaN without a target."""
