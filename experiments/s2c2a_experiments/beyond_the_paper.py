@@ -161,7 +161,7 @@ def stability(
         strengths: magnitudes of their mismatch.
         sets: sets of sensors.
         payloads_g: masses at the tip [g].
-        seconds: for which a point is held; at least 20.
+        seconds: for which each point is held.
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
@@ -181,7 +181,41 @@ def stability(
         rows = study.stability_rows(compared, results.make)
         results.keep(rows)
     vibrating = study.vibrating(rows)
-    print(f"{len(vibrating)} of {len(rows) // 3} runs vibrate")
+    print(f"{len(vibrating)} of {len(rows) // 3} runs move too much")
+
+
+@beside("random_arms", "strength")
+def motion(
+    arm: Arm = "twin_arm",
+    random_arms: int = 0,
+    strength: float = 0.5,
+    payload_g: float = 50.0,
+    seeds: int = 3,
+    work: Work = ALL_CORES,
+) -> None:
+    """Speed, ways of the tip, jumps of the target, and how smooth plans are.
+
+    Repeat the command to continue an interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
+            instead of this arm; none if zero.
+        strength: magnitude of their mismatch.
+        payload_g: unknown mass at the tip, with inertial sensors, for the circle and the
+            jumps [g]; none if zero.
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a_experiments import motion as study
+    from s2c2a_experiments.sensors import randomized_arms
+
+    arms = randomized_arms(load_arm(arm), random_arms, strength)
+    (payload,) = _kilograms((payload_g,))
+    moved = study.MotionStudy(arms, seeds=_seeds(seeds), payload=payload)
+    options = asdict(moved) | {"arms": [one.name for one in arms]}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.motion_rows(moved, results.make))
 
 
 @beside("random_arms", "strength")
@@ -426,6 +460,33 @@ def real(
         progress_bar() as progress,
     ):
         results.keep(real_rows(study, range(seeds), progress, results.keep))
+
+
+def open_loop(
+    recording: tyro.conf.Positional[Path],
+    block: int = 25,
+    gap: int = 25,
+    seeds: int = 1,
+    folder: Folder = NEW_FOLDER,
+) -> None:
+    """Predictions of a second without measurements: at rest, with vibration, linear.
+
+    Args:
+        recording: training data, and held-out blocks that are predicted.
+        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows.
+        gap: rows on either side of held-out ones that are not used at all.
+        seeds: number of training seeds, from zero.
+        folder: run directory.
+    """
+    from s2c2a.data import load_recording
+    from s2c2a_experiments.open_loop import EXPERIMENT, open_loop_rows
+    from s2c2a_experiments.real import split_blocks
+
+    recorded = load_recording(recording)
+    split = split_blocks(recorded, block)
+    options = {"recording": str(recording), "block": block, "gap": gap, "seeds": seeds}
+    with _study(EXPERIMENT, options, folder, resume=False, as_table=True) as results:
+        results.keep(open_loop_rows(recorded, split, gap, range(seeds)))
 
 
 def payloads(

@@ -131,6 +131,7 @@ def ingredients(seeds: int = 3, arm: Arm = "twin_arm", work: Work = ALL_CORES) -
 app.command(name="randomised-arms")(beyond_the_paper.randomized_arms)
 app.command(beyond_the_paper.sensors)
 app.command(beyond_the_paper.stability)
+app.command(beyond_the_paper.motion)
 app.command(beyond_the_paper.repetition)
 app.command(beyond_the_paper.session)
 app.command(beyond_the_paper.data)
@@ -138,6 +139,7 @@ app.command(beyond_the_paper.sensor_faults)
 app.command(beyond_the_paper.payloads)
 app.command(beyond_the_paper.transfer)
 app.command(beyond_the_paper.real)
+app.command(name="open-loop")(beyond_the_paper.open_loop)
 app.command(beyond_the_paper.plans)
 
 

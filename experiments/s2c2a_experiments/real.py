@@ -73,6 +73,13 @@ def _no_samples(recording: Recording) -> np.ndarray:
     return np.zeros((len(recording.episodes), max(recording.lengths)), bool)
 
 
+def hidden_from(data: TrainingData, split: HeldOutSplit, gap: int) -> TrainingData:
+    """Data for training, without the states of held-out samples and those beside them."""
+    states = np.array(data.states)
+    states[split.hidden(gap)] = np.nan
+    return replace(data, states=states)
+
+
 def split_blocks(recording: Recording, size: int) -> HeldOutSplit:
     """Hold out the 7th, 14th and 20th of every twenty blocks over all episodes.
 
@@ -346,9 +353,7 @@ def split_rows(
         gap: samples beside held-out ones that nothing uses.
     """
     data = training_data(recording, BEST)
-    states = np.array(data.states)
-    states[split.hidden(gap)] = np.nan
-    training = replace(data, states=states)
+    training = hidden_from(data, split, gap)
     tests = []
     if split.held_out.any():
         title = f"{split.name}, gap {gap}"

@@ -35,6 +35,7 @@ REFUSED = {
     ],
     "live --robot dynamixel --seed 3": ["seed"],
     "reproduce sensors --strength 0.9": ["strength"],
+    "reproduce motion --strength 0.9": ["strength"],
     "reproduce stability --random-arms 0 --strengths 2.0": ["strengths"],
     "reproduce repetition --random-arms 0 --strength 0.5": ["strength"],
     "reproduce calibration --out x.toml --overwrite": ["out", "overwrite"],
