@@ -523,6 +523,67 @@ def payloads_table() -> str:
     return table(["", *(names.get(task, task) for task in tasks)], lines)
 
 
+MOTION_METRICS = (
+    ("position", 2),
+    ("further way", 0),
+    ("planned bends above 0.3 Hz", 2),
+    ("plan stands", 0),
+)
+JUMP_METRICS = (("until within 1 cm", 1), ("overshoot", 1))
+
+
+@shown_as("motion")
+def motion_table() -> str:
+    """Paths at several speeds: error, way, and smoothness of plans."""
+    lines = [
+        [*label, *cells]
+        for label, cells in _motion_lines(MOTION_METRICS, is_jump=False)
+    ]
+    header = ["arm", "task", "error [cm]", "further way [%]", "fast bends [deg]"]
+    return table([*header, "plan stands [%]"], lines)
+
+
+@shown_as("jumps")
+def jumps_table() -> str:
+    """Jumps of the target: time and overshoot."""
+    lines = [
+        [*label, *cells] for label, cells in _motion_lines(JUMP_METRICS, is_jump=True)
+    ]
+    return table(["arm", "task", "within 1 cm after [s]", "overshoot [cm]"], lines)
+
+
+def _motion_lines(
+    metrics: Sequence[tuple[str, int]], is_jump: bool
+) -> list[tuple[list[str], list[str]]]:
+    """Arm and task of each line, and its cells."""
+    lines = []
+    for row in find_rows("motion/results.json", metric=metrics[0][0]):
+        if (row["task"] == "steps") != is_jump:
+            continue
+        match = {name: row[name] for name in ("arm", "task", "strategy")}
+        cells = [
+            number(
+                find_row("motion/results.json", metric=metric, **match)["mean"], digits
+            )
+            for metric, digits in metrics
+        ]
+        loaded = "" if row["strategy"].endswith(" 0 g") else f", {row['strategy']}"
+        lines.append(([f"`{row['arm']}`", f"{row['task']}{loaded}"], cells))
+    return lines
+
+
+@shown_as("open-loop")
+def open_loop_table() -> str:
+    """Errors of predictions over a second on a real arm."""
+    file = "open-loop/stanford_trunk.json"
+    metrics = ("tip, mean over 1 s", "tip after 0.5 s", "tip after 1 s")
+    lines = []
+    for model in ("at rest", "with vibration", "linear with delays"):
+        rows = [find_row(file, strategy=model, metric=metric) for metric in metrics]
+        lines.append([model, *(number(row["mean"], 1) for row in rows)])
+    return table(["error [mm]", "mean over 1 s", "after 0.5 s", "after 1 s"], lines)
+
+
 @shown_as("stability")
 def stability_table() -> str:
     """Motion and error of the tip at a held point."""
@@ -534,14 +595,16 @@ def stability_table() -> str:
         for sensors in ("encoders-known-payload", "bends", "imu", "current", "camera"):
             cells = []
             for payload in payloads:
-                match = {
-                    "arm": arm,
-                    "task": "hold-point",
-                    "strategy": f"{sensors}, {payload} g",
-                }
-                moved = find_row(file, metric="peak to peak, last 20 s", **match)
-                error = find_row(file, metric="position, last quarter", **match)
-                cells.append(f"{number(moved['mean'], 1)} / {number(error['mean'], 1)}")
+                match = {"arm": arm, "strategy": f"{sensors}, {payload} g"}
+                worst = []
+                for metric in (
+                    "peak to peak, last two thirds",
+                    "position, last quarter",
+                ):
+                    rows = find_rows(file, metric=metric, **match)
+                    held = [row["mean"] for row in rows if row["task"] != "circle"]
+                    worst.append(number(max(held), 1))
+                cells.append(" / ".join(worst))
             lines.append([f"`{arm}`, {sensors}", *cells])
     return table(["", *(f"{payload} g" for payload in payloads)], lines)
 

@@ -153,10 +153,12 @@ def _jumps(run: jobs.Run) -> list[tuple[float, float]]:
         there, before = places[number % 2], places[(number + 1) % 2]
         way = tip[number * waits : (number + 1) * waits] - there
         direction = (there - before) / np.linalg.norm(there - before)
-        far = np.flatnonzero(np.linalg.norm(way, axis=-1) > NEAR)
-        steps = far[-1] + 1 if len(far) else 0
+        is_far = np.linalg.norm(way, axis=-1) > NEAR
+        # row j is j + 1 periods after the jump; one that never ends has no time
+        steps = len(way) - np.argmax(is_far[::-1]) + 1 if is_far.any() else 1
+        time = np.nan if is_far[-1] else steps / arm.control_rate
         beyond = max(0.0, float((way @ direction).max()))
-        found.append((steps / arm.control_rate, 100.0 * beyond))
+        found.append((time, 100.0 * beyond))
     return found
 
 

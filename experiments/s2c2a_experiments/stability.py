@@ -121,5 +121,6 @@ def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
 def _peak_to_peak(run: jobs.Run) -> float:
     """Diagonal of the box that the tip visits in the last part [cm]."""
     tip = run.episode.after("states")[:, -1, POSITION]
-    tip = tip[-round(LAST_SHARE * len(tip)) :]
+    held = tip[round(APPROACH_TIME * run.job.arm.control_rate) :]
+    tip = held[-round(LAST_SHARE * len(tip)) :]
     return 100.0 * float(np.linalg.norm(np.ptp(tip, axis=0)))

@@ -18,8 +18,8 @@ from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.models import ChainOptions
-from s2c2a.planning import Adam, LeastSquares
-from s2c2a.planning.terms import Evenness
+from s2c2a.planning import Adam, Horizon, LeastSquares
+from s2c2a.planning.terms import BendChange, Evenness
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RECIPES, STRATEGIES, Recipe, RunOptions
 from s2c2a.tasks.paths import PATHS
@@ -383,6 +383,11 @@ _BEST = RECIPES["best"]
 _PAPER = RECIPES["paper"]
 _UNEVEN = tuple(term for term in _BEST.planner.terms if term != Evenness())
 
+_ONE_STEP = replace(
+    _BEST.planner,
+    solver=LeastSquares(),
+    terms=(*_BEST.planner.terms, BendChange()),
+)
 VARIANTS: dict[str, Recipe] = {
     "best": _BEST,
     "best, no memory at all": replace(
@@ -399,12 +404,13 @@ VARIANTS: dict[str, Recipe] = {
         _BEST, planner=replace(_BEST.planner, engaged_slopes=False)
     ),
     "best, no evenness": replace(_BEST, planner=replace(_BEST.planner, terms=_UNEVEN)),
+    "best, 1 iteration": replace(
+        _BEST, planner=replace(_BEST.planner, solver=Horizon(1))
+    ),
     "best, 5 iterations": replace(
-        _BEST, planner=replace(_BEST.planner, solver=LeastSquares(5))
+        _BEST, planner=replace(_BEST.planner, solver=Horizon(5))
     ),
-    "best, 60 iterations": replace(
-        _BEST, planner=replace(_BEST.planner, solver=LeastSquares(60))
-    ),
+    "best, one step": replace(_BEST, planner=_ONE_STEP),
     "best, no integral correction": replace(_BEST, integral_gain=0.0),
     "best, the paper's weights": replace(_BEST, axis_weights=()),
     "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),
@@ -415,7 +421,7 @@ VARIANTS: dict[str, Recipe] = {
     "paper, 60 iterations": replace(
         _PAPER, planner=replace(_PAPER.planner, solver=Adam(iterations=60))
     ),
-    "paper, least squares": replace(_PAPER, planner=_BEST.planner),
+    "paper, the best planner": replace(_PAPER, planner=_BEST.planner),
 }
 """Name, which result rows have as their strategy -> recipe."""
 

@@ -38,3 +38,17 @@ def test_the_planned_way_is_drawn_ahead_of_the_tip(control, page, monkeypatch):
     np.testing.assert_array_equal(drawn["horizon"], way)
     page._draw_trails(control.latest)
     assert not len(drawn["horizon"])
+
+
+def test_every_step_is_compared_with_its_prediction_also_between_two_frames(
+    control, page, monkeypatch
+):
+    seen = []
+    monkeypatch.setattr(page._disagreement, "add", seen.extend)
+    page._watched.clear()
+    latest = control.latest
+    steps = [replace(latest.step, number=number) for number in range(3)]
+    for step in steps:
+        control._show(replace(latest, step=step))
+    page._draw(0.0)
+    assert [step.number for step in seen][-3:] == [0, 1, 2]

@@ -110,9 +110,9 @@ def test_moments_follow_a_changed_payload_in_proportion():
     )
 
 
-@pytest.mark.parametrize("kilograms", [0.0, 0.05, 0.1])
-def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms):
-    """The bends of a heavily loaded arm change half as much again as under constant moments."""
+@pytest.mark.parametrize(("kilograms", "most"), [(0.05, 1.0), (0.1, 0.8)])
+def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms, most):
+    """With 100 g, bends change by a quarter more than under constant moments, or further."""
     model = shipped_networks(load_arm("twin_arm")).c2s
     bends = jnp.array([[0.0, 0.0], [0.2, 0.1], [0.35, 0.1]])
 
@@ -136,8 +136,7 @@ def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms):
         for loads in (changing, constant, None)
     )
     np.testing.assert_allclose(there, expected, atol=0.15 * np.abs(expected).max())
-    if kilograms == 0.1:
-        assert np.linalg.norm(without) < 0.8 * np.linalg.norm(expected)
+    assert np.linalg.norm(without) < most * np.linalg.norm(expected)
 
 
 def test_a_model_trained_without_payload_predicts_its_effect():

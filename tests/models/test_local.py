@@ -179,7 +179,7 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(
     arm, trained, monkeypatch
 ):
     """Half a radian about each axis was seen; the target asks for more than the limit."""
-    monkeypatch.setattr(local, "PRIOR_STD", 1.0)  # of a chain after three epochs
+    monkeypatch.setattr(local, "PRIOR_STD", 1.0)  # to decide beside the position
     goal = Goal.of(2).with_position([0.27, 0.0, 0.15])
     terms = tuple(term for term in BEST.terms if not isinstance(term, Extrapolation))
     ends = []

@@ -24,7 +24,6 @@ TIP_ONLY = guarded_points(TWIN, "tip")
 WHOLE_ARM = guarded_points(TWIN, "arm")
 SCALE = 0.46  # m: the paper's length scale, for an arm of 0.6 m
 UNIT = 0.4 * 0.6
-PULL = 0.035 * 0.6
 RANDOM = np.random.default_rng(0)
 PREDICTED, DESIRED = RANDOM.normal(size=(2, 3, 3)).astype(np.float32)
 WEIGHTS = np.array([0.5, 0.0, 2.0], np.float32)

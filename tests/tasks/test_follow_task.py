@@ -38,6 +38,7 @@ def inside(task):
 
 def test_following_takes_six_hundred_and_ninety_eight_steps(task):
     assert (task.name, len(task.goals)) == ("follow", 50 + 480 + 54 + 20 + 54 + 40)
+    assert not task.foreseen  # a hand tells nobody where it goes
 
 
 @pytest.mark.parametrize("step", [1, 25, 50])

@@ -153,6 +153,7 @@ class Job(Artifact[Run]):
                 content.update(np.ascontiguousarray(values).tobytes())
         digest = digest_of(
             self.task.name,
+            self.task.foreseen,
             content.hexdigest(),
             self.arm,
             self.strategy,

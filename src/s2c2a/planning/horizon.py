@@ -13,6 +13,7 @@ Computing 74, 2005). Since iterations can go to and fro across the edge of an ob
 cheapest of them is taken.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -93,13 +94,11 @@ class Horizon(Solver):
 
         start = within_steps(wanted)
 
-        def remember(before: Memory, bends: Bends) -> tuple[Memory, Memory]:
-            return problem.observe(configurations_from_bends(bends), before), before
+        memories = memories_along(problem.observe, problem.memory, last, start, stride)
 
-        # the arm's memory at every knot, if it follows the plan so far
-        _, memories = jax.lax.scan(remember, problem.memory, start)
-
-        def terms_at(bends: Bends, goal: Goal, before: Memory):
+        def terms_at(
+            bends: Bends, goal: Goal, before: Memory
+        ) -> Float[Array, " residuals"]:
             return problem.later(goal, before).stacked(bends)
 
         def roughness(knots: Knots) -> Float[Array, ""]:
@@ -139,6 +138,41 @@ class Horizon(Solver):
         turn = self.acceleration * np.array([1.0, -2.0, 1.0])
         curvature = np.outer(change, change) + np.outer(turn, turn)
         return jnp.asarray(np.kron(curvature, np.eye(size)), dtype=jnp.float32)
+
+
+def memories_along(
+    observe: Callable[[Configurations, Memory], Memory],
+    memory: Memory,
+    last: Bends,
+    knots: Knots,
+    stride: int,
+) -> Memory:
+    """Memories before the control step to every knot, of an arm that follows the plan.
+
+    Args:
+        observe: of the forward model.
+        memory: before the first control step.
+        last: bends before it [rad].
+        knots: of the plan [rad].
+        stride: control steps between two knots.
+
+    Returns:
+        With the knots as first axis.
+    """
+
+    def after(memory: Memory, bends: Bends) -> Memory:
+        return observe(configurations_from_bends(bends), memory)
+
+    def follow(before: tuple[Memory, Bends], knot: Bends):
+        memory, left = before
+
+        def advance(step: Array, memory: Memory) -> Memory:
+            return after(memory, left + (step + 1.0) / stride * (knot - left))
+
+        arriving = jax.lax.fori_loop(0, stride - 1, advance, memory)
+        return (after(arriving, knot), knot), arriving
+
+    return jax.lax.scan(follow, (memory, last), knots)[1]
 
 
 def minimum(

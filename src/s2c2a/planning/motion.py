@@ -26,10 +26,11 @@ class GoalMotion(NamedTuple):
         return cls(jnp.full((2, *rows.shape), jnp.nan, jnp.float32))
 
     def after(self, goal: Goal) -> "GoalMotion":
-        """The motion after another goal."""
+        """The motion after another goal; one that is not finite changes nothing."""
         rows = _rows(goal)
         latest = self.recent[0].at[: len(rows)].set(rows)
-        return GoalMotion(jnp.stack([latest, self.recent[0]]))
+        recent = jnp.stack([latest, self.recent[0]])
+        return GoalMotion(jnp.where(jnp.isfinite(rows).all(), recent, self.recent))
 
     def ahead(self, goal: Goal, stride: int) -> Goal:
         """The goals of the next moments, with these as the first axis.

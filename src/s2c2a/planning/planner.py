@@ -29,7 +29,7 @@ from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide
-from s2c2a.planning.horizon import Horizon
+from s2c2a.planning.horizon import Horizon, memories_along
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
@@ -248,10 +248,17 @@ class Step(NamedTuple):
         if bends is None:
             return None
 
-        def states_at(configurations: Configurations) -> Float[Array, "modules 6"]:
-            return self.model.predict(configurations, plan.memory, plan.disturbances)
+        stride = preview_stride(self.arm.control_period)
+        start = bends_from_configurations(plan.configurations)
+        memories = memories_along(self.model.observe, plan.memory, start, bends, stride)
 
-        return jax.vmap(states_at)(configurations_from_bends(bends))[:, -1, POSITION]
+        def states_at(
+            configurations: Configurations, memory: Memory
+        ) -> Float[Array, "modules 6"]:
+            return self.model.predict(configurations, memory, plan.disturbances)
+
+        configurations = configurations_from_bends(bends)
+        return jax.vmap(states_at)(configurations, memories)[:, -1, POSITION]
 
     def next_plan(
         self,
@@ -291,8 +298,8 @@ class Step(NamedTuple):
         candidate = true.candidate_at(bends_from_configurations(planned))
         situation = problem.situation._replace(goal=goal)
         judged = judge(candidate, situation, ArmGeometry.of(self.arm).lengths)
-        planned, solver = select_if_finite(
-            (planned, solver), (plan.configurations, plan.solver)
+        planned, solver, judged = select_if_finite(
+            (planned, solver, judged), (plan.configurations, plan.solver, plan.judged)
         )
         return last._replace(
             configurations=planned,
@@ -336,7 +343,7 @@ class Step(NamedTuple):
         ahead = last.motion.ahead(goal, stride)
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
-        is_guided = guided != jnp.asarray(goal.positions)
+        is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)
         positions = jnp.where(is_guided, guided, ahead.positions)
         # from targets far beyond the arm, a plan would swing from side to side
         positions = limit_lengths(positions, np.cumsum(geometry.lengths))
