@@ -39,7 +39,6 @@ SETTLING = 150  # steps with a constant goal
 STARTS = 24  # of the long search
 ITERATIONS = 30  # of the long search from each start, with either slopes
 OPTIMAL_RATIO = 1.05  # largest ratio of an optimal plan's cost to the long search's
-NEGLIGIBLE_COST = 1e-5  # excess cost of an optimal plan; below 1 mm at the tip
 LIMITED = 0.999  # of the step limit; a longer step counts as limited
 STUCK_COST = 1.5e-4  # excess cost of a stuck plan; 3 mm at the tip
 CHUNK = 250  # problems at once
@@ -76,9 +75,8 @@ class Comparison(NamedTuple):
 
     @property
     def optimal(self) -> np.ndarray:
-        """Whether the cost is about the best known, or the step is limited."""
-        most = OPTIMAL_RATIO * self.least + NEGLIGIBLE_COST
-        return np.asarray(self.limited | (self.cost <= most))
+        """Whether the cost is within 5 % of the best known, or the step is limited."""
+        return np.asarray(self.limited | (self.cost <= OPTIMAL_RATIO * self.least))
 
     @property
     def stuck(self) -> np.ndarray:

@@ -29,7 +29,7 @@ def small():
             "CHUNK": 8,
             "STARTS": 4,
             "ITERATIONS": 8,
-            "SETTLING": 100,
+            "SETTLING": 150,
         }.items():
             patched.setattr(studied, name, number)
         yield
@@ -53,11 +53,11 @@ def test_a_seed_gives_the_same_problems_and_every_kind_of_goal():
 
 def test_a_plan_is_optimal_near_the_long_search_or_at_the_step_limit():
     comparison = Comparison(
-        np.array([1.0, 1.2, 1.2, 1e-6]),
-        np.array([0.99, 1.0, 1.0, 1e-7]),
+        np.array([1.0, 1.2, 1.2, 1e-5]),
+        np.array([0.99, 1.0, 1.0, 1e-6]),
         np.array([0, 0, 1, 0], bool),
     )
-    assert comparison.optimal.tolist() == [True, False, True, True]
+    assert comparison.optimal.tolist() == [True, False, True, False]
     assert comparison.stuck.tolist() == [False, True, False, False]
 
 
