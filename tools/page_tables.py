@@ -529,7 +529,7 @@ MOTION_METRICS = (
     ("planned bends above 0.3 Hz", 2),
     ("plan stands", 0),
 )
-JUMP_METRICS = (("until within 1 cm", 1), ("overshoot", 1))
+JUMP_METRICS = (("overshoot", 1), ("until within 1 cm", 1))
 
 
 @shown_as("motion")
@@ -549,7 +549,7 @@ def jumps_table() -> str:
     lines = [
         [*label, *cells] for label, cells in _motion_lines(JUMP_METRICS, is_jump=True)
     ]
-    return table(["arm", "task", "within 1 cm after [s]", "overshoot [cm]"], lines)
+    return table(["arm", "task", "overshoot [cm]", "within 1 cm after [s]"], lines)
 
 
 def _motion_lines(

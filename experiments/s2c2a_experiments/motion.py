@@ -133,13 +133,16 @@ def path_metrics(runs: Sequence[jobs.Run]) -> Metrics:
 
 
 def jump_metrics(runs: Sequence[jobs.Run]) -> Metrics:
-    """Time until near, and way beyond the target, mean over the jumps."""
+    """Time until near, and way beyond the target, mean over the jumps.
+
+    There is no time where the tip has not come to rest near the target in a jump.
+    """
     jumps = np.array([_jumps(run) for run in runs])
     times, beyond = jumps.mean(axis=1).T
-    return {
-        ("until within 1 cm", "s"): times.tolist(),
-        ("overshoot", "cm"): beyond.tolist(),
-    }
+    metrics: Metrics = {("overshoot", "cm"): beyond.tolist()}
+    if np.isfinite(times).all():
+        metrics["until within 1 cm", "s"] = times.tolist()
+    return metrics
 
 
 def _jumps(run: jobs.Run) -> list[tuple[float, float]]:

@@ -101,9 +101,17 @@ def test_a_jump_ends_where_the_tip_stays_near_and_its_overshoot_is_along_it(twin
         tip[first : first + 5] = tip[first - 1]  # still there
         tip[first + 8] -= 0.1 * back  # 2 cm beyond
     run = made(twin, task, tip, np.zeros((len(tip), 3, 2)))
-    (time,), (beyond,) = jump_metrics([run]).values()
+    (beyond,), (time,) = jump_metrics([run]).values()
     assert time == pytest.approx(1.0)  # after row 9
     assert beyond == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_jump_that_does_not_end_has_no_time(twin):
+    task = steps_task(twin)
+    tip = task.desired_positions()[:, -1].copy()
+    tip[:, 2] += 0.02
+    metrics = jump_metrics([made(twin, task, tip, np.zeros((len(tip), 3, 2)))])
+    assert list(metrics) == [("overshoot", "cm")]
 
 
 def test_plans_that_stand_and_plans_that_shake_are_seen(twin):

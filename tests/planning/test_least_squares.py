@@ -180,7 +180,7 @@ def jumping_goals(seed, count, modules=3):
     return goals
 
 
-def test_the_circle_is_followed_within_a_millimeter_and_its_corners_are_rounded(
+def test_the_circle_is_followed_within_half_a_millimeter_and_its_corner_is_rounded(
     planner,
 ):
     task = load_task("circle", TWIN)

@@ -60,7 +60,7 @@ class Disturbances(NamedTuple):
     bend_biases: Float[Array, "modules 2"]
     moments: Float[Array, "modules 2"] | None = None
     moments_per_kg: Float[Array, "modules 2"] | None = None
-    gains: "LoadGains | None" = None
+    gains: LoadGains | None = None
 
     @classmethod
     def none(cls, modules: int) -> "Disturbances":

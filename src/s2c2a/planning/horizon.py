@@ -29,6 +29,7 @@ from s2c2a.planning.solvers import Problem, Solver, linearize
 from s2c2a.planning.terms import Bends, Configurations
 
 Knots = Float[Array, "knots modules 2"]
+# measured in docs/results/failed-experiments.md#a-horizon
 DAMPING = 1e-2  # of squared slopes near one, since residuals are scaled
 FAR_DAMPING = 0.1  # further damping, of the squared residual
 
@@ -93,7 +94,6 @@ class Horizon(Solver):
             return jax.lax.scan(step, last, knots)[1]
 
         start = within_steps(wanted)
-
         memories = memories_along(problem.observe, problem.memory, last, start, stride)
 
         def terms_at(
