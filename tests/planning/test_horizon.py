@@ -13,10 +13,11 @@ from s2c2a.kinematics import bends_from_configurations, configurations_from_bend
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning import BEST, Goal, Horizon, LeastSquares, Planner
 from s2c2a.planning.horizon import minimum
-from s2c2a.planning.motion import GoalMotion
+from s2c2a.planning.motion import Approach, GoalMotion
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
+APPROACH = Approach.of(TWIN)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
@@ -51,21 +52,71 @@ def towards(x: float) -> Goal:
     [
         ((0.1, 0.11, 0.12), 0.01),
         ((0.1, 0.11, 0.13), 0.01),  # the smaller of two steps
-        ((0.1, 0.1, 0.2), 0.0),  # a jump is no motion
+        ((0.1, 0.1, 0.13), 0.0),  # a jump is no motion
         ((0.1, 0.12, 0.11), 0.0),
         ((0.1,), 0.0),
     ],
 )
 def test_a_goal_without_preview_moves_on_as_it_moved(xs, expected):
     motion = GoalMotion.of(3)
-    *before, now = map(towards, xs)
-    for goal in before:
-        motion = motion.after(goal)
-    ahead = motion.ahead(now, stride=1)
+    for goal in map(towards, xs):
+        motion = motion.after(goal, at(xs[0]), APPROACH)
+    ahead = motion.ahead(goal, APPROACH)
     later = xs[-1] + expected * np.arange(PREVIEW)
     np.testing.assert_allclose(ahead.positions[:, -1, 0], later, atol=1e-5)
     np.testing.assert_allclose(ahead.obstacles[:, 0, 0], later, atol=1e-5)
     assert np.isfinite(ahead.axes).all()
+
+
+def at(x: float) -> jnp.ndarray:
+    """States with the tip where `towards` leads."""
+    return jnp.tile(jnp.array([x, 0.0, 0.5, 0.0, 0.0, 1.0]), (3, 1))
+
+
+def approached(xs, start=0.0, approach=APPROACH, payload=0.0) -> np.ndarray:
+    """Where an approach has its goal in every step [m]."""
+    motion = GoalMotion.of(3)
+    found = []
+    for goal in map(towards, xs):
+        motion = motion.after(goal, at(start), approach, payload)
+        found.append(motion.ahead(goal, approach, payload).positions[0, -1, 0])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.1])
+def test_a_jump_is_approached_no_faster_than_the_slowest_mode(payload):
+    jump = 0.2
+    way = approached([0.0] * 5 + [jump] * 40, payload=payload)
+    np.testing.assert_allclose(way[:5], 0.0, atol=1e-6)
+    assert (np.diff(way[4:20]) > 0.0).all()
+    assert way.max() <= jump
+    # a critically damped system of third order
+    t = float(APPROACH.decay(payload)) * np.arange(1, 41)
+    expected = jump * (1.0 - np.exp(-t) * (1.0 + t + t**2 / 2.0))
+    np.testing.assert_allclose(way[5:], expected, atol=1e-5)
+    assert APPROACH.decay(0.1) < APPROACH.decay(0.0)
+
+
+def test_an_arm_approaches_its_first_goal_and_follows_one_that_moves():
+    assert 0.0 <= approached([0.2])[0] < 0.01
+    # from goals that the arm can follow, and from a noisy one, nothing is held back
+    noisy = 0.2 + 0.01 * np.random.default_rng(0).normal(size=30)
+    for xs in (0.2 + 0.02 * np.sin(0.2 * np.arange(30)), noisy):
+        np.testing.assert_allclose(approached(xs, start=xs[0]), xs, atol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 50.0])
+def test_a_jump_that_was_foreseen_is_followed(rate):
+    arm = TWIN.model_copy(update={"control_rate": rate})
+    approach = Approach.of(arm)
+    xs = np.repeat([0.0, 0.2], 60)
+    goals = [Goal.of(3).with_position([x, 0.0, 0.5]) for x in xs]
+    motion = GoalMotion.of(3)
+    for goal in previewed(goals, 1.0 / rate):
+        motion = motion.after(goal, at(0.0), approach)
+        if approach.stride <= 2:  # between moments, a jump is a ramp
+            np.testing.assert_allclose(motion.offset, 0.0, atol=1e-6)
+        assert abs(motion.offset).max() < 0.2
 
 
 @pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
@@ -78,7 +129,8 @@ def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
     np.testing.assert_allclose(shown[20].preview[:, -1, 0], 0.01 * numbers, atol=1e-6)
     # modules without a target have none ahead
     assert np.isnan(shown[20].preview[:, :2]).all()
-    ahead = GoalMotion.of(3).ahead(shown[20], stride)
+    approach = Approach.of(TWIN.model_copy(update={"control_rate": rate}))
+    ahead = GoalMotion.of(3).ahead(shown[20], approach)
     np.testing.assert_allclose(ahead.positions[:, -1, 0], 0.01 * numbers, atol=1e-6)
 
 
@@ -173,7 +225,7 @@ def test_a_goal_that_is_not_finite_changes_no_plan_and_no_outcome():
     after = planner.plan(plan, Estimate(STRAIGHT), unknown)
     assert after.outcome is plan.outcome
     np.testing.assert_array_equal(after.configurations, plan.configurations)
-    np.testing.assert_array_equal(after.motion.recent, plan.motion.recent)
+    np.testing.assert_array_equal(after.motion.latest, plan.motion.latest)
 
 
 def test_without_an_iteration_nothing_is_planned():

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.linalg import expm
+from scipy.linalg import eigh, expm
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import minimize
 
@@ -134,8 +134,7 @@ def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> Moda
         period: of the control steps [s].
     """
     bends = len(arm.stiffnesses)
-    masses = np.einsum("mci,mcj,m->ij", arm.jacobians, arm.jacobians, arm.masses)
-    inverse_mass = np.linalg.inv(masses)
+    inverse_mass = np.linalg.inv(_masses(arm))
     stiffness = _stiffness(arm, float(factors.stiffness))
     damping = np.diag(float(factors.damping) * arm.dampings)
     # d/dt [b, b', s] = rates [b, b', s], s constant within a control step
@@ -146,6 +145,10 @@ def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> Moda
     rates[bends : 2 * bends, 2 * bends :] = inverse_mass @ stiffness
     step = expm(rates * period)[: 2 * bends]
     return ModalStep(step[:, : 2 * bends], step[:, 2 * bends :], stiffness)
+
+
+def _masses(arm: LinearizedArm) -> Float[np.ndarray, "bends bends"]:
+    return np.einsum("mci,mcj,m->ij", arm.jacobians, arm.jacobians, arm.masses)
 
 
 def _stiffness(arm: LinearizedArm, factor: float) -> Float[np.ndarray, "bends bends"]:
@@ -203,6 +206,32 @@ class ModalTable(NamedTuple):
             return (1.0 - share) * table[row] + share * table[row + 1]
 
         return interpolated(self.transitions), interpolated(self.inputs)
+
+
+class FirstMode(NamedTuple):
+    """The slowest mode over the payload.
+
+    Attributes:
+        payloads: [kg], shape (payloads,).
+        frequencies: [rad/s], shape (payloads,).
+    """
+
+    payloads: Float[np.ndarray, " payloads"]
+    frequencies: Float[np.ndarray, " payloads"]
+
+    @classmethod
+    def of(cls, arm: ArmSpec, factors: ModalFactors) -> "FirstMode":
+        """The slowest mode of an arm with these factors."""
+        linearized = LinearizedArm.of(arm)
+        payloads = TABLE_PAYLOADS * linearized.masses.sum()
+
+        def frequency(payload: float) -> float:
+            loaded = linearized.with_payload(payload)
+            masses = _masses(loaded)
+            stiffness = _stiffness(loaded, float(factors.stiffness))
+            return float(np.sqrt(eigh(stiffness, masses, eigvals_only=True)[0]))
+
+        return cls(payloads, np.array([frequency(payload) for payload in payloads]))
 
 
 def identify_modal_factors(

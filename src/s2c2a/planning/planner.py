@@ -17,8 +17,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.estimation import Estimate
-from s2c2a.goals import Goal, preview_stride
+from s2c2a.estimation import Estimate, ModalFactors
+from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -30,7 +30,7 @@ from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide
 from s2c2a.planning.horizon import Horizon, memories_along
-from s2c2a.planning.motion import GoalMotion
+from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
@@ -188,6 +188,7 @@ class Step(NamedTuple):
         guides: change the goal before the solver runs.
         prepared: data of each guide about the arm.
         options: the planner options.
+        approach: to goals that jump.
     """
 
     arm: ArmSpec
@@ -197,17 +198,25 @@ class Step(NamedTuple):
     guides: tuple[Guide, ...]
     prepared: tuple[Any, ...]
     options: PlannerOptions
+    approach: Approach
 
     @classmethod
-    def of(cls, arm: ArmSpec, model: ForwardModel, options: PlannerOptions) -> "Step":
-        """The step with these options.
+    def of(
+        cls,
+        arm: ArmSpec,
+        model: ForwardModel,
+        options: PlannerOptions,
+        factors: ModalFactors | None = None,
+    ) -> "Step":
+        """The step with these options; arguments as of `Planner`.
 
         Raises:
             S2C2AError: a component that they name is not found.
         """
         solver, terms, guides = options.build()
         prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
-        return cls(arm, model, solver, terms, guides, prepared, options)
+        approach = Approach.of(arm, factors)
+        return cls(arm, model, solver, terms, guides, prepared, options, approach)
 
     def started(
         self,
@@ -248,7 +257,7 @@ class Step(NamedTuple):
         if bends is None:
             return None
 
-        stride = preview_stride(self.arm.control_period)
+        stride = self.approach.stride
         start = bends_from_configurations(plan.configurations)
         memories = memories_along(self.model.observe, plan.memory, start, bends, stride)
 
@@ -290,7 +299,10 @@ class Step(NamedTuple):
         if hysteresis is None:
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
-        last = plan._replace(memory=memory, disturbances=disturbances)
+        states = self.model.predict(plan.configurations, memory, disturbances)
+        payload = _payload(disturbances)
+        motion = plan.motion.after(goal, states, self.approach, payload)
+        last = plan._replace(memory=memory, disturbances=disturbances, motion=motion)
         problem = self.problem(last, goal)
         desired, solver = self.solver.next(problem, plan.solver)
         planned = problem.within_limits(desired)
@@ -304,7 +316,6 @@ class Step(NamedTuple):
         return last._replace(
             configurations=planned,
             solver=solver,
-            motion=plan.motion.after(goal),
             judged=judged,
         )
 
@@ -339,8 +350,8 @@ class Step(NamedTuple):
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.apply(situation, prepared)
-        stride = preview_stride(self.arm.control_period)
-        ahead = last.motion.ahead(goal, stride)
+        payload = _payload(last.disturbances)
+        ahead = last.motion.ahead(goal, self.approach, payload)
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
         is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)
@@ -355,7 +366,7 @@ class Step(NamedTuple):
             self.model.observe,
             last.memory,
             ahead,
-            stride,
+            self.approach.stride,
         )
 
     def _predictor(
@@ -382,10 +393,23 @@ class Planner:
     Compiles at the first call. Targets, obstacles and weights may change in each call.
     """
 
-    def __init__(self, arm: ArmSpec, model: ForwardModel, options: PlannerOptions):
-        """Compile for an arm and a forward model."""
+    def __init__(
+        self,
+        arm: ArmSpec,
+        model: ForwardModel,
+        options: PlannerOptions,
+        factors: ModalFactors | None = None,
+    ):
+        """Compile for an arm and a forward model.
+
+        Args:
+            arm: its limits hold.
+            model: predicts states.
+            options: solver, terms and guides.
+            factors: of the arm's stiffness and damping; nominal ones by default.
+        """
         self.model = model
-        step = Step.of(arm, model, options)
+        step = Step.of(arm, model, options, factors)
         self._start = compiled(Step.started, step)
         self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
@@ -425,6 +449,10 @@ class Planner:
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
+
+
+def _payload(disturbances: Disturbances | None) -> Float[Array, ""] | float:
+    return 0.0 if disturbances is None else disturbances.payload
 
 
 def _single(values: Numbers) -> Numbers:

@@ -18,7 +18,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.estimation import EstimationSettings, StateEstimator
+from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
@@ -214,7 +214,10 @@ def s2c2a_strategy(
     arm = networks.arm
     recipe = networks.recipe
     planner = Planner(
-        recipe.seen_arm(arm), networks.c2s, _planner_options(networks, guard)
+        recipe.seen_arm(arm),
+        networks.c2s,
+        _planner_options(networks, guard),
+        networks.networks.get(MODAL_MODEL),
     )
     controller: Controller = recipe.c2a.controller(networks.c2a)
     if recipe.integral_gain:
