@@ -110,7 +110,6 @@ class LSTMStrategy:
 
     name = "lstm"
     sensors = ("states",)
-    feedback = 1.0
 
     def __init__(self, arm: ArmSpec, network: TipLSTM):
         """Compile for an arm and its trained network."""

@@ -72,13 +72,12 @@ def test_a_payload_is_named_where_goals_are_out_of_reach(payload, text):
     )
 
 
-def test_vibrations_are_described_with_the_steps_of_reduced_feedback():
-    episode = make_episode(feedback=np.array([1.0, 0.5, 0.5, 1.0]))
+def test_vibrations_are_described():
+    episode = make_episode()
     assert describe_vibrations(episode) == ""
     episode.options["vibrations"] = ["1.0 s: commands vibrate"]
     assert describe_vibrations(episode) == (
-        "the arm vibrated 1 times, first at 1.0 s: commands vibrate; "
-        "the feedback was reduced in 2 of 4 steps"
+        "the arm vibrated 1 times, first at 1.0 s: commands vibrate"
     )
 
 

@@ -130,7 +130,6 @@ def test_the_episode_has_columns_of_readings_actions_diagnostics_and_goals(run):
     assert {name: values.shape[1:] for name, values in run.columns.items()} == {
         "time": (),
         "stage": (),
-        "feedback": (),
         "tick_time": (),
         "actions": (3, 3),
         "sensor.cables": (3, 3),

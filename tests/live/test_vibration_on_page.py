@@ -1,4 +1,4 @@
-"""The page shows a vibration, the feedback that is left, a changed arm, and the plan."""
+"""The page shows a vibration, a changed arm, and the plan."""
 
 from dataclasses import replace
 
@@ -7,21 +7,14 @@ import numpy as np
 VIBRATION = "commands of module 2 vibrate at 1.5 Hz with 4.0 deg"
 
 
-def test_a_calm_arm_shows_neither_vibration_nor_feedback(control, page):
-    status = page._status_of(control.latest)
-    assert "vibrate" not in status
-    assert "feedback" not in status
+def test_a_calm_arm_shows_no_vibration(control, page):
+    assert "vibrate" not in page._status_of(control.latest)
 
 
-def test_a_vibration_and_the_reduced_feedback_are_shown(control, page):
-    step = replace(
-        control.latest.step,
-        vibration=VIBRATION,
-        diagnostics={"feedback": np.asarray(0.5)},
-    )
+def test_a_vibration_is_shown(control, page):
+    step = replace(control.latest.step, vibration=VIBRATION)
     status = page._status_of(replace(control.latest, step=step))
     assert f"**{VIBRATION}**" in status
-    assert "feedback 50%" in status
 
 
 def test_a_tip_far_from_its_predictions_is_shown(control, page):

@@ -36,7 +36,6 @@ class Episode:
     | `outcome`           | number of the planner's `Outcome`     |                   |
     | `plan_error`        | of the plan's ends from the goal [m]  |                   |
     | `horizon`           | tip that is planned ahead [m]         | (PREVIEW, 3)      |
-    | `feedback`          | share of the feedback in use          |                   |
     | `target_offsets`    | learned in repetitions [m]            | (modules, 3)      |
     | `payload`           | estimated payload at the tip [kg]     |                   |
     | `bend_biases`       | estimated bend biases [rad]           | (modules, 2)      |
@@ -220,7 +219,6 @@ def _standard_row_shapes(
         "outcome": (),
         "plan_error": (),
         "horizon": (PREVIEW, 3),
-        "feedback": (),
         "target_offsets": vectors,
         "payload": (),
         "bend_biases": (modules, 2),

@@ -126,11 +126,7 @@ def describe_vibrations(episode: Episode) -> str:
     vibrations = episode.options.get("vibrations", ())
     if not vibrations:
         return ""
-    reduced = int((episode.ran("feedback") < 1.0).sum())
-    return (
-        f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}; "
-        f"the feedback was reduced in {reduced} of {len(episode.running)} steps"
-    )
+    return f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}"
 
 
 def describe_faults(episode: Episode) -> str:

@@ -295,7 +295,6 @@ class LivePage(Window):
             f"**{plan}**": plan,
             MODEL_DRAWN: not measured,
             f"**{latest.step.vibration}**": latest.step.vibration,
-            f"feedback {latest.feedback:.0%}": latest.feedback < 1.0,
             f"**{latest.fault}**": latest.fault,
             f"**{self._disagreement.text}**": self._disagreement.text,
         }

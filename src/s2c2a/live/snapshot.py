@@ -62,11 +62,6 @@ class Snapshot:
         return point(self.states[-1, POSITION])
 
     @property
-    def feedback(self) -> float:
-        """Share of the feedback in use, from 0 to 1; less after vibrations."""
-        return float(self.step.diagnostics.get("feedback", 1.0))
-
-    @property
     def finished(self) -> bool:
         """Whether the task is at its last step."""
         return 0 < self.task_steps <= self.task_step + 1

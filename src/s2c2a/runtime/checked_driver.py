@@ -88,11 +88,6 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
             )
         return required
 
-    def use_feedback(self, share: float) -> None:
-        """Set the share of the feedback that the controller may use."""
-        with self._errors("feedback"):
-            self.driver.feedback = share
-
     def start(self, reading: Reading) -> None:
         """Start the controller."""
         with self._errors("start"):

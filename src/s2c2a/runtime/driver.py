@@ -17,14 +17,7 @@ class Driver(Protocol[EstimateT, PlanT]):
     """Controller that chooses the action of every control step, such as a strategy.
 
     Its types are those of its estimates and plans, which the loop only passes on.
-
-    Attributes:
-        feedback: share of the feedback that it may use, from 0 to 1. The loop sets it
-            before every step and lowers it when the arm vibrates. A controller that
-            ignores it is held if the vibration goes on.
     """
-
-    feedback: float
 
     @property
     def name(self) -> str:

@@ -25,11 +25,10 @@ from s2c2a.runtime.checked_driver import CheckedDriver
 from s2c2a.runtime.checked_robot import CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.driver import Driver
-from s2c2a.runtime.feedback import Feedback
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
-from s2c2a.runtime.oscillation import OscillationMonitor
+from s2c2a.runtime.oscillation import COMMANDS, OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
@@ -41,6 +40,7 @@ from s2c2a.runtime.stages import (
     with_hold,
     with_release,
 )
+from s2c2a.runtime.vibration_hold import VibrationHold
 from s2c2a.spaces import Actions, Reading, Stage
 
 LATE = 0.1  # of a control period, for a count of late steps alone
@@ -59,7 +59,6 @@ class Loop:
         standstill: how long the program stood still, while the arm is held for that
             reason; empty otherwise.
         late_steps: number of steps that began late.
-        feedback: share of the feedback in use, and how often the arm vibrated.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class Loop:
             faults: fault injection for tests: changes every reading before the check.
             sensing: what the controller sees of a reading that passed the check, such
                 as the inaccurate sensors of the live page.
-            monitors_vibration: whether vibration reduces the feedback; not for a driver
+            monitors_vibration: whether commands that vibrate are held; not for a driver
                 that plays back motions, which may vibrate on purpose.
             emergency_stop: ends the motion within one control step; the robot then
                 stays where it is, or is released (`Robot.halt`).
@@ -206,7 +205,6 @@ class Loop:
                     self._checked_driver.start(reading)
                 sent = self._control_step(reading, self._goal(request))
                 diagnostics = self._checked_driver.diagnostics()
-                diagnostics["feedback"] = np.asarray(self.feedback.share)
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
             diagnostics, self._tick_time, delay, self.fault, self.vibration,
@@ -306,7 +304,7 @@ class Loop:
     def _reset(self) -> None:
         self._check.reset()
         self._monitor.reset()
-        self.feedback = Feedback()
+        self._vibration_hold = VibrationHold()
         self.vibration = ""
         self._limiter = CommandLimiter(self._limits)
         self._robot.reset()
@@ -382,7 +380,6 @@ class Loop:
         """
         driver = self._checked_driver
         began = time.perf_counter()
-        driver.use_feedback(self.feedback.share)
         estimate = driver.estimate(reading, self._limiter.command)
         plan = driver.plan(estimate, goal)
         desired = driver.act(plan, estimate)
@@ -398,17 +395,18 @@ class Loop:
     def _monitor_vibration(
         self, desired: Actions, reading: Reading, goal: Goal
     ) -> None:
-        """Lower the feedback while the arm vibrates, and let it return afterwards."""
+        """Note vibration, and hold a command that vibrates for long."""
         if not self._monitors_vibration:
             return
         vibration = self._monitor.update(desired, reading, goal)
-        period = self.arm.control_period
-        self.feedback = self.feedback.after(vibration is not None, period)
         self.vibration = str(vibration or "")
+        vibrates = vibration is not None and vibration.signal == COMMANDS
+        period = self.arm.control_period
+        self._vibration_hold = self._vibration_hold.after(vibrates, period)
 
     def _allowed(self, desired: Actions) -> Actions:
         """The desired command, or the last one while the arm is held."""
-        is_held = self.feedback.is_held or self.standstill
+        is_held = self._vibration_hold.is_held or self.standstill
         return self._limiter.hold() if is_held else desired
 
     def _passive_step(self) -> Actions:

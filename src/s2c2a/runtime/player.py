@@ -29,7 +29,6 @@ class Player:
     """
 
     name = "player"
-    feedback = 1.0
 
     def __init__(
         self, arm: ArmSpec, sensors: tuple[str, ...], motion: Iterable[Actions] = ()

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -10,11 +9,8 @@ from s2c2a.compilation import compiled
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
-from s2c2a.models.disturbances import Disturbances
 from s2c2a.planning import Goal, Plan, Planner, plan_error
 from s2c2a.spaces import Actions, Reading
-
-SLOW_TIME = 10.0  # s; by which disturbances follow their estimates without feedback
 
 
 class Strategy:
@@ -27,13 +23,7 @@ class Strategy:
         name: such as "s2c2a".
         arm: that it drives.
         sensors: names of the sensors that every reading must hold.
-        feedback: share of the feedback that the strategy uses, from 0 to 1; the control
-            loop lowers it when the arm vibrates. Down to a half, payload and bend
-            biases follow their estimates more slowly. Below, the planned configuration
-            replaces the estimated one; a strategy without disturbances begins there.
     """
-
-    feedback: float = 1.0
 
     def __init__(
         self,
@@ -63,7 +53,6 @@ class Strategy:
         self._plan: Plan | None = None
         self._goal = Goal.of(arm.module_count)
         self._estimate: Estimate
-        self._slow_disturbances: Disturbances | None = None
         self._controller_memory: Any
         self._command: Actions
         self._warm_up()
@@ -91,7 +80,7 @@ class Strategy:
         self._check_started()
         estimate = self._estimator.update(self._estimate, reading, last_command)
         self._estimate = _checked(estimate)
-        return self._with_feedback(self._estimate)
+        return self._estimate
 
     def plan(self, estimate: Estimate, goal: Goal) -> Plan:
         """The next configuration.
@@ -170,29 +159,8 @@ class Strategy:
             }
         )
 
-    def _with_feedback(self, estimate: Estimate) -> Estimate:
-        """The estimate as planner and controller may use it."""
-        latest = estimate.disturbances
-        if self.feedback >= 1.0 or self._slow_disturbances is None:
-            self._slow_disturbances = latest
-        if self.feedback >= 1.0:
-            return estimate
-        planned = self._check_started().configurations
-        fast_share = max(2.0 * self.feedback - 1.0, 0.0)
-        slow = self._slow_disturbances
-        if latest is None or slow is None:
-            configuration = _between(fast_share, planned, estimate.configuration)
-            return estimate._replace(configuration=configuration)
-        share = min(2.0 * self.feedback, 1.0)
-        configuration = _between(share, planned, estimate.configuration)
-        follow = min(self.arm.control_period / SLOW_TIME, 1.0)
-        self._slow_disturbances = _disturbances_between(follow, slow, latest)
-        used = _disturbances_between(fast_share, self._slow_disturbances, latest)
-        return estimate._replace(configuration=configuration, disturbances=used)
-
     def _begin(self, estimate: Estimate) -> None:
         self._estimate = estimate
-        self._slow_disturbances = estimate.disturbances
         self._plan = self._planner.start(estimate)
         self._goal = Goal.of(self.arm.module_count)
         self._controller_memory = self._start_controller(estimate.configuration)
@@ -218,28 +186,9 @@ class Strategy:
             estimate = Estimate.of(straight)
             self._begin(estimate)
         self.act(self.plan(estimate, Goal.of(modules)), estimate)
-        self.feedback = 0.75
-        estimate = self._with_feedback(estimate)
-        self.act(self.plan(estimate, Goal.of(modules)), estimate)
-        self.feedback = 1.0
         self.sent(cables)
         self.diagnostics()
         self._plan = None
-
-
-def _between(share: float, first: Any, second: Any) -> np.ndarray:
-    """The array at a share of the way between two."""
-    first = np.asarray(first, np.float32)
-    return first + np.float32(share) * (np.asarray(second, np.float32) - first)
-
-
-def _disturbances_between(
-    share: float, first: Disturbances, second: Disturbances
-) -> Disturbances:
-    """Payload and biases between two estimates; moments are those of the present shape."""
-    payload = jnp.asarray(_between(share, first.payload, second.payload))
-    biases = jnp.asarray(_between(share, first.bend_biases, second.bend_biases))
-    return second.with_payload(payload)._replace(bend_biases=biases)
 
 
 def _checked(estimate: Estimate) -> Estimate:

@@ -30,7 +30,6 @@ class Swing:
 
     name = "swing"
     sensors = ("cables",)
-    feedback = 1.0
 
     def __init__(self, arm, is_steady=False):
         self.arm = arm
