@@ -169,7 +169,7 @@ def test_after_a_short_fault_the_arm_continues_where_it_held(puppet, actor, cloc
     assert [step.stage for step in steps] == [RUN] * 4 + [HOLD] * 5 + [RUN] * 6
     assert {step.fault for step in steps[4:9]} == {"'cables' is not finite"}
     assert {step.fault for step in steps[9:]} == {""}
-    assert [len(step.diagnostics) for step in steps] == [2] * 4 + [0] * 5 + [2] * 6
+    assert [len(step.diagnostics) for step in steps] == [1] * 4 + [0] * 5 + [1] * 6
     np.testing.assert_array_equal(puppet.sent[4:9], [puppet.sent[3]] * 5)
     assert len(actor.starts) == 1
     assert sizes_of(puppet)[0].max() <= 1 + 1e-9

@@ -66,7 +66,7 @@ def networks():
 def effect(monkeypatch, networks):
     """Text of all that a strategy trains by, and of the parts that it builds."""
     for module in (pcc, s2c2a):
-        monkeypatch.setattr(module, "Planner", lambda arm, model, options: options)
+        monkeypatch.setattr(module, "Planner", lambda *parts: parts[2])
         monkeypatch.setattr(module, "Strategy", lambda *parts: parts[2:])
     monkeypatch.setattr(pcc, "EncoderEstimator", lambda configuration_map: "encoders")
     for estimator in (KalmanFilter, EncoderOnly):

@@ -134,7 +134,8 @@ class GoalMotion(NamedTuple):
             expected=jnp.where(is_desired, next_targets, jnp.nan),
             offset=jnp.where(is_desired, offset, 0.0),
         )
-        is_finite = jnp.isfinite(now).all()
+        told = (value for name, value in goal._asdict().items() if name != "preview")
+        is_finite = jnp.stack([jnp.isfinite(value).all() for value in told]).all()
         return jax.tree.map(
             lambda new, old: jnp.where(is_finite, new, old), moved, self
         )

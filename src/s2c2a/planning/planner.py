@@ -299,10 +299,7 @@ class Step(NamedTuple):
         if hysteresis is None:
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
-        states = self.model.predict(plan.configurations, memory, disturbances)
-        payload = _payload(disturbances)
-        motion = plan.motion.after(goal, states, self.approach, payload)
-        last = plan._replace(memory=memory, disturbances=disturbances, motion=motion)
+        last = plan._replace(memory=memory, disturbances=disturbances)
         problem = self.problem(last, goal)
         desired, solver = self.solver.next(problem, plan.solver)
         planned = problem.within_limits(desired)
@@ -316,6 +313,7 @@ class Step(NamedTuple):
         return last._replace(
             configurations=planned,
             solver=solver,
+            motion=problem.motion,
             judged=judged,
         )
 
@@ -350,8 +348,10 @@ class Step(NamedTuple):
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.apply(situation, prepared)
-        payload = _payload(last.disturbances)
-        ahead = last.motion.ahead(goal, self.approach, payload)
+        known = last.disturbances
+        payload = 0.0 if known is None else known.payload
+        motion = last.motion.after(goal, candidate.states, self.approach, payload)
+        ahead = motion.ahead(goal, self.approach, payload)
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
         is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)
@@ -365,6 +365,7 @@ class Step(NamedTuple):
             predict,
             self.model.observe,
             last.memory,
+            motion,
             ahead,
             self.approach.stride,
         )
@@ -449,10 +450,6 @@ class Planner:
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
-
-
-def _payload(disturbances: Disturbances | None) -> Float[Array, ""] | float:
-    return 0.0 if disturbances is None else disturbances.payload
 
 
 def _single(values: Numbers) -> Numbers:

@@ -28,6 +28,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.models.forward_model import Memory
 from s2c2a.paper import minimize, unit_vectors
+from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.terms import (
     Bends,
     Candidate,
@@ -159,6 +160,7 @@ class Problem(NamedTuple):
             prediction.
         observe: (configurations, memory) -> memory after the arm has been there.
         memory: of the forward model, before the next step.
+        motion: of the goals so far.
         ahead: goals of the next moments (`goals.Goal.preview`), with these as first axis.
         stride: control steps between two of these moments.
     """
@@ -168,6 +170,7 @@ class Problem(NamedTuple):
     predict: Callable[[Configurations, Bends, Memory], Candidate]
     observe: Callable[[Configurations, Memory], Memory]
     memory: Memory
+    motion: GoalMotion
     ahead: Goal
     stride: int
 
