@@ -60,8 +60,7 @@ def towards(x: float) -> Goal:
 def test_a_goal_without_preview_moves_on_as_it_moved(xs, expected):
     motion = GoalMotion.of(3)
     for goal in map(towards, xs):
-        motion = motion.after(goal, at(xs[0]), APPROACH)
-    ahead = motion.ahead(goal, APPROACH)
+        motion, ahead = motion.after(goal, at(xs[0]), APPROACH)
     later = xs[-1] + expected * np.arange(PREVIEW)
     np.testing.assert_allclose(ahead.positions[:, -1, 0], later, atol=1e-5)
     np.testing.assert_allclose(ahead.obstacles[:, 0, 0], later, atol=1e-5)
@@ -73,13 +72,17 @@ def at(x: float) -> jnp.ndarray:
     return jnp.tile(jnp.array([x, 0.0, 0.5, 0.0, 0.0, 1.0]), (3, 1))
 
 
+def decay(payload: float) -> float:
+    return float(np.interp(payload, APPROACH.payloads, APPROACH.decays))
+
+
 def approached(xs, start=0.0, approach=APPROACH, payload=0.0) -> np.ndarray:
     """Where an approach has its goal in every step [m]."""
     motion = GoalMotion.of(3)
     found = []
     for goal in map(towards, xs):
-        motion = motion.after(goal, at(start), approach, payload)
-        found.append(motion.ahead(goal, approach, payload).positions[0, -1, 0])
+        motion, ahead = motion.after(goal, at(start), approach, payload)
+        found.append(ahead.positions[0, -1, 0])
     return np.array(found)
 
 
@@ -91,10 +94,10 @@ def test_a_jump_is_approached_no_faster_than_the_slowest_mode(payload):
     assert (np.diff(way[4:20]) > 0.0).all()
     assert way.max() <= jump
     # a critically damped system of third order
-    t = float(APPROACH.decay(payload)) * np.arange(1, 41)
+    t = decay(payload) * np.arange(1, 41)
     expected = jump * (1.0 - np.exp(-t) * (1.0 + t + t**2 / 2.0))
     np.testing.assert_allclose(way[5:], expected, atol=1e-5)
-    assert APPROACH.decay(0.1) < APPROACH.decay(0.0)
+    assert decay(0.1) < decay(0.0)
 
 
 def test_an_arm_approaches_its_first_goal_and_follows_one_that_moves():
@@ -113,7 +116,7 @@ def test_a_jump_that_was_foreseen_is_followed(rate):
     goals = [Goal.of(3).with_position([x, 0.0, 0.5]) for x in xs]
     motion = GoalMotion.of(3)
     for goal in previewed(goals, 1.0 / rate):
-        motion = motion.after(goal, at(0.0), approach)
+        motion, _ = motion.after(goal, at(0.0), approach)
         if approach.stride <= 2:  # between moments, a jump is a ramp
             np.testing.assert_allclose(motion.offset, 0.0, atol=1e-6)
         assert abs(motion.offset).max() < 0.2
@@ -130,7 +133,7 @@ def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
     # modules without a target have none ahead
     assert np.isnan(shown[20].preview[:, :2]).all()
     approach = Approach.of(TWIN.model_copy(update={"control_rate": rate}))
-    ahead = GoalMotion.of(3).ahead(shown[20], approach)
+    _, ahead = GoalMotion.of(3).after(shown[20], at(0.2), approach)
     np.testing.assert_allclose(ahead.positions[:, -1, 0], 0.01 * numbers, atol=1e-6)
 
 

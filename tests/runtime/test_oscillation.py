@@ -5,6 +5,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.goals import Goal
+from s2c2a.runtime import Loop, StepRequest
 from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.spaces import Reading
 
@@ -155,3 +156,13 @@ def first_found(twin, sensed, degrees):
         if vibration:
             return time, vibration
     return None
+
+
+def test_a_controller_that_vibrates_is_reported_and_a_player_may(puppet, actor, clock):
+    for monitors, expected in ((True, "commands of module 1 vibrate"), (False, "")):
+        with Loop(puppet, actor, clock, monitors_vibration=monitors) as loop:
+            for number in range(40):
+                actor.share = 0.3 + 0.05 * (-1) ** number
+                record = loop.tick(StepRequest())
+        assert record.vibration.startswith(expected)
+        assert monitors or not record.vibration

@@ -8,7 +8,8 @@ import pytest
 from jaxtyping import Array
 
 from s2c2a.errors import S2C2AError, TrainingError
-from s2c2a.training import FitOptions, Fixed, fit
+from s2c2a.training import FitOptions, Fixed
+from s2c2a.training.fit import fit
 
 TRUE = np.array([[2.0, -1.0], [0.5, 3.0]], np.float32)
 KEY = jax.random.key(0)

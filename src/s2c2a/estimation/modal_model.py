@@ -208,30 +208,18 @@ class ModalTable(NamedTuple):
         return interpolated(self.transitions), interpolated(self.inputs)
 
 
-class FirstMode(NamedTuple):
-    """The slowest mode over the payload.
-
-    Attributes:
-        payloads: [kg], shape (payloads,).
-        frequencies: [rad/s], shape (payloads,).
-    """
-
-    payloads: Float[np.ndarray, " payloads"]
-    frequencies: Float[np.ndarray, " payloads"]
-
-    @classmethod
-    def of(cls, arm: ArmSpec, factors: ModalFactors) -> "FirstMode":
-        """The slowest mode of an arm with these factors."""
-        linearized = LinearizedArm.of(arm)
-        payloads = TABLE_PAYLOADS * linearized.masses.sum()
-
-        def frequency(payload: float) -> float:
-            loaded = linearized.with_payload(payload)
-            masses = _masses(loaded)
-            stiffness = _stiffness(loaded, float(factors.stiffness))
-            return float(np.sqrt(eigh(stiffness, masses, eigvals_only=True)[0]))
-
-        return cls(payloads, np.array([frequency(payload) for payload in payloads]))
+def first_mode(
+    arm: ArmSpec, factors: ModalFactors
+) -> tuple[Float[np.ndarray, " payloads"], Float[np.ndarray, " payloads"]]:
+    """Payloads at the tip [kg], and the frequencies of the slowest mode [rad/s]."""
+    linearized = LinearizedArm.of(arm)
+    payloads = TABLE_PAYLOADS * linearized.masses.sum()
+    squares = []
+    for payload in payloads:
+        loaded = linearized.with_payload(payload)
+        stiffness = _stiffness(loaded, float(factors.stiffness))
+        squares.append(eigh(stiffness, _masses(loaded), eigvals_only=True)[0])
+    return payloads, np.sqrt(squares)
 
 
 def identify_modal_factors(

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.estimation.modal_model import FirstMode, ModalFactors
+from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
 
 DECAY = 0.6
@@ -35,33 +35,29 @@ class Approach(NamedTuple):
 
     Attributes:
         stride: control steps between two moments of a preview.
-        mode: the slowest mode over the payload.
-        period: of the control steps [s].
+        payloads: at the tip [kg], increasing, shape (payloads,).
+        decays: of offsets in a control step, with each of these payloads.
         farthest: that the arm moves an end [m] or its axis in a control step, shape
             (targets, 1); goals that are farther have jumped.
     """
 
     stride: int
-    mode: FirstMode
-    period: float
+    payloads: Float[np.ndarray, " payloads"]
+    decays: Float[np.ndarray, " payloads"]
     farthest: Float[np.ndarray, "targets 1"]
 
     @classmethod
     def of(cls, arm: ArmSpec, factors: ModalFactors | None = None) -> "Approach":
         """The approach of an arm, with the identified factors if there are any."""
+        payloads, frequencies = first_mode(arm, factors or ModalFactors.nominal())
         geometry = ArmGeometry.of(arm)
         levers = np.cumsum(geometry.lengths), 1.0 + np.arange(arm.module_count)
         return cls(
             preview_stride(arm.control_period),
-            FirstMode.of(arm, factors or ModalFactors.nominal()),
-            arm.control_period,
+            payloads,
+            DECAY * frequencies * arm.control_period,
             geometry.step_limit * np.concatenate(levers)[:, None],
         )
-
-    def decay(self, payload: Float[Array, ""] | float) -> Float[Array, ""]:
-        """Of offsets in a control step, with a payload at the tip [kg]."""
-        frequency = jnp.interp(payload, self.mode.payloads, self.mode.frequencies)
-        return DECAY * self.period * frequency
 
 
 class GoalMotion(NamedTuple):
@@ -73,8 +69,6 @@ class GoalMotion(NamedTuple):
     Attributes:
         latest: rows of the last control step; NaN before the first.
         step: by which they moved then.
-        velocity: [1/step]; in each direction the smaller of the last two steps, and zero
-            where these differ in sign.
         expected: targets of the next control step; NaN where nothing was desired.
         offset: of the approach from the targets, as coefficients of a polynomial p: it is
             exp(-t) p(t) at the time t, in units of the decay.
@@ -82,7 +76,6 @@ class GoalMotion(NamedTuple):
 
     latest: Rows
     step: Rows
-    velocity: Rows
     expected: Targets
     offset: Float[Array, "3 targets 3"]
 
@@ -91,7 +84,7 @@ class GoalMotion(NamedTuple):
         """Before the first goal."""
         rows = jnp.zeros_like(_rows(Goal.of(modules)))
         targets = jnp.full((2 * modules, 3), jnp.nan, jnp.float32)
-        return cls(rows + jnp.nan, rows, rows, targets, jnp.zeros((3, *targets.shape)))
+        return cls(rows + jnp.nan, rows, targets, jnp.zeros((3, *targets.shape)))
 
     def after(
         self,
@@ -99,14 +92,20 @@ class GoalMotion(NamedTuple):
         states: Float[Array, "modules 6"],
         approach: Approach,
         payload: Float[Array, ""] | float = 0.0,
-    ) -> "GoalMotion":
-        """The motion after another goal; one that is not finite changes nothing.
+    ) -> tuple["GoalMotion", Goal]:
+        """The motion after another goal, and the goals of the next moments.
+
+        What no preview tells goes on with constant velocity: in each direction with the
+        smaller of its last two steps, and not where these differ in sign.
 
         Args:
-            goal: for the next state.
+            goal: for the next state; one that is not finite changes no motion.
             states: of the last plan [m, 1], from which an arm approaches its first goal.
             approach: of the arm.
             payload: at its tip [kg].
+
+        Returns:
+            The goals with moments as the first axis, as the arm approaches them.
         """
         now = _rows(goal)
         count = len(now)  # goals of a batch have no rows for obstacles
@@ -114,80 +113,48 @@ class GoalMotion(NamedTuple):
         before = self.step[:count]
         velocity = jnp.where(abs(step) < abs(before), step, before)
         velocity = jnp.where(step * before > 0.0, velocity, 0.0)
-        moved = self._replace(
-            latest=self.latest.at[:count].set(now),
-            step=self.step.at[:count].set(step),
-            velocity=self.velocity.at[:count].set(velocity),
-        )
-        targets = _targets(goal)
-        weights = jnp.concatenate([goal.position_weights, goal.axis_weights])
-        is_desired = weights[:, None] > 0.0
-        present = jnp.concatenate(jnp.split(jnp.asarray(states), 2, axis=1))
-        is_first = ~jnp.isfinite(self.expected)
-        jump = targets - jnp.where(is_first, present, self.expected)
-        distance = jnp.linalg.norm(jump, axis=1, keepdims=True)
-        jump = jnp.where(distance > approach.farthest, jump, 0.0)
-        begun = self.offset - JUMP[:, None, None] * jump
-        offset = _later(begun, approach.decay(payload))
-        next_targets = moved.targets_at(goal, approach.stride, 1)
-        moved = moved._replace(
-            expected=jnp.where(is_desired, next_targets, jnp.nan),
-            offset=jnp.where(is_desired, offset, 0.0),
-        )
-        told = (value for name, value in goal._asdict().items() if name != "preview")
-        is_finite = jnp.stack([jnp.isfinite(value).all() for value in told]).all()
-        return jax.tree.map(
+        steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
+        told = _told(goal)
+        foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
+        if approach.stride > 1:
+            following = now + (foreseen[0] - now) / (approach.stride - 1)
+        else:
+            following = foreseen[1]
+        decay = jnp.interp(payload, approach.payloads, approach.decays)
+        expected, offset = self._approached(goal, following, states, approach, decay)
+        offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
+        ahead = foreseen.at[:, : len(expected)].add(offsets)
+        latest, steps_so_far = self.latest.at[:count], self.step.at[:count]
+        moved = GoalMotion(latest.set(now), steps_so_far.set(step), expected, offset)
+        values = (value for name, value in goal._asdict().items() if name != "preview")
+        is_finite = jnp.stack([jnp.isfinite(value).all() for value in values]).all()
+        motion = jax.tree.map(
             lambda new, old: jnp.where(is_finite, new, old), moved, self
         )
+        return motion, _goals(goal, ahead)
 
-    def ahead(
+    def _approached(
         self,
         goal: Goal,
+        following: Rows,
+        states: Float[Array, "modules 6"],
         approach: Approach,
-        payload: Float[Array, ""] | float = 0.0,
-    ) -> Goal:
-        """Goals of the next moments, with these as the first axis, as the arm approaches.
-
-        Args:
-            goal: of the last step, which this motion knows.
-            approach: of the arm.
-            payload: at its tip [kg].
-        """
-        decay = approach.decay(payload)
-        steps = _steps(approach.stride)[1:, None, None]
-        offsets = jax.vmap(lambda step: _later(self.offset, step * decay)[0])(steps)
-        targets = self._foreseen(goal, approach.stride) + offsets
-        positions, axes = jnp.split(targets, 2, axis=1)
-        lengths = jnp.linalg.norm(axes, axis=-1, keepdims=True)
-        obstacles = jnp.asarray(goal.obstacles)
-        velocities = self.velocity[targets.shape[1] :][: len(obstacles)]
-        changed = {
-            "positions": positions,
-            "axes": axes / jnp.maximum(lengths, np.finfo(np.float32).tiny),
-            "obstacles": obstacles + steps * velocities,
-        }
-        same = {
-            name: jnp.broadcast_to(value, (PREVIEW, *np.shape(value)))
-            for name, value in goal._asdict().items()
-        }
-        return Goal(**(same | changed))  # type: ignore[arg-type]
-
-    def targets_at(self, goal: Goal, stride: int, step: int) -> Targets:
-        """Targets some control steps after a goal."""
-        known = jnp.concatenate([_targets(goal)[None], self._foreseen(goal, stride)])
-        steps = _steps(stride)
-        after = int(np.searchsorted(steps, step))
-        share = (step - steps[after - 1]) / (steps[after] - steps[after - 1])
-        return known[after - 1] + share * (known[after] - known[after - 1])
-
-    def _foreseen(self, goal: Goal, stride: int) -> Float[Array, "moments targets 3"]:
-        """Targets of the next moments: as told, else with constant velocity."""
-        told = jnp.asarray(goal.preview)
-        told = jnp.concatenate(jnp.split(told, 2, axis=-1), axis=1)
-        targets = _targets(goal)
-        steps = _steps(stride)[1:, None, None]
-        goes_on = targets + steps * self.velocity[: len(targets)]
-        return jnp.where(jnp.isnan(told), goes_on, told)
+        decay: Float[Array, ""],
+    ) -> tuple[Targets, Float[Array, "3 targets 3"]]:
+        """Expected targets and offset after another goal."""
+        weights = jnp.concatenate([goal.position_weights, goal.axis_weights])
+        is_desired = weights[:, None] > 0.0
+        present = jnp.concatenate(jnp.split(states, 2, axis=1))
+        is_known = jnp.isfinite(self.expected)
+        targets = _rows(goal)[: len(present)]
+        jump = targets - jnp.where(is_known, self.expected, present)
+        distance = jnp.linalg.norm(jump, axis=1, keepdims=True)
+        jump = jnp.where(distance > approach.farthest, jump, 0.0)
+        offset = _later(self.offset - JUMP[:, None, None] * jump, decay)
+        return (
+            jnp.where(is_desired, following[: len(present)], jnp.nan),
+            jnp.where(is_desired, offset, 0.0),
+        )
 
 
 def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *rest"]:
@@ -197,15 +164,23 @@ def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *res
     return jnp.exp(-time) * jnp.stack(later)
 
 
-def _steps(stride: int) -> np.ndarray:
-    """Control steps from a goal to itself and to the moments of its preview."""
-    return np.concatenate([[0], stride * np.arange(1, PREVIEW + 1) - 1])
-
-
-def _targets(goal: Goal) -> Targets:
-    values = goal.positions, goal.axes
+def _rows(goal: Goal) -> Rows:
+    values = goal.positions, goal.axes, goal.obstacles
     return jnp.concatenate([jnp.asarray(value, jnp.float32) for value in values])
 
 
-def _rows(goal: Goal) -> Rows:
-    return jnp.concatenate([_targets(goal), jnp.asarray(goal.obstacles, jnp.float32)])
+def _told(goal: Goal) -> Float[Array, "moments rows 3"]:
+    """Rows that a preview tells; NaN where it does not, as of obstacles."""
+    targets = jnp.concatenate(jnp.split(jnp.asarray(goal.preview), 2, axis=-1), axis=1)
+    gap = (0, 0), (0, len(goal.obstacles)), (0, 0)
+    return jnp.pad(targets, gap, constant_values=np.nan)
+
+
+def _goals(goal: Goal, rows: Float[Array, "moments rows 3"]) -> Goal:
+    """Goals with these rows and moments as the first axis."""
+    modules = len(goal.positions)
+    positions, axes, obstacles = jnp.split(rows, (modules, 2 * modules), axis=1)
+    lengths = jnp.linalg.norm(axes, axis=-1, keepdims=True)
+    axes = axes / jnp.maximum(lengths, np.finfo(np.float32).tiny)
+    same = (jnp.broadcast_to(value, (PREVIEW, *np.shape(value))) for value in goal)
+    return Goal(*same)._replace(positions=positions, axes=axes, obstacles=obstacles)  # type: ignore[arg-type]

@@ -350,8 +350,9 @@ class Step(NamedTuple):
             situation = guide.apply(situation, prepared)
         known = last.disturbances
         payload = 0.0 if known is None else known.payload
-        motion = last.motion.after(goal, candidate.states, self.approach, payload)
-        ahead = motion.ahead(goal, self.approach, payload)
+        motion, ahead = last.motion.after(
+            goal, candidate.states, self.approach, payload
+        )
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
         is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)

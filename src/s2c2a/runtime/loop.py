@@ -28,7 +28,7 @@ from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
-from s2c2a.runtime.oscillation import COMMANDS, OscillationMonitor
+from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
@@ -40,7 +40,6 @@ from s2c2a.runtime.stages import (
     with_hold,
     with_release,
 )
-from s2c2a.runtime.vibration_hold import VibrationHold
 from s2c2a.spaces import Actions, Reading, Stage
 
 LATE = 0.1  # of a control period, for a count of late steps alone
@@ -88,8 +87,8 @@ class Loop:
             faults: fault injection for tests: changes every reading before the check.
             sensing: what the controller sees of a reading that passed the check, such
                 as the inaccurate sensors of the live page.
-            monitors_vibration: whether commands that vibrate are held; not for a driver
-                that plays back motions, which may vibrate on purpose.
+            monitors_vibration: whether vibration is reported; not for a driver that
+                plays back motions, which may vibrate on purpose.
             emergency_stop: ends the motion within one control step; the robot then
                 stays where it is, or is released (`Robot.halt`).
             rate: of the control steps [Hz]; that of the arm by default.
@@ -304,7 +303,6 @@ class Loop:
     def _reset(self) -> None:
         self._check.reset()
         self._monitor.reset()
-        self._vibration_hold = VibrationHold()
         self.vibration = ""
         self._limiter = CommandLimiter(self._limits)
         self._robot.reset()
@@ -395,19 +393,14 @@ class Loop:
     def _monitor_vibration(
         self, desired: Actions, reading: Reading, goal: Goal
     ) -> None:
-        """Note vibration, and hold a command that vibrates for long."""
+        """Note what vibrates."""
         if not self._monitors_vibration:
             return
-        vibration = self._monitor.update(desired, reading, goal)
-        self.vibration = str(vibration or "")
-        vibrates = vibration is not None and vibration.signal == COMMANDS
-        period = self.arm.control_period
-        self._vibration_hold = self._vibration_hold.after(vibrates, period)
+        self.vibration = str(self._monitor.update(desired, reading, goal) or "")
 
     def _allowed(self, desired: Actions) -> Actions:
         """The desired command, or the last one while the arm is held."""
-        is_held = self._vibration_hold.is_held or self.standstill
-        return self._limiter.hold() if is_held else desired
+        return self._limiter.hold() if self.standstill else desired
 
     def _passive_step(self) -> Actions:
         """Hold the last command, or move toward rest; the driver does not act."""

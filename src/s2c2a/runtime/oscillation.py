@@ -30,8 +30,6 @@ MIN_DURATION = 1.2  # s of significant half-waves in a row, of commands
 MIN_SENSED_DURATION = 6.0  # s; an arm that was moved rings and comes to rest by itself
 AMPLITUDE_TIME = 1.0  # s; time constant by which stated amplitudes decay
 
-COMMANDS = "commands"  # the signal that the controller desires
-
 Channels = Float[np.ndarray, " channels"]
 
 
@@ -172,7 +170,7 @@ class OscillationMonitor:
         self._commands.update(
             self._geometry.commanded_bends(command).reshape(-1), threshold
         )
-        found = _vibration(COMMANDS, self._commands, MIN_DURATION)
+        found = _vibration("commands", self._commands, MIN_DURATION)
         signals = {
             **self._sensed_bends(reading),
             **self._turned_angles(reading),

@@ -1,4 +1,5 @@
 """Training: data, trainable and fixed parts of a model, and the training loop."""
 
-from s2c2a.training.fit import FitOptions, Fixed, FromArm, TrainingProgress, fit, quiet
-from s2c2a.training.trained import Trained, TrainingData, train
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
