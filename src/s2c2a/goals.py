@@ -194,7 +194,9 @@ def preview_stride(period: float) -> int:
     return max(1, round(PREVIEW_INTERVAL / period))
 
 
-def previewed(goals: Sequence[Goal], period: float) -> Iterator[Goal]:
+def previewed(
+    goals: Sequence[Goal], period: float, farthest: float = np.inf
+) -> Iterator[Goal]:
     """Goals that know those after them; the last goal lasts.
 
     A planner that looks ahead (`planning.Horizon`) otherwise assumes that a goal goes on
@@ -203,13 +205,21 @@ def previewed(goals: Sequence[Goal], period: float) -> Iterator[Goal]:
     Args:
         goals: one for every control step.
         period: of the control steps [s].
+        farthest: change of the way per control step [m]. Where a target changes it by
+            more, it jumps; then goals know those before the jump alone, since an arm
+            that goes there at once vibrates (`planning.motion`).
     """
     stacked = Goal.stacked(goals)
     targets = [stacked.desired_positions(), stacked.desired_axes()]
     known = np.concatenate(targets, axis=-1, dtype=np.float32)
+    ways = np.diff(targets[0], axis=0)
+    turns = np.linalg.norm(np.diff(ways, axis=0, prepend=ways[:1]), axis=-1)
+    jumps = np.flatnonzero((turns > farthest).any(axis=-1))
+    ends = np.append(jumps, len(goals) - 1)
     later = preview_stride(period) * np.arange(1, PREVIEW + 1) - 1
     for number, goal in enumerate(goals):
-        preview = known[np.minimum(number + later, len(goals) - 1)]
+        end = ends[np.searchsorted(ends, number)]
+        preview = known[np.minimum(number + later, end)]
         yield goal._replace(preview=preview).frozen()
 
 

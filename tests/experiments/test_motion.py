@@ -44,7 +44,7 @@ def test_fast_turns_have_a_larger_step_limit(twin):
 
 
 def test_jumps_come_unforeseen(twin):
-    goals = list(steps_task(twin).shown_goals(twin.control_period))
+    goals = list(steps_task(twin).shown_goals(twin))
     assert np.isnan(goals[0].preview).all()
 
 

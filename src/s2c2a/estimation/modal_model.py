@@ -12,7 +12,6 @@ recording.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -22,12 +21,10 @@ from scipy.optimize import minimize
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import ArmGeometry
-from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.trunk import TAUT, Trunk
 from s2c2a.training.fit import Fixed
 
 NOMINAL_DAMPING = 2.0  # of the described one, where nothing was identified
-LINEARIZATION_BEND = 1e-3  # rad; nearly straight
 MIN_STIFFNESS = 0.05
 """Of the softest module: a heavy payload must not make K indefinite."""
 SLOWEST = 1.3  # s; slower errors are not vibration
@@ -92,15 +89,13 @@ class LinearizedArm(NamedTuple):
     def of(cls, arm: ArmSpec) -> "LinearizedArm":
         """Linearize the arm of an arm file."""
         trunk = Trunk.of(arm)
-        bends = jnp.full(2 * arm.module_count, LINEARIZATION_BEND)
-        jacobians, hessians = _end_derivatives(bends, trunk.lengths)
-        gravity = np.asarray(trunk.gravity)
+        jacobians, heights = _end_derivatives(np.asarray(trunk.lengths, float))
         elastic = 1.0 / np.asarray(trunk.compliances)
         damping_times = np.array([module.damping_time for module in arm.modules])
         cables = TAUT * ArmGeometry.of(arm).cable_springs
         return cls(
-            jacobians=np.asarray(jacobians),
-            heights=np.einsum("mcij,c->mij", np.asarray(hessians), gravity),
+            jacobians=jacobians,
+            heights=float(trunk.gravity[2]) * heights,
             masses=np.asarray(trunk.weights),
             stiffnesses=np.repeat(elastic + cables, 2),
             dampings=np.repeat(elastic * damping_times, 2),
@@ -113,16 +108,24 @@ class LinearizedArm(NamedTuple):
         return self._replace(masses=masses)
 
 
-@jax.jit
 def _end_derivatives(
-    bends: Float[Array, " n"], lengths: Float[Array, " modules"]
-) -> tuple[Array, Array]:
-    """First and second derivatives of the modules' end positions by the bends."""
+    lengths: Float[np.ndarray, " modules"],
+) -> tuple[Float[np.ndarray, "modules 3 n"], Float[np.ndarray, "modules n n"]]:
+    """Slopes of the ends' positions, and curvatures of their heights, of a straight arm.
 
-    def ends(bends: Array) -> Array:
-        return states_from_bends(bends.reshape(-1, 2), lengths)[:, :3]
-
-    return jax.jacfwd(ends)(bends), jax.jacfwd(jax.jacrev(ends))(bends)
+    The axis at arc length s turns by t(s), the bends so far: an end moves sideways by
+    the integral of t, and down by that of t^2 / 2.
+    """
+    modules = len(lengths)
+    own = np.eye(modules)
+    middle = np.tril(np.ones((modules, modules)), -1) + own / 2.0  # bends up to there
+    squares = np.einsum("mi,mj->mij", middle, middle)
+    squares += np.einsum("mi,mj->mij", own, own) / 12.0
+    below = np.tril(lengths * np.ones((modules, modules)))  # lengths up to every end
+    sideways = np.einsum("ei,ca->ecia", below @ middle, np.eye(3)[:, :2])
+    heights = -np.einsum("em,mij,ab->eiajb", below, squares, np.eye(2))
+    size = 2 * modules
+    return sideways.reshape(modules, 3, size), heights.reshape(modules, size, size)
 
 
 def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> ModalStep:
@@ -214,12 +217,13 @@ def first_mode(
     """Payloads at the tip [kg], and the frequencies of the slowest mode [rad/s]."""
     linearized = LinearizedArm.of(arm)
     payloads = TABLE_PAYLOADS * linearized.masses.sum()
-    squares = []
-    for payload in payloads:
-        loaded = linearized.with_payload(payload)
-        stiffness = _stiffness(loaded, float(factors.stiffness))
-        squares.append(eigh(stiffness, _masses(loaded), eigvals_only=True)[0])
-    return payloads, np.sqrt(squares)
+    stiffness = float(factors.stiffness)
+    # the stiffness is never singular; masses of very unequal modules may be
+    squares = [
+        eigh(_masses(loaded), _stiffness(loaded, stiffness), eigvals_only=True)[-1]
+        for loaded in map(linearized.with_payload, payloads)
+    ]
+    return payloads, 1.0 / np.sqrt(squares)
 
 
 def identify_modal_factors(

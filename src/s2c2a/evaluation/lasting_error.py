@@ -185,5 +185,5 @@ def _model_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> 
     return (
         "the arm follows its plan, but its ends are "
         f"{100 * distances.model:.1f} cm from where the forward model predicts them; "
-        "train with data of these shapes, or add sensors that measure disturbances"
+        "try a slower --pace, data of these shapes, or sensors that measure disturbances"
     )

@@ -89,16 +89,15 @@ def describe_plans(episode: Episode) -> str:
     the step limit held the plan back from a goal within reach.
     """
     counts: dict[str, int] = {}
-    if "outcome" in episode.columns:
-        outcomes = episode.ran("outcome")
-        for outcome, text in PLAN_OUTCOMES.items():
-            counts[f"the planner {text}"] = int((outcomes == outcome).sum())
+    outcomes = episode.ran("outcome") if "outcome" in episode.columns else np.zeros(0)
+    for outcome, text in PLAN_OUTCOMES.items():
+        counts[f"the planner {text}"] = int((outcomes == outcome).sum())
     limit_text = (
         f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
     # at any pace, a goal out of reach stays so
     out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
-    if not counts.get(out_of_reach):
+    if Outcome.OUT_OF_REACH not in outcomes[-1:]:
         limit_text += " (a slower --pace avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [

@@ -150,7 +150,7 @@ def _do_steps(
     loop: Loop, task: Task, progress: StepProgress, steps: list[StepRecord]
 ) -> None:
     """Append the record of every step, as soon as it is done."""
-    for number, goal in enumerate(task.shown_goals(loop.arm.control_period), 1):
+    for number, goal in enumerate(task.shown_goals(loop.arm), 1):
         steps.append(loop.tick(StepRequest(goal)))
         while steps[-1].stage is Stage.START:
             steps.append(loop.tick(StepRequest(goal)))

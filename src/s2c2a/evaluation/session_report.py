@@ -97,11 +97,12 @@ def describe_disagreement(episode: Episode) -> str:
     freedom = relative.size / time
     if (relative**2).sum() / time <= chdtri(freedom, UNLIKELY):
         return ""
-    distance = 1000 * np.linalg.norm(errors[known], axis=-1).mean()
+    distance = 1000 * np.sqrt((errors[known] ** 2).sum(axis=-1).mean())
+    stated = 1000 * np.sqrt((std[known] ** 2).mean())
     return (
-        f"the tip was {distance:.1f} mm from its predictions, which state "
-        f"{1000 * std[known].mean():.1f} mm: if nothing hangs at it or pushes it, the "
-        "arm has changed since the training; run `s2c2a session` with its weights"
+        f"the tip was {distance:.1f} mm from its predictions, which state {stated:.1f} "
+        "mm: if it moves slowly, and nothing hangs at it or pushes it, the arm has "
+        "changed since the training; run `s2c2a session` with its weights"
     )
 
 

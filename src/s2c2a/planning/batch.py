@@ -16,6 +16,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
+from s2c2a.estimation import ModalFactors
 from s2c2a.executors import all_cores
 from s2c2a.goals import Goal
 from s2c2a.kinematics.bends import Numbers
@@ -39,6 +40,7 @@ class BatchPlanner:
         options: PlannerOptions,
         chunk: int = CHUNK,
         threads: int | None = None,
+        factors: ModalFactors | None = None,
     ):
         """Prepare for an arm and a forward model; nothing compiles yet.
 
@@ -48,6 +50,7 @@ class BatchPlanner:
             options: of the planner.
             chunk: plans in one call; larger chunks suit a GPU.
             threads: chunks at the same time; all cores by default.
+            factors: of the arm's stiffness and damping; nominal ones by default.
 
         Raises:
             TargetError: the chunk or the number of threads is below one.
@@ -59,7 +62,7 @@ class BatchPlanner:
             )
         self._chunk = chunk
         self._threads = threads or all_cores()
-        step = Step.of(arm, model, options)
+        step = Step.of(arm, model, options, factors)
         self._start = compiled(_vectorize, Step.started, step)
         self._next = compiled(_vectorize, Step.next_plan, step)
         self._next_single = compiled(_next_of_one, step)

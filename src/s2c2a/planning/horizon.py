@@ -111,7 +111,7 @@ class Horizon(Solver):
             terms = jax.vmap(terms_at)(knots, problem.ahead, memories)
             return jnp.sum(terms**2) + roughness(knots)
 
-        def iterate(knots: Knots, _: None) -> tuple[Knots, Knots]:
+        def iterate(knots: Knots, _: None) -> tuple[Knots, tuple[Knots, Array]]:
             values, slopes = jax.vmap(
                 lambda bends, goal, before: linearize(
                     lambda at: terms_at(at, goal, before), bends
@@ -125,10 +125,12 @@ class Horizon(Solver):
             damped = blocks + damping[:, None, None] * jnp.eye(last.size)
             step = minimum(damped, gradients + rough / 2.0, coupling)
             improved = within_steps(knots + step.reshape(knots.shape))
-            return improved, improved
+            return improved, (improved, jnp.sum(values**2) + roughness(knots))
 
-        _, iterates = jax.lax.scan(iterate, start, length=self.iterations)
-        knots = iterates[jnp.argmin(jax.vmap(cost)(iterates))]
+        final, (iterates, costs) = jax.lax.scan(iterate, start, length=self.iterations)
+        # each iteration but the first begins at an iterate, and knows its cost
+        costs = jnp.append(costs[1:], cost(final))
+        knots = iterates[jnp.argmin(costs)]
         bends = last + (knots[0] - last) / stride
         return configurations_from_bends(bends), HorizonMemory(knots, last)
 

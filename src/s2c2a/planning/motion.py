@@ -19,12 +19,14 @@ from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
 
 DECAY = 0.6
-"""Of offsets, over the frequency of the slowest mode.
-
-With 0.5 to 0.6, jumps of a lightly damped arm end soonest; faster, it vibrates
-(`s2c2a reproduce motion`).
+"""Of offsets, over the frequency of the slowest mode; measured in
+docs/contribute/decisions.md#a-horizon-in-place-of-a-search-and-payloads-within-it.
 """
-JUMP = np.array([1.0, 1.0, 0.5])  # polynomial of an offset at rest
+SLOWEST = 2.0 * np.pi * 0.5
+"""Frequency [rad/s], chosen: an approach takes 3 s at most, also where an arm that gravity
+nearly topples has no slower vibration, but a slower mode."""
+AT_REST = np.array([1.0, 1.0, 0.5])
+"""Coefficients of an offset of one that begins at rest."""
 
 Rows = Float[Array, "rows 3"]
 Targets = Float[Array, "targets 3"]
@@ -37,7 +39,8 @@ class Approach(NamedTuple):
         stride: control steps between two moments of a preview.
         payloads: at the tip [kg], increasing, shape (payloads,).
         decays: of offsets in a control step, with each of these payloads.
-        farthest: that the arm moves an end [m] or its axis in a control step, shape
+        farthest: way of an end [m] or its axis from one moment to the next, if the base
+            (for axes, each module) bends by the step limit in every control step, shape
             (targets, 1); goals that are farther have jumped.
     """
 
@@ -47,16 +50,17 @@ class Approach(NamedTuple):
     farthest: Float[np.ndarray, "targets 1"]
 
     @classmethod
-    def of(cls, arm: ArmSpec, factors: ModalFactors | None = None) -> "Approach":
-        """The approach of an arm, with the identified factors if there are any."""
-        payloads, frequencies = first_mode(arm, factors or ModalFactors.nominal())
+    def of(cls, arm: ArmSpec, factors: ModalFactors) -> "Approach":
+        """The approach of an arm with these factors of stiffness and damping."""
+        payloads, frequencies = first_mode(arm, factors)
         geometry = ArmGeometry.of(arm)
-        levers = np.cumsum(geometry.lengths), 1.0 + np.arange(arm.module_count)
+        stride = preview_stride(arm.control_period)
+        levers = [np.cumsum(geometry.lengths), 1.0 + np.arange(arm.module_count)]
         return cls(
-            preview_stride(arm.control_period),
+            stride,
             payloads,
-            DECAY * frequencies * arm.control_period,
-            geometry.step_limit * np.concatenate(levers)[:, None],
+            DECAY * np.maximum(frequencies, SLOWEST) * arm.control_period,
+            stride * geometry.step_limit * np.concatenate(levers)[:, None],
         )
 
 
@@ -67,9 +71,10 @@ class GoalMotion(NamedTuple):
     the centers of obstacles [m].
 
     Attributes:
-        latest: rows of the last control step; NaN before the first.
+        latest: rows of the last control step.
         step: by which they moved then.
-        expected: targets of the next control step; NaN where nothing was desired.
+        expected: targets of the next control step.
+        is_known: one where a target was desired, else zero, shape (targets, 1).
         offset: of the approach from the targets, as coefficients of a polynomial p: it is
             exp(-t) p(t) at the time t, in units of the decay.
     """
@@ -77,14 +82,15 @@ class GoalMotion(NamedTuple):
     latest: Rows
     step: Rows
     expected: Targets
+    is_known: Float[Array, "targets 1"]
     offset: Float[Array, "3 targets 3"]
 
     @classmethod
     def of(cls, modules: int) -> "GoalMotion":
         """Before the first goal."""
         rows = jnp.zeros_like(_rows(Goal.of(modules)))
-        targets = jnp.full((2 * modules, 3), jnp.nan, jnp.float32)
-        return cls(rows + jnp.nan, rows, targets, jnp.zeros((3, *targets.shape)))
+        targets = rows[: 2 * modules]
+        return cls(rows, rows, targets, targets[:, :1], jnp.stack([targets] * 3))
 
     def after(
         self,
@@ -99,7 +105,7 @@ class GoalMotion(NamedTuple):
         smaller of its last two steps, and not where these differ in sign.
 
         Args:
-            goal: for the next state; one that is not finite changes no motion.
+            goal: for the next state.
             states: of the last plan [m, 1], from which an arm approaches its first goal.
             approach: of the arm.
             payload: at its tip [kg].
@@ -109,52 +115,41 @@ class GoalMotion(NamedTuple):
         """
         now = _rows(goal)
         count = len(now)  # goals of a batch have no rows for obstacles
-        step = jnp.nan_to_num(now - self.latest[:count])
-        before = self.step[:count]
-        velocity = jnp.where(abs(step) < abs(before), step, before)
-        velocity = jnp.where(step * before > 0.0, velocity, 0.0)
-        steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
+        step = now - self.latest[:count]
+        velocity = _steady(step, self.step[:count])
         told = _told(goal)
+        steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
         foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
         if approach.stride > 1:
             following = now + (foreseen[0] - now) / (approach.stride - 1)
         else:
             following = foreseen[1]
-        decay = jnp.interp(payload, approach.payloads, approach.decays)
-        expected, offset = self._approached(goal, following, states, approach, decay)
-        offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
-        ahead = foreseen.at[:, : len(expected)].add(offsets)
-        latest, steps_so_far = self.latest.at[:count], self.step.at[:count]
-        moved = GoalMotion(latest.set(now), steps_so_far.set(step), expected, offset)
-        values = (value for name, value in goal._asdict().items() if name != "preview")
-        is_finite = jnp.stack([jnp.isfinite(value).all() for value in values]).all()
-        motion = jax.tree.map(
-            lambda new, old: jnp.where(is_finite, new, old), moved, self
-        )
-        return motion, _goals(goal, ahead)
-
-    def _approached(
-        self,
-        goal: Goal,
-        following: Rows,
-        states: Float[Array, "modules 6"],
-        approach: Approach,
-        decay: Float[Array, ""],
-    ) -> tuple[Targets, Float[Array, "3 targets 3"]]:
-        """Expected targets and offset after another goal."""
         weights = jnp.concatenate([goal.position_weights, goal.axis_weights])
-        is_desired = weights[:, None] > 0.0
+        is_desired = (weights[:, None] > 0.0).astype(jnp.float32)
+        targets = len(weights)
         present = jnp.concatenate(jnp.split(states, 2, axis=1))
-        is_known = jnp.isfinite(self.expected)
-        targets = _rows(goal)[: len(present)]
-        jump = targets - jnp.where(is_known, self.expected, present)
+        jump = now[:targets] - jnp.where(self.is_known > 0.0, self.expected, present)
         distance = jnp.linalg.norm(jump, axis=1, keepdims=True)
         jump = jnp.where(distance > approach.farthest, jump, 0.0)
-        offset = _later(self.offset - JUMP[:, None, None] * jump, decay)
-        return (
-            jnp.where(is_desired, following[: len(present)], jnp.nan),
-            jnp.where(is_desired, offset, 0.0),
+        decay = jnp.interp(payload, approach.payloads, approach.decays)
+        begun = self.offset - AT_REST[:, None, None] * jump
+        offset = is_desired * _later(begun, decay)
+        offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
+        latest, latest_step = self.latest.at[:count], self.step.at[:count]
+        motion = GoalMotion(
+            latest.set(now),
+            latest_step.set(step),
+            following[:targets],
+            is_desired,
+            offset,
         )
+        return motion, _goals(goal, foreseen.at[:, :targets].add(offsets))
+
+
+def _steady(step: Rows, before: Rows) -> Rows:
+    """Velocity of rows that made these steps; a jump is no motion."""
+    smaller = jnp.where(abs(step) < abs(before), step, before)
+    return jnp.where(step * before > 0.0, smaller, 0.0)
 
 
 def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *rest"]:
@@ -182,5 +177,9 @@ def _goals(goal: Goal, rows: Float[Array, "moments rows 3"]) -> Goal:
     positions, axes, obstacles = jnp.split(rows, (modules, 2 * modules), axis=1)
     lengths = jnp.linalg.norm(axes, axis=-1, keepdims=True)
     axes = axes / jnp.maximum(lengths, np.finfo(np.float32).tiny)
-    same = (jnp.broadcast_to(value, (PREVIEW, *np.shape(value))) for value in goal)
-    return Goal(*same)._replace(positions=positions, axes=axes, obstacles=obstacles)  # type: ignore[arg-type]
+    changed = {"positions": positions, "axes": axes, "obstacles": obstacles}
+    same = {
+        name: jnp.broadcast_to(value, (PREVIEW, *np.shape(value)))
+        for name, value in goal._asdict().items()
+    }
+    return Goal(**(same | changed))  # type: ignore[arg-type]

@@ -215,7 +215,7 @@ class Step(NamedTuple):
         """
         solver, terms, guides = options.build()
         prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
-        approach = Approach.of(arm, factors)
+        approach = Approach.of(arm, factors or ModalFactors.nominal())
         return cls(arm, model, solver, terms, guides, prepared, options, approach)
 
     def started(
@@ -257,9 +257,10 @@ class Step(NamedTuple):
         if bends is None:
             return None
 
-        stride = self.approach.stride
         start = bends_from_configurations(plan.configurations)
-        memories = memories_along(self.model.observe, plan.memory, start, bends, stride)
+        memories = memories_along(
+            self.model.observe, plan.memory, start, bends, self.approach.stride
+        )
 
         def states_at(
             configurations: Configurations, memory: Memory
@@ -307,13 +308,14 @@ class Step(NamedTuple):
         candidate = true.candidate_at(bends_from_configurations(planned))
         situation = problem.situation._replace(goal=goal)
         judged = judge(candidate, situation, ArmGeometry.of(self.arm).lengths)
-        planned, solver, judged = select_if_finite(
-            (planned, solver, judged), (plan.configurations, plan.solver, plan.judged)
+        planned, solver, motion, judged = select_if_finite(
+            (planned, solver, problem.motion, judged),
+            (plan.configurations, plan.solver, plan.motion, plan.judged),
         )
         return last._replace(
             configurations=planned,
             solver=solver,
-            motion=problem.motion,
+            motion=motion,
             judged=judged,
         )
 
@@ -332,9 +334,8 @@ class Step(NamedTuple):
     def problem(self, last: Plan, goal: Goal) -> Problem:
         """The problem of the solver: the goals as the guides change them."""
         predict = self._predictor(last, self.options.engaged_slopes)
-        configurations = last.configurations
-        bends = bends_from_configurations(configurations)
-        candidate = predict(configurations, bends, last.memory)
+        bends = bends_from_configurations(last.configurations)
+        candidate = predict(last.configurations, bends, last.memory)
         geometry = ArmGeometry.of(self.arm)
         situation = Situation(
             goal,
@@ -348,17 +349,18 @@ class Step(NamedTuple):
         )
         for guide, prepared in zip(self.guides, self.prepared, strict=True):
             situation = guide.apply(situation, prepared)
-        known = last.disturbances
-        payload = 0.0 if known is None else known.payload
-        motion, ahead = last.motion.after(
-            goal, candidate.states, self.approach, payload
-        )
+        load = last.disturbances.payload if last.disturbances else 0.0
+        # from targets far beyond the arm, a plan would swing from side to side
+        reach = np.cumsum(geometry.lengths)
+        told, axes = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
+        preview = jnp.concatenate([limit_lengths(told, reach), axes], axis=-1)
+        positions = limit_lengths(goal.positions, reach)
+        near = goal._replace(positions=positions, preview=preview)  # type: ignore[arg-type]
+        motion, ahead = last.motion.after(near, candidate.states, self.approach, load)
         # a guide leads past what blocks the goals of the next second, too
         guided = jnp.asarray(situation.goal.positions)
         is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)
-        positions = jnp.where(is_guided, guided, ahead.positions)
-        # from targets far beyond the arm, a plan would swing from side to side
-        positions = limit_lengths(positions, np.cumsum(geometry.lengths))
+        positions = limit_lengths(jnp.where(is_guided, guided, ahead.positions), reach)
         ahead = ahead._replace(positions=positions)  # type: ignore[arg-type]
         return Problem(
             situation,

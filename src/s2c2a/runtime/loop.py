@@ -381,26 +381,16 @@ class Loop:
         estimate = driver.estimate(reading, self._limiter.command)
         plan = driver.plan(estimate, goal)
         desired = driver.act(plan, estimate)
-        self._monitor_vibration(desired, reading, goal)
+        if self._monitors_vibration:
+            self.vibration = str(self._monitor.update(desired, reading, goal) or "")
         self._tick_time = time.perf_counter() - began
         self._notice_standstill()
-        command = self._limiter.limit(self._allowed(desired))
+        allowed = self._limiter.hold() if self.standstill else desired
+        command = self._limiter.limit(allowed)
         sent = self._send(command)
         if self._limiter.changed(desired):
             driver.sent(command)
         return sent
-
-    def _monitor_vibration(
-        self, desired: Actions, reading: Reading, goal: Goal
-    ) -> None:
-        """Note what vibrates."""
-        if not self._monitors_vibration:
-            return
-        self.vibration = str(self._monitor.update(desired, reading, goal) or "")
-
-    def _allowed(self, desired: Actions) -> Actions:
-        """The desired command, or the last one while the arm is held."""
-        return self._limiter.hold() if self.standstill else desired
 
     def _passive_step(self) -> Actions:
         """Hold the last command, or move toward rest; the driver does not act."""

@@ -19,6 +19,7 @@ from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
@@ -213,12 +214,7 @@ def s2c2a_strategy(
     """
     arm = networks.arm
     recipe = networks.recipe
-    planner = Planner(
-        recipe.seen_arm(arm),
-        networks.c2s,
-        _planner_options(networks, guard),
-        networks.networks.get(MODAL_MODEL),
-    )
+    planner = Planner(*_planned(networks, guard), networks.networks.get(MODAL_MODEL))
     controller: Controller = recipe.c2a.controller(networks.c2a)
     if recipe.integral_gain:
         controller = CorrectedController(controller, recipe.integral_gain)
@@ -259,8 +255,9 @@ def s2c2a_batch_planner(
         guard: which points are kept out of obstacles.
         sizes: `chunk` and `threads` (`BatchPlanner`).
     """
-    arm = networks.recipe.seen_arm(networks.arm)
-    return BatchPlanner(arm, networks.c2s, _planner_options(networks, guard), **sizes)
+    arm, model, options = _planned(networks, guard)
+    factors = networks.networks.get(MODAL_MODEL)
+    return BatchPlanner(arm, model, options, factors=factors, **sizes)
 
 
 def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
@@ -281,11 +278,12 @@ def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
     return replace(networks, recipe=recipe)
 
 
-def _planner_options(networks: TrainedNetworks, guard: Guard) -> PlannerOptions:
-    """The recipe's options; configurations mixed by coupled sensors have no unit length."""
-    options = networks.recipe.planner
-    has_unit_length = (
-        networks.recipe.unit_length or networks.arm.sensing_coupling is None
-    )
-    on_sphere = options.on_sphere and has_unit_length
-    return replace(options, guard=guard, on_sphere=on_sphere)
+def _planned(
+    networks: TrainedNetworks, guard: Guard
+) -> tuple[ArmSpec, ForwardModel, PlannerOptions]:
+    """Arm, model and options; configurations of coupled sensors have no unit length."""
+    recipe = networks.recipe
+    has_unit_length = recipe.unit_length or networks.arm.sensing_coupling is None
+    on_sphere = recipe.planner.on_sphere and has_unit_length
+    options = replace(recipe.planner, guard=guard, on_sphere=on_sphere)
+    return recipe.seen_arm(networks.arm), networks.c2s, options

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError
-from s2c2a.goals import Goal, previewed
+from s2c2a.goals import Goal, preview_stride, previewed
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
@@ -77,13 +78,13 @@ class Task:
         ]
         return replace(self, goals=tuple(goals))
 
-    def shown_goals(self, period: float) -> Iterable[Goal]:
-        """The goals as the arm gets them, with those ahead if it knows them.
-
-        Args:
-            period: of the control steps [s].
-        """
-        return previewed(self.goals, period) if self.foreseen else self.goals
+    def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
+        """The goals as the arm gets them, with those ahead if it knows them."""
+        if not self.foreseen:
+            return self.goals
+        period = arm.control_period
+        moment = preview_stride(period) * np.deg2rad(arm.step_limit_deg)
+        return previewed(self.goals, period, moment * arm.length)
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Desired module ends [m], base frame; NaN without a target."""
