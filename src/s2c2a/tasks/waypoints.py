@@ -218,7 +218,7 @@ def _track(path, module: int, table: dict[str, np.ndarray]) -> Waypoints:
     for step in np.flatnonzero(times[1:] <= times[:-1]):
         raise TargetError(
             f"{path}: the times of a module must rise, got {times[step + 1]:g} after "
-            f"{times[step]:g}"
+            f"{times[step]:g}; for a jump, put the second row a control step later"
         )
     positions = np.stack([table[name] for name in ("x", "y", "z")], axis=-1)
     if AXIS[0] not in table:
