@@ -214,12 +214,10 @@ def previewed(
     known = np.concatenate(targets, axis=-1, dtype=np.float32)
     ways = np.diff(targets[0], axis=0)
     turns = np.linalg.norm(np.diff(ways, axis=0, prepend=ways[:1]), axis=-1)
-    jumps = np.flatnonzero((turns > farthest).any(axis=-1))
-    ends = np.append(jumps, len(goals) - 1)
+    ends = np.append(np.flatnonzero((turns > farthest).any(axis=-1)), len(goals) - 1)
     later = preview_stride(period) * np.arange(1, PREVIEW + 1) - 1
     for number, goal in enumerate(goals):
-        end = ends[np.searchsorted(ends, number)]
-        preview = known[np.minimum(number + later, end)]
+        preview = known[np.minimum(number + later, ends[ends >= number][0])]
         yield goal._replace(preview=preview).frozen()
 
 

@@ -124,8 +124,7 @@ def _end_derivatives(
     below = np.tril(lengths * np.ones((modules, modules)))  # lengths up to every end
     sideways = np.einsum("ei,ca->ecia", below @ middle, np.eye(3)[:, :2])
     heights = -np.einsum("em,mij,ab->eiajb", below, squares, np.eye(2))
-    size = 2 * modules
-    return sideways.reshape(modules, 3, size), heights.reshape(modules, size, size)
+    return sideways.reshape(modules, 3, -1), heights.reshape(modules, 2 * modules, -1)
 
 
 def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> ModalStep:

@@ -7,10 +7,11 @@ cost too, so plans are smooth, and a plan moves before its goal does.
 
 Every iteration takes its damped step, also where it costs more than before: the slopes
 are those of taut cables, which can point uphill inside a backlash, and a plan that waits
-for a slope that points downhill stands still. Far from a goal the damping is larger, since
-Gauss-Newton leaves out the curvature of what stays of the residual (Fan and Yuan,
-Computing 74, 2005). Since iterations can go to and fro across the edge of an obstacle, the
-cheapest of them is taken.
+for a slope that points downhill stands still. Beside obstacles, such a step is shortened,
+since iterations would go to and fro across their edges, beyond which the curvature is
+another one (a line search with all steps side by side). Far from a goal the damping is
+larger, since Gauss-Newton leaves out the curvature of what stays of the residual (Fan and
+Yuan, Computing 74, 2005). The cheapest of the iterates is taken.
 """
 
 from collections.abc import Callable
@@ -32,6 +33,7 @@ Knots = Float[Array, "knots modules 2"]
 # measured in docs/results/failed-experiments.md#a-horizon
 DAMPING = 1e-2  # of squared slopes near one, since residuals are scaled
 FAR_DAMPING = 0.1  # further damping, of the squared residual
+SHARES = 0.5 ** np.arange(1.0, 4.0, dtype=np.float32)  # of a step beside obstacles
 
 
 class HorizonMemory(NamedTuple):
@@ -124,8 +126,16 @@ class Horizon(Solver):
             damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
             damped = blocks + damping[:, None, None] * jnp.eye(last.size)
             step = minimum(damped, gradients + rough / 2.0, coupling)
-            improved = within_steps(knots + step.reshape(knots.shape))
-            return improved, (improved, jnp.sum(values**2) + roughness(knots))
+            full = within_steps(knots + step.reshape(knots.shape))
+            before = jnp.sum(values**2) + roughness(knots)
+
+            def shortened() -> Knots:
+                tried = jax.vmap(lambda share: knots + share * (full - knots))(SHARES)
+                return tried[jnp.argmin(jax.vmap(cost)(tried))]
+
+            crosses = (goal.thresholds > 0.0).any() & (cost(full) > before)
+            improved = jax.lax.cond(crosses, shortened, lambda: full)
+            return improved, (improved, before)
 
         final, (iterates, costs) = jax.lax.scan(iterate, start, length=self.iterations)
         # each iteration but the first begins at an iterate, and knows its cost

@@ -132,8 +132,7 @@ class GoalMotion(NamedTuple):
         distance = jnp.linalg.norm(jump, axis=1, keepdims=True)
         jump = jnp.where(distance > approach.farthest, jump, 0.0)
         decay = jnp.interp(payload, approach.payloads, approach.decays)
-        begun = self.offset - AT_REST[:, None, None] * jump
-        offset = is_desired * _later(begun, decay)
+        offset = is_desired * _later(self.offset - AT_REST[:, None, None] * jump, decay)
         offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
         latest, latest_step = self.latest.at[:count], self.step.at[:count]
         motion = GoalMotion(

@@ -80,11 +80,9 @@ class Task:
 
     def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
         """The goals as the arm gets them, with those ahead if it knows them."""
-        if not self.foreseen:
-            return self.goals
-        period = arm.control_period
-        moment = preview_stride(period) * np.deg2rad(arm.step_limit_deg)
-        return previewed(self.goals, period, moment * arm.length)
+        turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
+        shown = previewed(self.goals, arm.control_period, turn * arm.length)
+        return shown if self.foreseen else self.goals
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Desired module ends [m], base frame; NaN without a target."""

@@ -1,0 +1,31 @@
+"""A plan whose way is blocked stays beside the obstacles, and does not swing."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from s2c2a.arm import load_arm
+from s2c2a.estimation import Estimate
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import BEST, Planner
+from s2c2a.planning.terms import guarded_points
+from s2c2a.tasks import load_task
+
+TWIN = load_arm("twin_arm")
+STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
+
+
+def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_way():
+    """Iterations that go to and fro across edges lead the plan into the margin."""
+    task = load_task("risk-b", TWIN)
+    planner = Planner(TWIN, PCCForwardModel.of(TWIN), replace(BEST, guard="arm"))
+    plan = planner.start(Estimate(STRAIGHT))
+    points_of = guarded_points(TWIN, "arm")
+    clearances = []
+    for goal in list(task.shown_goals(TWIN))[:60]:
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
+        points = np.asarray(points_of(planner.expectation(plan).states))
+        distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)
+        used = goal.thresholds > 0.0
+        clearances.append((distances - goal.thresholds)[:, used].min())
+    assert min(clearances) > 0.02
