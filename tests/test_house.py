@@ -14,9 +14,9 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live")
-MAX_CORE = 21_551
+MAX_CORE = 21_550
 """Code lines of the core; the aim is 20,000, and nothing may move away from it."""
-MAX_NUMBERS = 489
+MAX_NUMBERS = 472
 """Numbers of the core that decide; the aim is 400."""
 WITHOUT_SOURCES = {
     "models/prior.py",

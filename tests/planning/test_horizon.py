@@ -29,7 +29,7 @@ def test_the_minimum_is_that_of_the_whole_system(knots, size):
     slopes = random.normal(size=(knots, 3, size))
     blocks = np.einsum("kri,krj->kij", slopes, slopes) + 0.1 * np.eye(size)
     gradients = random.normal(size=(knots, size))
-    coupling = np.asarray(Horizon()._coupling(size))
+    coupling = np.asarray(Horizon().coupling(size))
     whole = np.zeros(2 * ((knots + 2) * size,))
     for knot in range(2, knots + 2):
         places = [np.arange(size) + (knot - back) * size for back in range(3)]

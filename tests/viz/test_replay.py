@@ -186,6 +186,15 @@ def test_a_page_has_the_tube_of_twice_the_deviation(write_page, make_trace):
     assert data_of(write_page([plain]))["traces"][0]["tube"] == []
 
 
+def test_a_page_has_the_planned_tip_of_the_next_moments(write_page, make_trace):
+    horizon = np.tile(make_trace().states[:, -1:, :3], (1, 12, 1))
+    horizon[5] = np.nan
+    drawn = data_of(write_page([make_trace(horizon=horizon)]))["traces"][0]["horizon"]
+    assert drawn[5] == [None] * 12
+    np.testing.assert_allclose(np.array(drawn[7]) / 1e4, horizon[7], atol=1e-4)
+    assert data_of(write_page([make_trace()]))["traces"][0]["horizon"] == [[]] * 200
+
+
 def test_importing_viz_imports_no_heavy_packages():
     heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy'}"
     code = (

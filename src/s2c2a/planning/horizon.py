@@ -77,79 +77,111 @@ class Horizon(Solver):
         self, problem: Problem, memory: HorizonMemory
     ) -> tuple[Configurations, HorizonMemory]:
         last = problem.situation.last.bends
-        stride = problem.stride
-        goal = problem.situation.goal
-        change_weight = jnp.asarray(goal.change_weight)
+        has_target = problem.situation.goal.has_target
         following = jnp.concatenate([memory.knots[1:], memory.knots[-1:]])
-        shifted = memory.knots + (following - memory.knots) / stride
+        shifted = memory.knots + (following - memory.knots) / problem.stride
         # an arm that has lost its target stops: it neither coasts nor ends its plan
-        made = jnp.where(goal.has_target, stride * (last - memory.before), 0.0)
-        wanted = jnp.where(goal.has_target, shifted, last)
-
-        def within_steps(knots: Knots) -> Knots:
-            longest = stride * problem.situation.longest_step
-
-            def step(before: Bends, wanted: Bends) -> tuple[Bends, Bends]:
-                allowed = before + limit_lengths(wanted - before, longest)
-                return allowed, allowed
-
-            return jax.lax.scan(step, last, knots)[1]
-
-        start = within_steps(wanted)
-        memories = memories_along(problem.observe, problem.memory, last, start, stride)
-
-        def terms_at(
-            bends: Bends, goal: Goal, before: Memory
-        ) -> Float[Array, " residuals"]:
-            return problem.later(goal, before).stacked(bends)
-
-        def roughness(knots: Knots) -> Float[Array, ""]:
-            changes = jnp.diff(knots, axis=0, prepend=last[None])
-            turns = jnp.diff(changes, axis=0, prepend=made[None])
-            squares = self.change**2 * changes**2 + self.acceleration**2 * turns**2
-            return change_weight * jnp.sum(squares)
-
-        def cost(knots: Knots) -> Float[Array, ""]:
-            terms = jax.vmap(terms_at)(knots, problem.ahead, memories)
-            return jnp.sum(terms**2) + roughness(knots)
-
-        def iterate(knots: Knots, _: None) -> tuple[Knots, tuple[Knots, Array]]:
-            values, slopes = jax.vmap(
-                lambda bends, goal, before: linearize(
-                    lambda at: terms_at(at, goal, before), bends
-                )
-            )(knots, problem.ahead, memories)
-            gradients = jnp.einsum("kri,kr->ki", slopes, values)
-            rough = jax.grad(roughness)(knots).reshape(gradients.shape)
-            blocks = jnp.einsum("kri,krj->kij", slopes, slopes)
-            coupling = change_weight * self._coupling(last.size)
-            damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
-            damped = blocks + damping[:, None, None] * jnp.eye(last.size)
-            step = minimum(damped, gradients + rough / 2.0, coupling)
-            full = within_steps(knots + step.reshape(knots.shape))
-            before = jnp.sum(values**2) + roughness(knots)
-
-            def shortened() -> Knots:
-                tried = jax.vmap(lambda share: knots + share * (full - knots))(SHARES)
-                return tried[jnp.argmin(jax.vmap(cost)(tried))]
-
-            crosses = (goal.thresholds > 0.0).any() & (cost(full) > before)
-            improved = jax.lax.cond(crosses, shortened, lambda: full)
-            return improved, (improved, before)
-
-        final, (iterates, costs) = jax.lax.scan(iterate, start, length=self.iterations)
+        moved = jnp.where(has_target, problem.stride * (last - memory.before), 0.0)
+        start = _within_steps(problem, jnp.where(has_target, shifted, last))
+        memories = memories_along(
+            problem.observe, problem.memory, last, start, problem.stride
+        )
+        course = _Course(problem, memories, moved, self)
+        final, (iterates, costs) = jax.lax.scan(
+            lambda knots, _: course.improved(knots), start, length=self.iterations
+        )
         # each iteration but the first begins at an iterate, and knows its cost
-        costs = jnp.append(costs[1:], cost(final))
+        costs = jnp.append(costs[1:], course.cost(final))
         knots = iterates[jnp.argmin(costs)]
-        bends = last + (knots[0] - last) / stride
+        bends = last + (knots[0] - last) / problem.stride
         return configurations_from_bends(bends), HorizonMemory(knots, last)
 
-    def _coupling(self, size: int) -> Float[Array, "triple triple"]:
+    def coupling(self, size: int) -> Float[Array, "triple triple"]:
         """Curvature of the costs of changes, of a knot and the two before it."""
         change = self.change * np.array([1.0, -1.0, 0.0])
         turn = self.acceleration * np.array([1.0, -2.0, 1.0])
         curvature = np.outer(change, change) + np.outer(turn, turn)
         return jnp.asarray(np.kron(curvature, np.eye(size)), dtype=jnp.float32)
+
+
+class _Course(NamedTuple):
+    """The cost of the knots, and an iteration that lowers it.
+
+    Attributes:
+        problem: of the control step.
+        memories: of the forward model before every knot.
+        moved: by which the bends moved in the last interval [rad].
+        weights: of changes.
+    """
+
+    problem: Problem
+    memories: Memory
+    moved: Bends
+    weights: Horizon
+
+    def cost(self, knots: Knots) -> Float[Array, ""]:
+        """The sum of squares of all terms, and of changes."""
+        terms = jax.vmap(self._terms)(knots, self.problem.ahead, self.memories)
+        return jnp.sum(terms**2) + self._roughness(knots)
+
+    def improved(self, knots: Knots) -> tuple[Knots, tuple[Knots, Float[Array, ""]]]:
+        """The knots after an iteration, the same again, and the cost before it."""
+        size = self.moved.size
+        values, slopes = jax.vmap(
+            lambda bends, goal, memory: linearize(
+                lambda at: self._terms(at, goal, memory), bends
+            )
+        )(knots, self.problem.ahead, self.memories)
+        before = jnp.sum(values**2) + self._roughness(knots)
+        gradients = jnp.einsum("kri,kr->ki", slopes, values)
+        rough = jax.grad(self._roughness)(knots).reshape(gradients.shape)
+        blocks = jnp.einsum("kri,krj->kij", slopes, slopes)
+        damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
+        damped = blocks + damping[:, None, None] * jnp.eye(size)
+        coupling = self._change_weight * self.weights.coupling(size)
+        step = minimum(damped, gradients + rough / 2.0, coupling)
+        full = _within_steps(self.problem, knots + step.reshape(knots.shape))
+        beside_obstacles = (self.problem.situation.goal.thresholds > 0.0).any()
+        next_knots = jax.lax.cond(
+            beside_obstacles & (self.cost(full) > before),
+            lambda: self._shortened(knots, full),
+            lambda: full,
+        )
+        return next_knots, (next_knots, before)
+
+    def _shortened(self, knots: Knots, full: Knots) -> Knots:
+        """The cheapest of several shares of a step."""
+        tried = jax.vmap(lambda share: knots + share * (full - knots))(SHARES)
+        return tried[jnp.argmin(jax.vmap(self.cost)(tried))]
+
+    @property
+    def _change_weight(self) -> Array:
+        return jnp.asarray(self.problem.situation.goal.change_weight)
+
+    def _terms(
+        self, bends: Bends, goal: Goal, memory: Memory
+    ) -> Float[Array, " residuals"]:
+        return self.problem.later(goal, memory).stacked(bends)
+
+    def _roughness(self, knots: Knots) -> Float[Array, ""]:
+        """Cost of changes of bends, and of changes of these changes."""
+        last = self.problem.situation.last.bends
+        changes = jnp.diff(knots, axis=0, prepend=last[None])
+        turns = jnp.diff(changes, axis=0, prepend=self.moved[None])
+        squares = (self.weights.change * changes) ** 2
+        squares += (self.weights.acceleration * turns) ** 2
+        return self._change_weight * jnp.sum(squares)
+
+
+def _within_steps(problem: Problem, knots: Knots) -> Knots:
+    """The knots, each within the step limit of the one before it."""
+    longest = problem.stride * problem.situation.longest_step
+
+    def follow(before: Bends, wanted: Bends) -> tuple[Bends, Bends]:
+        allowed = before + limit_lengths(wanted - before, longest)
+        return allowed, allowed
+
+    return jax.lax.scan(follow, problem.situation.last.bends, knots)[1]
 
 
 def memories_along(

@@ -261,14 +261,10 @@ class Step(NamedTuple):
         memories = memories_along(
             self.model.observe, plan.memory, start, bends, self.approach.stride
         )
-
-        def states_at(
-            configurations: Configurations, memory: Memory
-        ) -> Float[Array, "modules 6"]:
-            return self.model.predict(configurations, memory, plan.disturbances)
-
+        predict = jax.vmap(self.model.predict, in_axes=(0, 0, None))
         configurations = configurations_from_bends(bends)
-        return jax.vmap(states_at)(configurations, memories)[:, -1, POSITION]
+        states = predict(configurations, memories, plan.disturbances)
+        return states[:, -1, POSITION]
 
     def next_plan(
         self,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Component
@@ -46,8 +46,6 @@ INITIAL_DAMPING = 1e-2  # of squared slopes near one: residuals are scaled (`uni
 DAMPING_AFTER_ACCEPTED = 0.2  # factor
 DAMPING_AFTER_REJECTED = 10.0  # factor
 DAMPING_RANGE = (1e-6, 1e4)
-MAX_IDLE_ITERATIONS = 2  # one may be a rejected step, after which the damping grows
-NEGLIGIBLE = 5e-4  # sum of squares; 5 mm at the tip. The stopping rule adds it
 REACH_ITERATIONS = 30  # chosen: more than a plan has, from a start that is far away
 ON_AXIS = 1e-3  # of the arm's length: a nearer point is on no side of the axis
 REST_WEIGHT = 1e-3  # of bends beside positions; keeps solutions from drifting
@@ -63,20 +61,11 @@ class _Iterate(NamedTuple):
     damping: Float[Array, ""]
 
 
-class _LoopState(NamedTuple):
-    """Iterations so far, idle iterations in a row, and the current iterate."""
-
-    iteration: Int[Array, ""]
-    idle: Int[Array, ""]
-    current: _Iterate
-
-
 def solve_least_squares(
     residuals: Residuals,
     start: Float[Array, "*variables"],
     project: Projection,
-    iterations: Int[Array, ""] | int,
-    enough: float = 0.0,
+    iterations: int,
 ) -> tuple[Float[Array, "*variables"], Float[Array, ""]]:
     """Minimize a sum of squared residuals by the Levenberg-Marquardt method.
 
@@ -88,17 +77,14 @@ def solve_least_squares(
         residuals: variables -> residuals, differentiable.
         start: initial point of any shape; it is projected first.
         project: projection onto the feasible set; the identity if there is none.
-        iterations: maximum number; below zero, the start is not evaluated.
-        enough: relative gain; the loop ends after two iterations in a row that gain or
-            predict less. Zero disables this rule.
+        iterations: their number.
 
     Returns:
-        The point, and the sum there; infinite where it was not evaluated.
+        The point, and the sum there.
     """
     identity = jnp.eye(start.size)
 
-    def iterate(state: _LoopState) -> _LoopState:
-        current = state.current
+    def iterate(_: Array, current: _Iterate) -> _Iterate:
         damped = current.curvature + current.damping * identity
         step = jnp.linalg.solve(damped, current.gradient)
         point = project(current.point - step.reshape(start.shape))
@@ -113,16 +99,7 @@ def solve_least_squares(
         kept = jax.tree.map(
             lambda new, old: jnp.where(accepted, new, old), trial, current
         )
-        predicted = 2.0 * jnp.vdot(current.gradient, step)
-        gain = jnp.where(accepted, current.cost - cost, predicted)
-        small = gain < enough * (current.cost + NEGLIGIBLE)
-        idle = jnp.where(small, state.idle + 1, 0)
-        kept = kept._replace(damping=damping)
-        return _LoopState(state.iteration + 1, idle, kept)
-
-    def continues(state: _LoopState) -> Bool[Array, ""]:
-        remaining = state.iteration <= iterations
-        return remaining & (state.idle < MAX_IDLE_ITERATIONS)
+        return kept._replace(damping=damping)
 
     # The first iteration makes no step and evaluates the start, so that the model is
     # compiled into the program once, not twice.
@@ -133,9 +110,8 @@ def solve_least_squares(
         jnp.zeros_like(identity),
         jnp.asarray(INITIAL_DAMPING / DAMPING_AFTER_ACCEPTED),
     )
-    zero = jnp.zeros((), jnp.int32)
-    final = jax.lax.while_loop(continues, iterate, _LoopState(zero, zero, initial))
-    return final.current.point, final.current.cost
+    final = jax.lax.fori_loop(0, iterations + 1, iterate, initial)
+    return final.point, final.cost
 
 
 def linearize(
@@ -185,23 +161,15 @@ class Problem(NamedTuple):
 
     def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
-        return self.residuals_of(self.candidate_at(bends))
+        rows = []
+        for weights, residuals in self._weighted(self.candidate_at(bends)):
+            scale = jnp.sqrt(jnp.asarray(weights))[..., None]
+            rows.append((scale * residuals).reshape(-1))
+        return jnp.concatenate(rows)
 
     def candidate_at(self, bends: Bends) -> Candidate:
         """The candidate with these bends."""
         return self.predict(configurations_from_bends(bends), bends, self.memory)
-
-    def cost_of(self, candidate: Candidate) -> Float[Array, ""]:
-        """The sum of mu |r|^2 of a candidate."""
-        return jnp.sum(self.residuals_of(candidate) ** 2)
-
-    def residuals_of(self, candidate: Candidate) -> Float[Array, " residuals"]:
-        """All sqrt(mu) r of a candidate."""
-        rows = []
-        for weights, residuals in self._weighted(candidate):
-            scale = jnp.sqrt(jnp.asarray(weights))[..., None]
-            rows.append((scale * residuals).reshape(-1))
-        return jnp.concatenate(rows)
 
     def later(self, goal: Goal, memory: Memory) -> "Problem":
         """The problem of a later moment: its goal, and the memory before it."""
@@ -290,17 +258,15 @@ class LeastSquares(Solver):
     """Levenberg-Marquardt on bends; every iterate stays within the step limit.
 
     Attributes:
-        iterations: maximum in a control step.
-        enough: relative gain; the solver ends when two iterations in a row gain less.
+        iterations: in a control step.
     """
 
-    iterations: int = 20
-    enough: float = 1e-4
+    iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
         start = problem.situation.last.bends
         bends, _ = solve_least_squares(
-            problem.stacked, start, problem.within_step, self.iterations, self.enough
+            problem.stacked, start, problem.within_step, self.iterations
         )
         return configurations_from_bends(bends)
 

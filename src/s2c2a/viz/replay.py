@@ -96,6 +96,7 @@ def _page_data(
             "strong": colors.GRID_STRONG,
             "ink": colors.INK,
             "uncounted": colors.UNCOUNTED,
+            "horizon": colors.MUTED,
         },
         "arm": {
             "name": arm.name,
@@ -141,6 +142,7 @@ def _trace_data(trace: Trace, color: str) -> dict:
         "desired": _goal_data(trace.desired_positions),
         "axes": _goal_data(trace.desired_axes),
         "tube": _tube_data(trace),
+        "horizon": [_rows(tips) for tips in trace.horizon],
         "obstacles": _integers(obstacles),
         "errors": _integers(trace.position_errors, PER_ERROR),
         "meanError": float(errors.mean()) if errors.size else None,

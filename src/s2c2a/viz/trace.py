@@ -125,6 +125,11 @@ class Trace:
         deviations = self._column("predictive_std", self.episode.arm.module_count)
         return deviations[:, self.followed_module]
 
+    @cached_property
+    def horizon(self) -> Float[np.ndarray, "time moments 3"]:
+        """Positions of the tip that the plan leads to in the next moments [m], or NaN."""
+        return self._column("horizon", 0, 3)
+
     @property
     def band(self) -> Series:
         """Twice the predictive standard deviation of the followed end [m], or NaN."""

@@ -118,6 +118,7 @@ class VideoStage:
         self._draw_ground()
         self._draw_line(trace.desired_path, DESIRED)
         self._draw_line(trace.followed_path[: step + 1], REAL)
+        self._draw_line(trace.horizon[step], MUTED, zorder=FRONT)
         self._draw_spheres(trace.spheres(step))
         if np.isfinite(trace.states[step]).all():
             self._draw_arm(trace.states[step])

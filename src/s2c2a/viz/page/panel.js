@@ -77,6 +77,7 @@ function writeKey(run, chosen) {
   item("bar", { background: ramp }, "base to end");
   if (trace.desired.length || trace.axes.length) item("line", { borderColor: run.colors.desired }, "desired");
   item("line", { borderColor: trace.color }, trace.label);
+  if (trace.horizon.some((tips) => tips.some(Boolean))) item("line", { borderColor: run.colors.horizon }, "planned");
   if (trace.tube.length) item("bar", { background: tint(trace.color, 0.2) }, "predicted ± 2 std");
   if (trace.obstacles.some((step) => step.length)) item("dot", { background: run.colors.obstacle }, "obstacle");
   byId("key").replaceChildren(...items);

@@ -23,6 +23,7 @@ function readTrace(trace) {
     desired: overModules(trace.desired),
     axes: overModules(trace.axes),
     tube: trace.tube.map((row) => row && readBall(row)),
+    horizon: trace.horizon.map((tips) => tips.map(point)),
     obstacles: trace.obstacles.map((step) => step.filter(isPresent).map(readBall)),
     errors: trace.errors.map(small),
     axisErrors: trace.axisErrors.map(small),

@@ -55,7 +55,14 @@ class Scene {
     paintGravity(context, camera, run);
     this.paintGhosts(moments, chosen);
     paintByDepth(context, things);
+    this.paintPlan(trace.horizon[moment.place.step]);
     this.paintDesired(moment, trace);
+  }
+
+  // The tip that is planned for the next moments, in front of the arm.
+  paintPlan(tips) {
+    const places = tips.map((tip) => tip && this.camera.project(tip)).filter(Boolean);
+    if (places.length) paintLine(this.context, { places, stroke: this.run.colors.horizon, width: 2 });
   }
 
   pushPaths(things, trace, { place }) {
