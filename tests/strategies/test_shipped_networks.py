@@ -45,6 +45,11 @@ def test_another_arm_is_told_to_train(make_arm):
         shipped_networks(make_arm(2))
 
 
+def test_another_step_limit_needs_no_training():
+    faster = load_arm("twin_arm").model_copy(update={"step_limit_deg": 8.0})
+    assert shipped_networks(faster).arm == faster
+
+
 def test_the_live_page_takes_them_by_name():
     strategies = strategies_of(load_arm("twin_arm"), (SHIPPED,), "tip")
     assert next(iter(strategies)).endswith(SHIPPED)

@@ -380,12 +380,14 @@ class ArmSpec(Frozen):
     def differences(self, other: "ArmSpec") -> list[str]:
         """Return the keys in which another arm differs.
 
-        Name, description, `sensors`, `servos`, `tracking` and motor currents are not
-        compared.
+        Name, description, limits of steps, `sensors`, `servos`, `tracking` and motor
+        currents are not compared.
         """
         excluded: Any = {
             "name": True,
             "description": True,
+            "step_limit_deg": True,
+            "acceleration_limit_deg": True,
             "sensors": True,
             "servos": True,
             "tracking": True,

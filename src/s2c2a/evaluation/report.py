@@ -98,7 +98,7 @@ def describe_plans(episode: Episode) -> str:
     # at any pace, a goal out of reach stays so
     out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
     if Outcome.OUT_OF_REACH not in outcomes[-1:]:
-        limit_text += " (a slower --pace avoids that)"
+        limit_text += " (a slower --pace or a larger step_limit_deg avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"

@@ -333,11 +333,9 @@ def _is_straight_path_blocked(
 
 def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
     """Values of each node's neighbor at an offset; `outside` beyond the grid."""
-    unpadded = [(0, 0)] * (values.ndim - 2)
-    widths = [(1, 1), (1, 1), *unpadded]
+    widths = [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)]
     padded = jnp.pad(values, widths, constant_values=outside)
-    row = 1 + offset[0]
-    column = 1 + offset[1]
+    row, column = np.add(offset, 1)
     return padded[row : row + SIDE, column : column + SIDE]
 
 
