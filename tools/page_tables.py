@@ -530,6 +530,7 @@ MOTION_METRICS = (
     ("plan stands", 0),
 )
 JUMP_METRICS = (("overshoot", 1), ("until within 1 cm", 1))
+MOTION_FILES = ("motion/results.json", "motion/randomised.json")
 
 
 @shown_as("motion")
@@ -537,7 +538,8 @@ def motion_table() -> str:
     """Paths at several speeds: error, way, and smoothness of plans."""
     lines = [
         [*label, *cells]
-        for label, cells in _motion_lines(MOTION_METRICS, is_jump=False)
+        for file in MOTION_FILES
+        for label, cells in _motion_lines(file, MOTION_METRICS, is_jump=False)
     ]
     header = ["arm", "task", "error [cm]", "further way [%]", "fast bends [deg]"]
     return table([*header, "plan stands [%]"], lines)
@@ -547,24 +549,23 @@ def motion_table() -> str:
 def jumps_table() -> str:
     """Jumps of the target: time and overshoot."""
     lines = [
-        [*label, *cells] for label, cells in _motion_lines(JUMP_METRICS, is_jump=True)
+        [*label, *cells]
+        for label, cells in _motion_lines(MOTION_FILES[0], JUMP_METRICS, is_jump=True)
     ]
     return table(["arm", "task", "overshoot [cm]", "within 1 cm after [s]"], lines)
 
 
 def _motion_lines(
-    metrics: Sequence[tuple[str, int]], is_jump: bool
+    file: str, metrics: Sequence[tuple[str, int]], is_jump: bool
 ) -> list[tuple[list[str], list[str]]]:
     """Arm and task of each line, and its cells."""
     lines = []
-    for row in find_rows("motion/results.json", metric=metrics[0][0]):
+    for row in find_rows(file, metric=metrics[0][0]):
         if (row["task"] == "steps") != is_jump:
             continue
         match = {name: row[name] for name in ("arm", "task", "strategy")}
         cells = [
-            number(
-                find_row("motion/results.json", metric=metric, **match)["mean"], digits
-            )
+            number(find_row(file, metric=metric, **match)["mean"], digits)
             for metric, digits in metrics
         ]
         loaded = "" if row["strategy"].endswith(" 0 g") else f", {row['strategy']}"
