@@ -229,7 +229,7 @@ def _compare(
     costs = jax.vmap(search_from)(starts)
     step_length = largest_bend(bends - situation.last.bends)
     return Comparison(
-        engaged.cost_of(engaged.candidate_at(bends)),
+        jnp.sum(engaged.stacked(bends) ** 2),
         costs.min(),
         step_length > LIMITED * situation.longest_step,
     )
