@@ -1,0 +1,268 @@
+"""Reachability: how closely an arm at rest reaches its targets, and by which shapes.
+
+A table holds shapes that are spread over all bends within the limits. The shape of each
+of its parts that is nearest to the targets is a start, from which least squares on the
+forward model lead to the nearest shape.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.compilation import compiled
+from s2c2a.errors import TargetError
+from s2c2a.goals import Goal
+from s2c2a.kinematics import (
+    center_line,
+    configurations_from_bends,
+    limit_lengths,
+    norm,
+)
+from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
+from s2c2a.models.forward_model import ForwardModel, Memory
+from s2c2a.planning.solvers import solve_least_squares
+from s2c2a.spaces import AXIS, POSITION
+
+# chosen; `s2c2a reproduce reach` compares them with a long search
+SHAPES = 2**13  # of the table
+STARTS = 8
+ITERATIONS = 15
+CHUNK = 32  # targets in a call
+AXIS_LENGTH = 0.1  # of the arm's length: it costs as much as an axis turned by 1 rad
+EVENNESS = 3e-4  # weight of differences between bends: shapes do not drift
+DEPTH_WEIGHT = 3.0  # of depths in obstacles, beside distances
+ALIKE = 2e-3  # of the arm's length: starts that end within it lead as near
+
+Bends = Float[Array, "modules 2"]
+States = Float[Array, "modules 6"]
+
+
+class Reached(NamedTuple):
+    """The shapes that are nearest to targets, in equilibrium.
+
+    Attributes:
+        bends: of the arm [rad], shape (targets, modules, 2), module frames.
+        states: predicted [m, 1], shape (targets, modules, 6), base frame.
+        position_errors: largest distance of a module's end from its target [m], shape
+            (targets,).
+        axis_errors: largest angle between an end's axis and its target [rad], shape
+            (targets,).
+        clearances: distance of the center line from the obstacles [m]; infinite without
+            any, shape (targets,).
+        predictive_std: of the tip [m]; zero if the model does not know it, shape
+            (targets,).
+        agreeing: share of the starts that lead as near, shape (targets,).
+    """
+
+    bends: Float[np.ndarray, "targets modules 2"]
+    states: Float[np.ndarray, "targets modules 6"]
+    position_errors: Float[np.ndarray, " targets"]
+    axis_errors: Float[np.ndarray, " targets"]
+    clearances: Float[np.ndarray, " targets"]
+    predictive_std: Float[np.ndarray, " targets"]
+    agreeing: Float[np.ndarray, " targets"]
+
+
+class RestingArm(NamedTuple):
+    """An arm at rest, as its forward model predicts it.
+
+    Attributes:
+        model: predicts states.
+        lengths: of the modules [m].
+        limits: of their bends as sensed (`ArmGeometry.planned_bends`) [rad].
+        payload: at the tip [kg]; None for none.
+    """
+
+    model: ForwardModel
+    lengths: Float[np.ndarray, " modules"]
+    limits: Float[np.ndarray, " modules"]
+    payload: Float[np.ndarray, ""] | None
+
+    @classmethod
+    def of(
+        cls, arm: ArmSpec, model: ForwardModel, payload: float = 0.0
+    ) -> "RestingArm":
+        """The arm of an arm file with a payload [kg]."""
+        geometry = ArmGeometry.of(arm)
+        lengths = np.asarray(geometry.lengths, np.float32)
+        limits = np.asarray(geometry.planned_bends, np.float32)
+        is_loaded = model.takes_payload and payload > 0.0
+        load = np.asarray(payload, np.float32) if is_loaded else None
+        return cls(model, lengths, limits, load)
+
+    def states(self, bends: Bends) -> States:
+        """States of a shape [m, 1], base frame."""
+        configurations = configurations_from_bends(bends)
+        memory = self.model.start(configurations)
+        loaded = self._loaded(configurations, memory)
+        return self.model.predict(configurations, memory, loaded)
+
+    def predictive_std(self, bends: Bends) -> Float[Array, ""]:
+        """Standard deviation of the tip [m]."""
+        configurations = configurations_from_bends(bends)
+        memory = self.model.start(configurations)
+        return self.model.predictive_std(configurations, memory)[-1]
+
+    def _loaded(self, configurations: Array, memory: Memory) -> Disturbances | None:
+        """The payload with its moments, which solvers take as constant."""
+        if self.payload is None:
+            return None
+        none = Disturbances.none(len(configurations))
+        payload = none._replace(payload=jnp.asarray(self.payload))
+
+        def iterate(_: int, before: Disturbances) -> Disturbances:
+            return self.model.with_moments(payload, configurations, memory, before)
+
+        loaded = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, none)
+        return jax.lax.stop_gradient(loaded)
+
+
+class Shapes(NamedTuple):
+    """A table of shapes, spread over all bends within the limits.
+
+    Attributes:
+        bends: [rad], shape (shapes, modules, 2).
+        states: [m, 1], shape (shapes, modules, 6), base frame.
+    """
+
+    bends: Float[Array, "shapes modules 2"]
+    states: Float[Array, "shapes modules 6"]
+
+
+class Reachability:
+    """How closely an arm at rest reaches targets, by its forward model."""
+
+    def __init__(self, arm: ArmSpec, model: ForwardModel, payload: float = 0.0):
+        """Predict the table of shapes.
+
+        Args:
+            arm: its bend limits hold.
+            model: predicts states.
+            payload: at the tip [kg].
+        """
+        resting = RestingArm.of(arm, model, payload)
+        bends = spread_bends(resting.limits, SHAPES)
+        states = compiled(_states_of, resting)(bends)
+        self.shapes = Shapes(bends, states)
+        self._nearest = compiled(_nearest, resting, self.shapes)
+
+    def nearest(self, goals: Goal) -> Reached:
+        """The nearest shapes of goals with positions, axes and obstacles.
+
+        Args:
+            goals: with the targets as first axis (`Goal.stacked`).
+
+        Raises:
+            TargetError: a goal has no target.
+        """
+        if not goals.has_target.all():
+            raise TargetError(
+                "a goal without a position or an axis is always reached; give one"
+            )
+        chunks = [self._nearest(chunk) for chunk in _chunks(goals)]
+        joined = jax.tree.map(lambda *parts: np.concatenate(parts), *chunks)
+        return jax.tree.map(lambda values: values[: len(goals.positions)], joined)
+
+
+def spread_bends(
+    limits: Float[np.ndarray, " modules"], count: int
+) -> Float[np.ndarray, "count modules 2"]:
+    """Bends [rad] that fill the discs within the limits evenly (a Sobol sequence)."""
+    sampler = qmc.Sobol(2 * len(limits), rng=0)
+    shares, turns = np.moveaxis(sampler.random(count).reshape(count, -1, 2), -1, 0)
+    sizes = limits * np.sqrt(shares)
+    angles = 2.0 * np.pi * turns
+    bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return bends.astype(np.float32)
+
+
+def _chunks(goals: Goal) -> Iterator[Goal]:
+    """Goals in calls of one size, with the obstacles in use alone."""
+    count = len(goals.positions)
+    used = int((np.asarray(goals.thresholds) > 0.0).any(axis=0).sum())
+    padded = 2 ** int(np.ceil(np.log2(used))) if used else 0
+    order = np.argsort(np.asarray(goals.thresholds).max(axis=0) <= 0.0, kind="stable")
+    rows = order[:padded]
+    goals = goals._replace(
+        obstacles=goals.obstacles[:, rows], thresholds=goals.thresholds[:, rows]
+    )
+    for begin in range(0, count, CHUNK):
+        numbers = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
+        yield Goal(*(np.asarray(values)[numbers] for values in goals))
+
+
+def _states_of(
+    arm: RestingArm, bends: Float[Array, "shapes modules 2"]
+) -> Float[Array, "shapes modules 6"]:
+    return jax.vmap(arm.states)(bends)
+
+
+def _nearest(arm: RestingArm, shapes: Shapes, goals: Goal) -> Reached:
+    """The nearest shapes of a chunk of goals."""
+    return jax.vmap(lambda goal: _nearest_of_one(arm, shapes, goal))(goals)
+
+
+def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> Reached:
+    length = jnp.sum(jnp.asarray(arm.lengths))
+    errors = jax.vmap(lambda states: _target_errors(states, goal, length))
+    costs = jnp.sum(errors(shapes.states) ** 2, axis=-1).reshape(STARTS, -1)
+    first = jnp.arange(STARTS) * costs.shape[1]
+    starts = shapes.bends[first + jnp.argmin(costs, axis=1)]
+
+    def residuals(bends: Bends) -> Float[Array, " residuals"]:
+        states = arm.states(bends)
+        line = center_line(states, arm.lengths)
+        depths = jnp.maximum(-_clearances(line, goal), 0.0) / length
+        return jnp.concatenate(
+            [
+                _target_errors(states, goal, length),
+                DEPTH_WEIGHT * depths.reshape(-1),
+                EVENNESS * jnp.diff(bends, axis=0).reshape(-1),
+            ]
+        )
+
+    def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
+        return solve_least_squares(
+            residuals, start, lambda bends: limit_lengths(bends, arm.limits), ITERATIONS
+        )
+
+    found, costs = jax.vmap(solved)(starts)
+    bends = found[jnp.argmin(costs)]
+    states = arm.states(bends)
+    ends = norm(states[:, POSITION] - goal.positions)
+    cosines = jnp.sum(states[:, AXIS] * goal.axes, axis=-1)
+    angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
+    misses = jnp.sqrt(costs)
+    return Reached(  # type: ignore[arg-type]
+        bends,
+        states,
+        jnp.max(jnp.where(jnp.asarray(goal.position_weights) > 0.0, ends, 0.0)),
+        jnp.max(jnp.where(jnp.asarray(goal.axis_weights) > 0.0, angles, 0.0)),
+        jnp.min(_clearances(center_line(states, arm.lengths), goal), initial=jnp.inf),
+        arm.predictive_std(bends),
+        jnp.mean(misses <= jnp.min(misses) + ALIKE),
+    )
+
+
+def _target_errors(
+    states: States, goal: Goal, length: Float[Array, ""]
+) -> Float[Array, " residuals"]:
+    """Errors of all ends and axes that have a target, in parts of the arm's length."""
+    positions = (states[:, POSITION] - goal.positions) / length
+    axes = AXIS_LENGTH * (states[:, AXIS] - goal.axes)
+    desired = jnp.stack([goal.position_weights, goal.axis_weights])[..., None] > 0.0
+    return jnp.where(desired, jnp.stack([positions, axes]), 0.0).reshape(-1)
+
+
+def _clearances(
+    points: Float[Array, "points 3"], goal: Goal
+) -> Float[Array, "points obstacles"]:
+    """Distances of points from obstacles [m]; infinite for unused rows."""
+    distances = norm(points[:, None] - goal.obstacles) - goal.thresholds
+    return jnp.where(goal.thresholds > 0.0, distances, jnp.inf)
