@@ -1,12 +1,19 @@
-"""Distances out of reach: worked by hand for one module, laws for several."""
+"""Reach: worked by hand for one module, laws for several, a long search, obstacles."""
 
+from pathlib import Path
+
+import jax
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
+from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
-from s2c2a.planning import reach_gaps
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import SIGNIFICANT, reach, reach_gaps
+from s2c2a.spaces import AXIS, POSITION
+from s2c2a.strategies import load_networks
 
 TWIN = load_arm("twin_arm")
 POINTS = 24
@@ -88,3 +95,80 @@ def test_a_module_that_does_not_exist_is_rejected(module):
         TargetError, match=f"module {module} does not exist; 'twin_arm' has 3"
     ):
         gaps(TWIN, STRAIGHT_UP, module)
+
+
+WEIGHTS = Path(__file__).parents[1] / "fixtures" / "best.safetensors"
+EMPTY = Goal.of(3)
+
+
+@pytest.fixture(scope="module")
+def arcs():
+    """The reach of arcs."""
+    return reach.Reachability(TWIN, PCCForwardModel.of(TWIN))
+
+
+def drawn_states(count):
+    """States of arcs with random bends within their limits."""
+    bends = reach.spread_bends(np.full(3, np.deg2rad(45.0)), 64)[1 : count + 1]
+    return np.asarray(states_from_bends(bends, np.full(3, 0.2, np.float32)))
+
+
+def test_the_search_ends_as_near_as_one_from_many_starts(arcs, monkeypatch):
+    within = drawn_states(10)[:, -1, POSITION]
+    random = np.random.default_rng(0)
+    anywhere = random.uniform([-0.4, -0.4, 0.1], [0.4, 0.4, 0.6], (10, 3))
+    positions = np.concatenate([within, anywhere])
+    goals = Goal.stacked([EMPTY.with_position(position) for position in positions])
+    short = arcs.nearest(goals)
+    monkeypatch.setattr(reach, "STARTS", 64)
+    monkeypatch.setattr(reach, "ITERATIONS", 60)
+    nearest = reach._nearest
+    # another function is another program
+    monkeypatch.setattr(reach, "_nearest", lambda *parts: nearest(*parts))
+    long = reach.Reachability(TWIN, PCCForwardModel.of(TWIN)).nearest(goals)
+    assert short.within(TWIN.length)[:10].all()
+    np.testing.assert_array_equal(short.within(TWIN.length), long.within(TWIN.length))
+    excess = short.position_errors - long.position_errors
+    assert excess.max() < SIGNIFICANT * TWIN.length
+
+
+def test_an_axis_is_reached_with_its_position_and_the_opposite_one_is_not(arcs):
+    state = drawn_states(5)[-1, -1]
+    goal = EMPTY.with_position(state[POSITION])
+    goals = [goal.with_axis(state[AXIS]), goal.with_axis(-state[AXIS])]
+    reached = arcs.nearest(Goal.stacked(goals))
+    np.testing.assert_array_equal(reached.within(TWIN.length), [True, False])
+    assert reached.axis_errors[0] < np.deg2rad(3)
+    assert reached.axis_errors[1] > np.deg2rad(30)
+
+
+def test_an_obstacle_in_the_only_shape_puts_a_target_out_of_reach(arcs):
+    straight = EMPTY.with_position([0, 0, TWIN.length])
+    blocked = straight.with_obstacles([[0, 0, 0.3]], [0.08])
+    reached = arcs.nearest(Goal.stacked([straight, blocked]))
+    np.testing.assert_array_equal(reached.within(TWIN.length), [True, False])
+    assert np.isinf(reached.clearances[0])
+    assert -0.01 < reached.clearances[1] < 0.01
+    assert reached.position_errors[1] > SIGNIFICANT * TWIN.length
+
+
+def test_a_goal_without_a_target_is_refused(arcs):
+    with pytest.raises(TargetError, match="always reached"):
+        arcs.nearest(Goal.stacked([EMPTY]))
+
+
+def test_a_payload_lowers_a_bent_arm():
+    model = load_networks(WEIGHTS, TWIN).c2s
+    bends = np.tile(np.array([0.5, 0.0], np.float32), (3, 1))
+    heights = [
+        jax.jit(reach.RestingArm.of(TWIN, model, payload).states)(bends)[-1, 2]
+        for payload in (0.0, 0.05)
+    ]
+    assert heights[0] - heights[1] > 0.01
+
+
+def test_arcs_have_no_lost_motion_that_encoders_would_miss(make_arm):
+    module = {"bend_limit_deg": 50.0, "cable": {"travel": 0.05}}
+    arm = make_arm(2, module=module, sensing="encoders")
+    limits = reach.RestingArm.of(arm, PCCForwardModel.of(arm)).limits
+    np.testing.assert_allclose(limits, np.deg2rad(50.0), rtol=1e-6)

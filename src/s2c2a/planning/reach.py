@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.stats import qmc
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -25,7 +25,8 @@ from s2c2a.kinematics import (
     norm,
 )
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
-from s2c2a.models.forward_model import ForwardModel, Memory
+from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
+from s2c2a.planning.outcomes import SIGNIFICANT
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.spaces import AXIS, POSITION
 
@@ -68,6 +69,19 @@ class Reached(NamedTuple):
     predictive_std: Float[np.ndarray, " targets"]
     agreeing: Float[np.ndarray, " targets"]
 
+    def within(self, length: float) -> Bool[np.ndarray, " targets"]:
+        """Whether targets are missed by less than is significant (`SIGNIFICANT`).
+
+        An axis is missed where it is turned by an angle that costs as much.
+
+        Args:
+            length: of the arm [m].
+        """
+        is_near = self.position_errors <= SIGNIFICANT * length
+        is_aligned = self.axis_errors <= SIGNIFICANT / AXIS_LENGTH
+        is_clear = self.clearances >= -ALIKE * length
+        return is_near & is_aligned & is_clear
+
 
 class RestingArm(NamedTuple):
     """An arm at rest, as its forward model predicts it.
@@ -75,7 +89,8 @@ class RestingArm(NamedTuple):
     Attributes:
         model: predicts states.
         lengths: of the modules [m].
-        limits: of their bends as sensed (`ArmGeometry.planned_bends`) [rad].
+        limits: of their bends as sensed (`ArmGeometry.planned_bends`) [rad]; arcs have
+            no lost motion, and take the true ones.
         payload: at the tip [kg]; None for none.
     """
 
@@ -91,10 +106,11 @@ class RestingArm(NamedTuple):
         """The arm of an arm file with a payload [kg]."""
         geometry = ArmGeometry.of(arm)
         lengths = np.asarray(geometry.lengths, np.float32)
-        limits = np.asarray(geometry.planned_bends, np.float32)
+        are_arcs = isinstance(model, PCCForwardModel)
+        limits = geometry.bend_limits if are_arcs else geometry.planned_bends
         is_loaded = model.takes_payload and payload > 0.0
         load = np.asarray(payload, np.float32) if is_loaded else None
-        return cls(model, lengths, limits, load)
+        return cls(model, lengths, np.asarray(limits, np.float32), load)
 
     def states(self, bends: Bends) -> States:
         """States of a shape [m, 1], base frame."""
@@ -149,7 +165,7 @@ class Reachability:
         resting = RestingArm.of(arm, model, payload)
         bends = spread_bends(resting.limits, SHAPES)
         states = compiled(_states_of, resting)(bends)
-        self.shapes = Shapes(bends, states)
+        self.shapes = Shapes(jnp.asarray(bends), states)
         self._nearest = compiled(_nearest, resting, self.shapes)
 
     def nearest(self, goals: Goal) -> Reached:
@@ -166,8 +182,12 @@ class Reachability:
                 "a goal without a position or an axis is always reached; give one"
             )
         chunks = [self._nearest(chunk) for chunk in _chunks(goals)]
-        joined = jax.tree.map(lambda *parts: np.concatenate(parts), *chunks)
-        return jax.tree.map(lambda values: values[: len(goals.positions)], joined)
+        joined = {
+            name: np.concatenate([chunk[name] for chunk in chunks])
+            for name in Reached._fields
+        }
+        count = len(goals.positions)
+        return Reached(**{name: values[:count] for name, values in joined.items()})
 
 
 def spread_bends(
@@ -203,12 +223,12 @@ def _states_of(
     return jax.vmap(arm.states)(bends)
 
 
-def _nearest(arm: RestingArm, shapes: Shapes, goals: Goal) -> Reached:
-    """The nearest shapes of a chunk of goals."""
+def _nearest(arm: RestingArm, shapes: Shapes, goals: Goal) -> dict[str, Array]:
+    """The fields of `Reached` for a chunk of goals."""
     return jax.vmap(lambda goal: _nearest_of_one(arm, shapes, goal))(goals)
 
 
-def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> Reached:
+def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> dict[str, Array]:
     length = jnp.sum(jnp.asarray(arm.lengths))
     errors = jax.vmap(lambda states: _target_errors(states, goal, length))
     costs = jnp.sum(errors(shapes.states) ** 2, axis=-1).reshape(STARTS, -1)
@@ -239,15 +259,18 @@ def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> Reached:
     cosines = jnp.sum(states[:, AXIS] * goal.axes, axis=-1)
     angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
     misses = jnp.sqrt(costs)
-    return Reached(  # type: ignore[arg-type]
-        bends,
-        states,
-        jnp.max(jnp.where(jnp.asarray(goal.position_weights) > 0.0, ends, 0.0)),
-        jnp.max(jnp.where(jnp.asarray(goal.axis_weights) > 0.0, angles, 0.0)),
-        jnp.min(_clearances(center_line(states, arm.lengths), goal), initial=jnp.inf),
-        arm.predictive_std(bends),
-        jnp.mean(misses <= jnp.min(misses) + ALIKE),
-    )
+    has_position = jnp.asarray(goal.position_weights) > 0.0
+    has_axis = jnp.asarray(goal.axis_weights) > 0.0
+    clearances = _clearances(center_line(states, arm.lengths), goal)
+    return {
+        "bends": bends,
+        "states": states,
+        "position_errors": jnp.max(jnp.where(has_position, ends, 0.0)),
+        "axis_errors": jnp.max(jnp.where(has_axis, angles, 0.0)),
+        "clearances": jnp.min(clearances, initial=jnp.inf),
+        "predictive_std": arm.predictive_std(bends),
+        "agreeing": jnp.mean(misses <= jnp.min(misses) + ALIKE),
+    }
 
 
 def _target_errors(
