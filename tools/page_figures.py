@@ -14,7 +14,7 @@ from PIL import Image
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 WIDTH = 1200  # pixels
-COLORS = 64  # figures have few colors, and a palette makes them a third as large
+COLORS = 128  # figures have few colors, and a palette makes them a third as large
 FIGURES = {
     "hanging.png": "your-arm-drawing.png",
     "hanging.episodes.png": "your-arm-workspace.png",
@@ -24,6 +24,7 @@ FIGURES = {
     "runs/triangle/twin_arm.png": "first-task-triangle.png",
     "runs/flower/twin_arm.png": "first-task-flower.png",
     "runs/demo/twin_arm.png": "first-run.png",
+    "reach.png": "reach.png",
     "tour-arm.png": "tour-arm.png",
     "tour-run.png": "tour-run.png",
 }

@@ -21,6 +21,7 @@ COMMANDS = [
     "view",
     "collect",
     "train",
+    "reach",
     "run",
     "response",
     "sweep",

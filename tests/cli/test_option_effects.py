@@ -21,6 +21,8 @@ REFUSED = {
     "train some.episodes --out x.safetensors --strategy lstm --recipe paper": [
         "recipe"
     ],
+    "reach --csv path.csv --axis 0 0 1 --module 2": ["axis", "module"],
+    "reach --target 0 0 0.5 --payload-g 50": ["payload_g"],
     "run circle --strategy lstm --recipe paper": ["recipe"],
     "run circle --session none": ["session"],
     "run circle --weights shipped --session mine.session.json": ["session"],

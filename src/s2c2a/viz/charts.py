@@ -321,13 +321,23 @@ def save_figure(figure: Figure, path: str | Path, **options) -> Path:
     Raises:
         S2C2AError: the name has another ending, or the file cannot be written.
     """
+    ending = figure_format(path)
+    legend(figure, **options)
+    content = io.BytesIO()
+    figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)
+    return write_atomically(content.getvalue(), path)
+
+
+def figure_format(path: str | Path) -> str:
+    """The format of a figure, such as "png", by the ending of its file.
+
+    Raises:
+        S2C2AError: it is none of `FIGURE_FORMATS`.
+    """
     ending = Path(path).suffix.lower().removeprefix(".")
     if ending not in FIGURE_FORMATS:
         formats = ", .".join(FIGURE_FORMATS)
         raise S2C2AError(
             f"{path}: the name of a figure ends in .{formats}, not in '.{ending}'"
         )
-    legend(figure, **options)
-    content = io.BytesIO()
-    figure.savefig(content, format=ending, dpi=DOTS_PER_INCH)
-    return write_atomically(content.getvalue(), path)
+    return ending

@@ -1,0 +1,301 @@
+"""`s2c2a reach`: how closely an arm at rest reaches targets."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import tyro
+
+from s2c2a.cli.console import Arm, print_table
+from s2c2a.cli.dependent_options import beside
+from s2c2a.errors import S2C2AError
+
+if TYPE_CHECKING:
+    from s2c2a.arm import ArmSpec
+    from s2c2a.goals import Goal
+    from s2c2a.models.forward_model import ForwardModel
+    from s2c2a.planning.reach import Reached
+
+Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]
+Obstacles = Annotated[
+    tuple[tuple[float, float, float, float], ...],
+    tyro.conf.UseAppendAction,
+    tyro.conf.arg(metavar="X Y Z R"),
+]
+
+MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two cores
+
+
+@dataclass(frozen=True)
+class _Path:
+    """Goals at moments of a file of waypoints.
+
+    Attributes:
+        times: of the moments [s].
+        goals: at them.
+    """
+
+    times: np.ndarray
+    goals: "list[Goal]"
+
+
+@beside("target", "axis", "module")
+@beside("weights", "payload_g")
+def reach(
+    arm: Arm = "twin_arm",
+    weights: Path | None = None,
+    target: Vector = None,
+    axis: Vector = None,
+    module: int | None = None,
+    csv: Path | None = None,
+    payload_g: float = 0.0,
+    obstacle: Obstacles = (),
+    figure: Annotated[Path | None, tyro.conf.arg(name="map")] = None,
+) -> None:
+    """Find how closely an arm at rest reaches a target, and with which shape.
+
+    Args:
+        arm: a preset or an arm file.
+        weights: a file of `s2c2a train`, with the session beside it, or "shipped" for
+            the networks of the package; without it, modules bend as arcs of a circle.
+        target: desired position [m], base frame.
+        axis: desired end axis there, base frame, of any length.
+        module: number of the module whose end is meant, from 1 at the base; the last
+            one by default.
+        csv: a file of waypoints in place of a target, as for `run`.
+        payload_g: mass at the tip [g].
+        obstacle: a sphere that the arm keeps out of: center and radius [m], base frame;
+            repeat for several.
+        figure: draw where the end can be, and the target, in this file (.png, .pdf or
+            .svg).
+    """
+    from s2c2a.arm import load_arm
+    from s2c2a.goals import Goal
+    from s2c2a.planning.reach import Reachability
+
+    spec = load_arm(arm)
+    path = _path(csv, spec) if csv else None
+    _check_one_of(target, csv)
+    plain = path.goals if path else [_goal(target, axis, module, spec)]
+    goals = Goal.stacked([_beside(goal, obstacle) for goal in plain])
+    _check_payload(payload_g)
+    if figure is not None:
+        from s2c2a.viz.charts import figure_format
+
+        figure_format(figure)  # raises an error before the search
+    model = _model(weights, spec, payload_g)
+    reachability = Reachability(spec, model, payload_g / 1000.0)
+    reached = reachability.nearest(goals)
+    if path:
+        _print_path(path, reached, spec)
+    else:
+        _print_target(plain[0], reached, spec)
+    if figure is not None:
+        from s2c2a.viz import reach_figure
+
+        states = np.asarray(reachability.shapes.states)
+        print(f"figure: {reach_figure(spec, states, goals, reached, figure)}")
+
+
+def _check_one_of(target: Vector, csv: Path | None) -> None:
+    """Refuse neither or both.
+
+    Raises:
+        S2C2AError: not one of them is given.
+    """
+    if (target is None) == (csv is None):
+        given = "none was given" if target is None else "both were given"
+        raise S2C2AError(
+            "a target is needed: a position with --target X Y Z, or a file of waypoints "
+            f"with --csv; {given}"
+        )
+
+
+def _check_payload(payload_g: float) -> None:
+    """Refuse what is no mass.
+
+    Raises:
+        S2C2AError: it is negative, or not finite.
+    """
+    if not 0.0 <= payload_g < np.inf:
+        raise S2C2AError(
+            f"--payload-g {payload_g:g} is no mass; give grams, zero or more"
+        )
+
+
+def _goal(target: Vector, axis: Vector, module: int | None, arm: "ArmSpec") -> "Goal":
+    """The goal of one target.
+
+    Raises:
+        S2C2AError: no such module, or the target is too far away for meters.
+    """
+    from s2c2a.goals import Goal
+    from s2c2a.tasks.waypoints import MAX_DISTANCE
+
+    count = arm.module_count
+    number = count if module is None else module
+    if not 1 <= number <= count:
+        raise S2C2AError(
+            f"--module {number} does not exist; '{arm.name}' has {count}, from 1 at the "
+            f"base to {count}"
+        )
+    goal = Goal.of(count).with_position(target, module=number - 1)
+    farthest = np.abs(goal.positions).max()
+    if farthest > MAX_DISTANCE * arm.length:
+        raise S2C2AError(
+            f"--target has a coordinate of {farthest:g} m, and '{arm.name}' is "
+            f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
+        )
+    return goal if axis is None else goal.with_axis(axis, module=number - 1)
+
+
+def _path(csv: Path, arm: "ArmSpec") -> _Path:
+    """Moments of a file of waypoints, all control steps or evenly chosen ones.
+
+    Raises:
+        TargetError: see `load_waypoints` and `waypoints_task`.
+    """
+    from s2c2a.tasks import load_waypoints, waypoints_task
+
+    task = waypoints_task(csv.stem, load_waypoints(csv), arm)
+    count = len(task.goals)
+    steps = np.arange(0, count, -(-count // MOMENTS))
+    times = (steps + 1) / arm.control_rate
+    return _Path(times, [task.goals[step] for step in steps])
+
+
+def _beside(goal: "Goal", obstacles: Obstacles) -> "Goal":
+    """The goal with obstacles.
+
+    Raises:
+        S2C2AError: a radius is not positive, or there are too many.
+    """
+    for *_, radius in obstacles:
+        if not radius > 0.0:
+            raise S2C2AError(
+                f"--obstacle has the radius {radius:g} m, which must be positive; give "
+                "X Y Z R in meters"
+            )
+    spheres = np.reshape(obstacles, (-1, 4))
+    return goal.with_obstacles(spheres[:, :3], spheres[:, 3])
+
+
+def _model(weights: Path | None, arm: "ArmSpec", payload_g: float) -> "ForwardModel":
+    """The forward model of weights; arcs without.
+
+    Raises:
+        S2C2AError: the weights hold none, or it does not know payloads.
+    """
+    from s2c2a import strategies
+    from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
+
+    if weights is None:
+        print(
+            "without --weights, modules bend as arcs of a circle; real ones sag, and "
+            "miss by centimeters what arcs reach"
+        )
+        return PCCForwardModel.of(arm)
+    networks = strategies.networks_from(weights, arm)
+    if (session := strategies.session_of(weights)) is not None:
+        print(strategies.describe_use(session))
+    model = networks.networks.get("C2S")
+    if not isinstance(model, ForwardModel):
+        raise S2C2AError(
+            f"networks of {networks.strategy} hold no forward model; give those of "
+            "s2c2a, or leave out --weights"
+        )
+    if payload_g and not model.takes_payload:
+        raise S2C2AError(
+            f"the forward model of {weights} does not depend on payloads; leave out "
+            "--payload-g, or train with the recipe best"
+        )
+    return model
+
+
+def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
+    """Say whether a target is reached, by how much it is missed, and by which shape."""
+    from s2c2a.planning.reach import STARTS
+    from s2c2a.spaces import POSITION
+
+    module = int(np.flatnonzero(goal.position_weights)[0])
+    is_tip = module == arm.module_count - 1
+    end = "the tip" if is_tip else f"the end of module {module + 1}"
+    verdict = "reaches" if reached.within(arm.length)[0] else "does not reach"
+    miss = f"misses by {_centimeters(reached.position_errors[0])}"
+    if goal.axis_weights.any():
+        miss += f" and {np.rad2deg(reached.axis_errors[0]):.1f} deg"
+    nearest = _place(reached.states[0, module, POSITION])
+    print(f"{end} {verdict} {_place(goal.positions[module])}: it {miss}")
+    print(f"nearest point of {end}: {nearest}")
+    std = reached.predictive_std[0]
+    if std > 0.0:
+        print(f"standard deviation of the tip by the model: {_centimeters(std)}")
+    if np.isfinite(reached.clearances[0]):
+        clearance = _centimeters(reached.clearances[0])
+        print(f"clearance of the center line from the obstacles: {clearance}")
+    agreeing = round(STARTS * reached.agreeing[0])
+    print(f"{agreeing} of {STARTS} starts of the search end as near")
+    rows = [_shape_cells(*row) for row in enumerate(reached.bends[0], start=1)]
+    print_table("Shape, base first", ("module", "bend deg", "toward deg"), rows)
+    print("toward: from the x axis of the module's frame to its y axis")
+
+
+def _shape_cells(module: int, bend: np.ndarray) -> tuple[str, str, str]:
+    """Number, size and direction of a module's bend."""
+    size = np.rad2deg(np.hypot(*bend))
+    direction = np.rad2deg(np.arctan2(bend[1], bend[0]))
+    return str(module), f"{size:.1f}", f"{direction:.0f}"
+
+
+def _print_path(path: _Path, reached: "Reached", arm: "ArmSpec") -> None:
+    """Print the parts of a path that are out of reach."""
+    is_missed = ~reached.within(arm.length)
+    count = len(path.times)
+    if not is_missed.any():
+        largest = _centimeters(reached.position_errors.max())
+        print(f"all of {count} moments are within reach, missed by at most {largest}")
+        return
+    parts = list(_parts(is_missed))
+    rows = [_part_cells(path, reached, part) for part in parts]
+    print_table("Out of reach", tuple(rows[0]), [row.values() for row in rows])
+    print(
+        f"{is_missed.sum()} of {count} moments are out of reach, by up to "
+        f"{_centimeters(reached.position_errors[is_missed].max())}"
+    )
+
+
+def _parts(is_missed: np.ndarray) -> Iterator[np.ndarray]:
+    """Numbers of successive moments that are missed."""
+    for missed, group in groupby(range(len(is_missed)), is_missed.__getitem__):
+        if missed:
+            yield np.array(list(group))
+
+
+def _part_cells(path: _Path, reached: "Reached", part: np.ndarray) -> dict[str, str]:
+    """Times of a part, and its largest miss."""
+    errors = reached.position_errors[part]
+    cells = {
+        "from s": f"{path.times[part[0]]:.2f}",
+        "to s": f"{path.times[part[-1]]:.2f}",
+        "misses by cm": f"{100.0 * errors.max():.2f}",
+        "at s": f"{path.times[part[errors.argmax()]]:.2f}",
+    }
+    if any(goal.axis_weights.any() for goal in path.goals):
+        turns = np.rad2deg(reached.axis_errors[part])
+        cells["misses by deg"] = f"{turns.max():.1f}"
+    if np.isfinite(reached.clearances).all():
+        clearance = 100.0 * reached.clearances[part].min()
+        cells["clearance cm"] = f"{clearance:.2f}"
+    return cells
+
+
+def _place(position: np.ndarray) -> str:
+    rounded = np.round(position, 3) + 0.0  # no negative zero
+    return f"({', '.join(f'{coordinate:.3f}' for coordinate in rounded)}) m"
+
+
+def _centimeters(length: float) -> str:
+    return f"{100.0 * length:.2f} cm"
