@@ -1,199 +1,200 @@
-"""Paths around obstacles on the workspace map, compared with Dijkstra's algorithm."""
+"""Ways around obstacles, and plans that are led along them."""
+
+import time
+from dataclasses import replace
+from itertools import pairwise
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
-from s2c2a.arm import load_arm
-from s2c2a.kinematics import states_from_bends
+from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm.geometry import center_line
+from s2c2a.estimation import Estimate
+from s2c2a.goals import Goal, previewed
+from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import Goal
-from s2c2a.planning.guides import (
-    FAR,
-    NEIGHBORS,
-    SIDE,
-    _shortest_paths,
-    tip_target,
-    workspace_map,
-)
+from s2c2a.planning import BEST, Detour, Outcome, Planner
+from s2c2a.planning.ways import Roadmap, resampled
 
 TWIN = load_arm("twin_arm")
-MARGIN = 0.02
-LONGEST = 0.8
-target_on_path = jax.jit(tip_target)
-shortest_paths = jax.jit(_shortest_paths)
-
-
-def tip_of(bend):
-    """Tip [m] of the arm with all modules bent alike."""
-    return np.asarray(
-        states_from_bends(
-            jnp.tile(jnp.asarray(bend, dtype=jnp.float32), (3, 1)), jnp.full(3, 0.2)
-        )
-    )[-1, :3]
-
-
-TIP = tip_of([0.4, -0.3])
-TARGET = tip_of([0.4, 0.3])
-BETWEEN = (TIP + TARGET) / 2
+MODEL = PCCForwardModel.of(TWIN)
+LENGTHS = np.asarray(ArmGeometry.of(TWIN).lengths, np.float32)
+STRAIGHT = np.zeros((3, 2), np.float32)
+TARGET = (0.30, 0.0, 0.49)
+SPHERES = [(0.16, 0.02, 0.55, 0.06), (0.21, -0.03, 0.52, 0.04)]
+MARGIN = 0.006
 
 
 @pytest.fixture(scope="module")
-def workspace():
-    return workspace_map(TWIN, PCCForwardModel.of(TWIN), "tip")
+def roadmap():
+    return Roadmap(TWIN, MODEL, "arm")
 
 
-def goal_with(*spheres):
-    """A goal with obstacles (x, y, z, threshold) alone."""
+states_of = jax.jit(jax.vmap(lambda bends: states_from_bends(bends, LENGTHS)))
+
+
+def goal_with(*spheres, target=TARGET):
+    """A goal with a target of the tip, and obstacles (x, y, z, threshold)."""
     table = np.reshape(spheres, (-1, 4))
-    return Goal.of(3).with_obstacles(table[:, :3], table[:, 3])
+    goal = Goal.of(3).with_obstacles(table[:, :3], table[:, 3])
+    return goal.with_position(target)
 
 
-def distance_from_line(point):
-    """Distance of a point from the straight path [m]."""
-    direction = (TARGET - TIP) / np.linalg.norm(TARGET - TIP)
-    offset = np.asarray(point) - TIP
-    return np.linalg.norm(offset - (offset @ direction) * direction)
+def clearance(way, spheres):
+    """Smallest distance of the center line from the spheres on the way [m]."""
+    bends = resampled(way.bends, 400).astype(np.float32)
+    lines = center_line(np.asarray(states_of(bends)), LENGTHS, 15)
+    table = np.reshape(spheres, (-1, 4))
+    return (
+        np.linalg.norm(lines[..., None, :] - table[:, :3], axis=-1) - table[:, 3]
+    ).min()
 
 
-def test_the_map_has_the_tips_of_its_bends(workspace):
-    for row, column in ((22, 22), (30, 10), (22, 44)):
-        bend = workspace.bends[row, column]
-        np.testing.assert_allclose(
-            workspace.tips[row, column], tip_of(bend[0]), atol=1e-6
-        )
-        np.testing.assert_array_equal(bend, np.tile(bend[0], (3, 1)))
-    full = np.linalg.norm(np.asarray(workspace.bends)[22, 44, 0])
-    assert full == pytest.approx(np.deg2rad(47.0), abs=1e-6)
-
-
-def test_edges_join_neighbors_within_the_disc_of_full_bend(workspace):
-    distances = np.asarray(workspace.distances)
-    tips = np.asarray(workspace.tips)
-    east = NEIGHBORS.index((0, 1))
-    assert distances[east, 22, 30] == pytest.approx(
-        np.linalg.norm(tips[22, 31] - tips[22, 30]), abs=1e-6
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("turn_deg", [0.0, 160.0])
+def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
+    turn = np.deg2rad(turn_deg)
+    around = np.array(
+        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
     )
-    assert distances[east, 22, 44] == pytest.approx(FAR)
-    assert (distances[:, 0, 0] == FAR).all()
-    back = NEIGHBORS.index((0, -1))
+    spheres = [(*around @ sphere[:3], sphere[3]) for sphere in SPHERES[:count]]
+    target = around @ TARGET
+    way = roadmap.find(STRAIGHT, goal_with(*spheres, target=target), MARGIN)
+    assert np.linalg.norm(way.tips[-1] - target) < 2e-3
+    assert clearance(way, spheres) > 0.0
+    assert way.length < 1.4 * np.linalg.norm(target - np.array([0.0, 0.0, 0.6]))
+    assert not way.is_straight
+    np.testing.assert_allclose(way.bends[0], STRAIGHT, atol=1e-6)
+
+
+def test_a_free_way_is_straight_in_bends(roadmap):
+    way = roadmap.find(STRAIGHT, goal_with((-0.3, 0.0, 0.5, 0.05)), MARGIN)
+    assert way.is_straight
+    assert way.miss < 2e-3
+
+
+def test_a_target_in_an_obstacle_is_approached_to_its_border(roadmap):
+    goal = goal_with((*TARGET, 0.08))
+    way = roadmap.find(STRAIGHT, goal, MARGIN)
+    assert way.miss == pytest.approx(0.08 + MARGIN, abs=0.01)
+    assert clearance(way, [(*TARGET, 0.08)]) > 0.0
+
+
+def test_an_arm_that_is_within_an_obstacle_finds_no_way(roadmap):
+    assert roadmap.find(STRAIGHT, goal_with((0.0, 0.0, 0.55, 0.1)), MARGIN) is None
+
+
+def test_a_guarded_tip_may_pass_where_the_arm_may_not(roadmap):
+    sphere = (0.13, 0.0, 0.4, 0.05)  # beside the arm, below the way of the tip
+    goal = goal_with(sphere)
+    tip_alone = Roadmap(TWIN, MODEL, "tip").find(STRAIGHT, goal, MARGIN)
+    whole = roadmap.find(STRAIGHT, goal, MARGIN)
+    assert clearance(whole, [sphere]) > 0.0
+    assert clearance(tip_alone, [sphere]) < clearance(whole, [sphere])
+
+
+def drive(planner, goals, bends=STRAIGHT):
+    """Plans of an arm that follows them exactly, and their tips."""
+    configurations = np.tile(np.float32([0.0, 0.0, 1.0]), (3, 1))
+    plan = planner.start(Estimate.of(configurations))
+    shapes, outcomes = [], []
+    for goal in goals:
+        plan = planner.plan(plan, Estimate.of(np.asarray(plan.configurations)), goal)
+        shapes.append(np.asarray(bends_from_configurations(plan.configurations)))
+        outcomes.append(plan.outcome)
+    return np.array(shapes), outcomes
+
+
+def test_plans_are_led_past_spheres_and_come_to_rest():
+    planner = Planner(TWIN, MODEL, BEST)
+    shapes, outcomes = drive(planner, [goal_with(*SPHERES)] * 120)
+    tips = np.asarray(states_of(shapes))[:, -1, :3]
+    assert outcomes[-1] is Outcome.SOLVED
+    assert np.linalg.norm(tips[-1] - TARGET) < 0.006
+    table = np.array(SPHERES)
+    gaps = np.linalg.norm(tips[:, None] - table[:, :3], axis=-1) - table[:, 3]
+    assert gaps.min() > 0.0
+    ways = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+    assert ways.sum() < 0.45
+    assert ways[-20:].max() < 1e-3
+
+
+@pytest.mark.parametrize("other", ["axis", "inner module"])
+def test_other_targets_do_not_pull_against_a_way(other):
+    goal = goal_with(*SPHERES)
+    if other == "axis":
+        goal = goal.with_axis([0.5, 0.0, 1.0])
+    else:
+        goal = goal.with_position([0.05, 0.0, 0.38], weight=0.3, module=1)
+    errors = []
+    for options in (BEST, replace(BEST, guides=())):
+        shapes, _ = drive(Planner(TWIN, MODEL, options), [goal] * 150)
+        tip = np.asarray(states_of(shapes[-1:]))[0, -1, :3]
+        errors.append(np.linalg.norm(tip - TARGET))
+    assert errors[0] < errors[1] + 0.01
+
+
+def test_a_guarded_tip_goes_where_an_obstacle_touches_the_body_alone():
+    goal = goal_with((0.0, 0.0, 0.1, 0.06))
+    shapes, outcomes = drive(Planner(TWIN, MODEL, BEST), [goal] * 60)
+    tip = np.asarray(states_of(shapes[-1:]))[0, -1, :3]
+    assert np.linalg.norm(tip - TARGET) < 0.006
+    assert outcomes[-1] is Outcome.SOLVED
+
+
+def test_a_desired_shape_is_taken():
+    desired = np.full((3, 2), 0.2, np.float32)
+    goal = Goal.of(3)._replace(shape=desired, shape_weight=np.float32(1.0))
+    shapes, _ = drive(Planner(TWIN, MODEL, BEST), [goal] * 60)
+    np.testing.assert_allclose(shapes[-1], desired, atol=0.02)
+
+
+def test_an_obstacle_that_is_not_finite_is_no_obstacle_to_search_past():
+    leader = Detour().leader(TWIN, MODEL, "tip")
+    goal = goal_with(*SPHERES)._replace(obstacles=np.full((64, 3), np.nan, np.float32))
+    assert leader.lead(STRAIGHT, goal, Outcome.STALLED) is None
+
+
+def test_a_search_without_a_way_is_said():
+    planner = Planner(TWIN, MODEL, BEST)
+    _, outcomes = drive(planner, [goal_with((*TARGET, 0.1))] * 60)
+    assert outcomes[-1] is Outcome.BLOCKED
+
+
+def test_in_real_time_a_step_waits_for_no_search(monkeypatch):
+    def slow(*_):
+        time.sleep(1.0)
+
+    planner = Planner(TWIN, MODEL, BEST)
+    drive(planner, [goal_with(*SPHERES)] * 2)
+    monkeypatch.setattr(Roadmap, "find", lambda *_: None)
+    planner.prepare(in_real_time=True)
+    monkeypatch.setattr(Roadmap, "find", slow)
+    began = time.perf_counter()
+    drive(planner, [goal_with(*SPHERES)] * 8)
+    assert time.perf_counter() - began < 0.9
+
+
+def test_without_a_longest_way_there_is_no_guide():
+    leader = Detour(longest=0.0).leader(TWIN, MODEL, "tip")
+    assert leader.lead(STRAIGHT, goal_with(*SPHERES), Outcome.STALLED) is None
+
+
+def test_goals_on_the_way_through_an_obstacle_know_where_it_ends():
+    path = np.linspace([0.0, 0.0, 0.5], [0.3, 0.0, 0.5], 31)
+    sphere = np.array([[0.15, 0.0, 0.5]])
+    rest = Goal.of(1).with_obstacles(sphere, [0.05])
+    goals = [rest.with_position(point) for point in path]
+    beyond = np.array([goal.beyond[:3] for goal in previewed(goals, 0.1, margin=0.025)])
+    first_free = path[np.flatnonzero(path[:, 0] > 0.225)[0]]
+    is_soon = (path[:, 0] < 0.225) & (np.arange(31) >= 9 - 50)
     np.testing.assert_allclose(
-        distances[east, :, :-1], distances[back, :, 1:], atol=1e-6
+        beyond[is_soon], np.tile(first_free, (is_soon.sum(), 1)), atol=1e-6
     )
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_path_lengths_agree_with_dijkstra(workspace, seed):
-    random = np.random.default_rng(seed)
-    tips = np.asarray(workspace.tips)
-    blocked = np.linalg.norm(tips - BETWEEN - random.normal(0, 0.03, 3), axis=-1) < 0.12
-    remaining = shortest_paths(workspace, TARGET, jnp.asarray(blocked))[0]
-    remaining = np.asarray(remaining).reshape(-1)
-    free = ~blocked & (np.asarray(workspace.distances).min(axis=0) < FAR)
-    pairs = [(node, node + step) for step in NEIGHBORS for node in np.argwhere(free)]
-    inside = [
-        (tuple(a), tuple(b))
-        for a, b in pairs
-        if (b >= 0).all() and (b < SIDE).all() and free[tuple(b)]
-    ]
-    ends = np.array(
-        [[np.ravel_multi_index(node, (SIDE, SIDE)) for node in pair] for pair in inside]
+    assert np.isnan(beyond[~is_soon]).all()
+    ends_within = [goal.beyond for goal in previewed(goals[:16], 0.1)]
+    assert np.isnan(ends_within).all()
+    assert all(
+        np.isnan(goal.beyond).all() for goal, _ in pairwise(previewed([rest], 0.1))
     )
-    lengths = [np.linalg.norm(tips[a] - tips[b]) for a, b in inside]
-    missing = np.where(free, np.linalg.norm(tips - TARGET, axis=-1), np.inf).reshape(-1)
-    nearest = int(missing.argmin())
-    graph = coo_array((lengths, ends.T), shape=(SIDE**2, SIDE**2)).tocsr()
-    expected = dijkstra(graph, indices=nearest) + missing[nearest]
-    reached = np.isfinite(expected)
-    assert reached.sum() > 1000
-    np.testing.assert_allclose(remaining[reached], expected[reached], atol=1e-4)
-    assert (remaining[~reached] >= FAR).all()
-
-
-@pytest.mark.parametrize(
-    "goal", [goal_with(), goal_with([*BETWEEN + np.array([0.0, 0.0, 0.3]), 0.05])]
-)
-def test_with_a_free_straight_path_the_target_is_unchanged(workspace, goal):
-    result = target_on_path(workspace, TIP, TARGET, goal, MARGIN, LONGEST)
-    np.testing.assert_allclose(result.position, TARGET, atol=1e-7)
-    assert float(result.on_map) == 0.0
-
-
-def test_the_path_goes_around_a_sphere(workspace):
-    goal = goal_with([*BETWEEN, 0.05])
-    result = target_on_path(workspace, TIP, TARGET, goal, MARGIN, LONGEST)
-    assert float(result.on_map) == 1.0
-    assert distance_from_line(result.position) > 0.01
-    assert np.linalg.norm(result.position - BETWEEN) > 0.05 + MARGIN
-    np.testing.assert_allclose(tip_of(result.bends[0]), result.position, atol=1e-5)
-    assert np.linalg.norm(result.position - TIP) < 0.15
-
-
-@pytest.mark.parametrize(
-    "spheres",
-    [[[*BETWEEN, 0.05]], [[*BETWEEN, 0.05], [*BETWEEN + np.array([0.09, 0, 0]), 0.05]]],
-)
-def test_the_tip_arrives_outside_of_all_spheres(workspace, spheres):
-    tip = TIP
-    path = [TIP]
-    for _ in range(40):
-        goal = goal_with(*spheres)
-        result = target_on_path(workspace, tip, TARGET, goal, MARGIN, LONGEST)
-        tip = np.asarray(result.position)
-        path.append(tip)
-    np.testing.assert_allclose(path[-1], TARGET, atol=1e-6)
-    for *center, threshold in spheres:
-        assert np.linalg.norm(np.array(path) - center, axis=-1).min() > threshold
-    length = np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()
-    assert length < 2.5 * np.linalg.norm(TARGET - TIP)
-
-
-def test_the_tip_waits_if_the_path_is_too_long(workspace):
-    goal = goal_with([*BETWEEN, 0.05])
-    result = target_on_path(workspace, TIP, TARGET, goal, MARGIN, 0.1)
-    np.testing.assert_allclose(result.position, TIP, atol=1e-7)
-    assert float(result.on_map) == 0.0
-
-
-def test_with_a_target_in_an_obstacle_the_tip_goes_to_its_border(workspace):
-    tip = TIP
-    goal = goal_with([*TARGET, 0.05])
-    for _ in range(40):
-        result = target_on_path(workspace, tip, TARGET, goal, MARGIN, LONGEST)
-        tip = np.asarray(result.position)
-    assert 0.05 + MARGIN < np.linalg.norm(tip - TARGET) < 0.05 + MARGIN + 0.03
-
-
-@pytest.mark.parametrize("sphere", [[*BETWEEN, 2.0], [0.0, 0.0, 1.2, 0.15]])
-def test_off_the_map_the_target_is_unchanged(workspace, sphere):
-    """The first sphere contains the map; above the second, no node is visible."""
-    tip = TIP if sphere[3] > 1.0 else np.array([0.0, 0.0, 1.5])
-    result = target_on_path(workspace, tip, TARGET, goal_with(sphere), MARGIN, LONGEST)
-    np.testing.assert_allclose(result.position, TARGET, atol=1e-7)
-
-
-def test_unused_obstacles_block_nothing(workspace):
-    goal = goal_with([*BETWEEN, 0.05])._replace(thresholds=np.zeros(64, np.float32))
-    result = target_on_path(workspace, TIP, TARGET, goal, MARGIN, LONGEST)
-    np.testing.assert_allclose(result.position, TARGET, atol=1e-7)
-
-
-def test_a_guarded_arm_avoids_an_obstacle_that_the_tip_alone_would_pass():
-    """The obstacle is beside the middle of the arm, so low that the tip misses it."""
-    middle = np.asarray(
-        states_from_bends(jnp.tile(jnp.array([0.4, 0.0]), (3, 1)), jnp.full(3, 0.2))
-    )[1, :3]
-    goal = goal_with([*middle, 0.02])
-    maps = [
-        workspace_map(TWIN, PCCForwardModel.of(TWIN), guard) for guard in ("tip", "arm")
-    ]
-    assert maps[1].points.shape == (SIDE, SIDE, 15, 3)
-    tip_only, whole_arm = (
-        target_on_path(workspace, TIP, TARGET, goal, 0.01, LONGEST)
-        for workspace in maps
-    )
-    np.testing.assert_allclose(tip_only.position, TARGET, atol=1e-7)
-    assert float(whole_arm.on_map) == 1.0

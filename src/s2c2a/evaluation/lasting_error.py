@@ -23,6 +23,7 @@ CHAIN = {"predicted", "planned", "sensed", "outcome", "plan_error", "desired_pos
 TROUBLES = {
     Outcome.STALLED: "stalled",
     Outcome.OUT_OF_REACH: "out of reach",
+    Outcome.BLOCKED: "blocked",
 }
 """Outcomes in which a plan does not get nearer to its goal."""
 

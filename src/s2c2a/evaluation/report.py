@@ -25,6 +25,7 @@ from s2c2a.spaces import POSITION, Stage
 PLAN_OUTCOMES = {
     Outcome.STALLED: "stood still short of its goal",
     Outcome.OUT_OF_REACH: "found its goal out of reach",
+    Outcome.BLOCKED: "found no way around the obstacles",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision

@@ -65,7 +65,6 @@ class BatchPlanner:
         step = Step.of(arm, model, options, factors)
         self._start = compiled(_vectorize, Step.started, step)
         self._next = compiled(_vectorize, Step.next_plan, step)
-        self._next_single = compiled(_next_of_one, step)
 
     def start(self, sensed: Float[Numbers, "batch modules 3"]) -> Plan:
         """Plans of arms at rest, with the batch axis first in every array.
@@ -101,9 +100,8 @@ class BatchPlanner:
                 "give as many of each".format(*counts)
             )
         sensed = np.asarray(sensed, np.float32)
-        # in a vectorized call, every arm would compute a detour
         if (np.asarray(goals.thresholds) > 0).any():
-            return self._in_chunks(self._next_single, 1, plans, sensed, goals)
+            return self._in_chunks(self._next, self._chunk, plans, sensed, goals)
         unobstructed = goals._replace(
             obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0]
         )
@@ -135,9 +133,3 @@ def _concatenate(chunks: list[Any], count: int) -> Any:
 
 def _vectorize(function: Callable[..., Any], step: Step, *inputs: Any) -> Any:
     return jax.vmap(partial(function, step))(*inputs)
-
-
-def _next_of_one(step: Step, plans: Plan, sensed, goals: Goal) -> Plan:
-    """The next plan of a batch of one; computes detours only where they are needed."""
-    single = jax.tree.map(lambda values: values[0], (plans, sensed, goals))
-    return jax.tree.map(lambda values: values[None], step.next_plan(*single))

@@ -1,342 +1,337 @@
-"""Guides: change a goal before the solver runs, such as paths around obstacles.
+"""Guides: lead the plan where the horizon alone does not find the way.
 
-Two obstacles side by side block a tip that plans a second ahead. The `Detour` guide
-therefore uses a coarse map of the workspace, computed once: a grid over the disc of
-full bend, with all modules bent alike. In every control step it removes nodes within an
-obstacle's threshold and margin, finds the shortest paths from all other nodes to the
-target at once (Bellman-Ford sweeps over the grid), and places the target of the tip on
-its path.
+A plan of a second sees no way around what blocks its goal. `Detour` searches a way of
+the whole arm (`ways.Roadmap`) beside the control loop, and leads the plan along it.
 """
 
 from abc import ABC, abstractmethod
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.components import Component, Registry
-from s2c2a.goals import Goal, preview_stride
-from s2c2a.kinematics import configurations_from_bends, limit_lengths
-from s2c2a.kinematics.bends import Numbers
+from s2c2a.goals import MAX_OBSTACLES, PREVIEW, Goal, preview_stride
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning.terms import FAR, Guard, Situation, guarded_points
-from s2c2a.spaces import POSITION
+from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
+from s2c2a.planning.terms import Guard
+from s2c2a.planning.ways import Roadmap, Way
 
-SIDE = 45  # nodes along each side of the grid
-SWEEPS = 64
-NODES_AHEAD = 4
-NEAR = 0.1  # of the arm's length: largest distance of the tip from the map
-LOOKAHEAD = 0.1  # of the arm's length, along the path
-SAMPLES = 16  # on the straight path
-# of the way of a straight arm that turns at its base by the step limit in each control
-# step up to the next knot. With all of it, the tip overshoots into obstacles by 3 cm
-ADVANCE = 0.5
-SHAPE_STEP_DEG = 2.0  # per module and step, towards the bends of a node
-OFFSETS = (-1, 0, 1)
-NEIGHBORS = tuple((x, y) for x in OFFSETS for y in OFFSETS if (x, y) != (0, 0))
+ADVANCE = 0.5  # of the step limit; chosen: the horizon still has room to correct
+MOVED = 0.03  # of the arm's length: another target or obstacle, which needs another way
+START_TIME = 1.0  # s; chosen: until the fastest advance, slower than the arm vibrates
+SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait for it
+ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
+OBSTACLES = ("obstacles", "thresholds")
+CLOSEST = 0.25  # of the margin, kept where there is no more room
 
-Nodes = Float[Array, "side side"]
-Point = Float[Numbers, "3"]
-Length = Float[Array, ""] | float
+Shape = Float[np.ndarray, "modules 2"]
+
+
+class Lead(NamedTuple):
+    """Where a guide leads the plan.
+
+    Attributes:
+        bends: of the next moments [rad], shape (PREVIEW, modules, 2), module frames.
+        tips: positions of the tip then [m], shape (PREVIEW, 3), base frame; NaN where it
+            is to stay.
+        weight: one if it leads, else zero.
+    """
+
+    bends: Float[Array | np.ndarray, "moments modules 2"]
+    tips: Float[Array | np.ndarray, "moments 3"]
+    weight: Float[Array | np.ndarray, ""]
+
+    @classmethod
+    def none(cls, modules: int) -> "Lead":
+        """Where no guide leads."""
+        bends = np.zeros((PREVIEW, modules, 2), np.float32)
+        return cls(bends, np.zeros((PREVIEW, 3), np.float32), np.zeros((), np.float32))
+
+
+class Leader(ABC):
+    """A guide of one arm, with what it remembers from step to step.
+
+    Attributes:
+        is_blocked: whether it knows that no way leads to the goal.
+        waits: whether `lead` waits for a search that takes long; a simulation does, so
+            that its results do not depend on the computer.
+    """
+
+    is_blocked = False
+    waits = True
+
+    @abstractmethod
+    def lead(self, bends: Shape, goal: Goal, outcome: Outcome) -> Lead | None:
+        """Where the plan is led; None if it needs no guide.
+
+        Args:
+            bends: of the last plan [rad], shape (modules, 2).
+            goal: for the next state.
+            outcome: of the last plan.
+        """
+
+    @abstractmethod
+    def prepare(self, in_real_time: bool) -> None:
+        """Set `waits`; in real time, compile everything before the arm moves."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget an earlier run."""
 
 
 @dataclass(frozen=True)
 class Guide(Component, ABC):
-    """Changes the goal of a control step, such as a target behind an obstacle."""
+    """Leads plans, such as around obstacles."""
 
     @abstractmethod
-    def prepare(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> Any:
-        """Data about an arm, computed once: a pytree, None if not needed."""
+    def leader(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> Leader:
+        """The guide of an arm.
 
-    @abstractmethod
-    def apply(self, situation: Situation, prepared: Any) -> Situation:
-        """The situation with another goal, or another desired shape."""
-
-
-class WorkspaceMap(NamedTuple):
-    """Tip positions of the arm with all modules bent alike, on a grid of bends.
-
-    Attributes:
-        length: of the arm [m].
-        advance: largest distance of the tip from its target on the map [m].
-        bends: of every node [rad], shape (side, side, modules, 2).
-        tips: tip of every node [m], shape (side, side, 3), base frame.
-        points: guarded points of every node [m], shape (side, side, points, 3).
-        distances: of the tips of every node and each of its eight neighbors [m]; `FAR`
-            where there is none, shape (8, side, side).
-    """
-
-    length: Float[Array, ""]
-    advance: Float[Array, ""]
-    bends: Float[Array, "side side modules 2"]
-    tips: Float[Array, "side side 3"]
-    points: Float[Array, "side side points 3"]
-    distances: Float[Array, "neighbors side side"]
-
-
-class TipTarget(NamedTuple):
-    """Target of the tip on its path.
-
-    Attributes:
-        position: [m], shape (3,), base frame.
-        bends: of the node there [rad], shape (modules, 2).
-        on_map: one if the path follows the map, else zero. The bends are then desired
-            too: from another shape with the same tip, small steps may not reach the
-            next node.
-    """
-
-    position: Point
-    bends: Float[Array, "modules 2"]
-    on_map: Float[Array, ""]
+        Args:
+            arm: its limits hold.
+            model: predicts states.
+            guard: the points that keep clear of obstacles.
+        """
 
 
 @dataclass(frozen=True)
 class Detour(Guide):
-    """Moves the target of the tip along a path around obstacles.
+    """Leads the plan along a free way where it does not reach its goal by itself.
 
     Attributes:
         margin: distance from obstacles beyond their thresholds, in parts of the arm's
-            length.
-        longest: longest path, in parts of the arm's length; with a longer one the tip
+            length. A way through a narrow passage has a quarter of it.
+        longest: way of the tip, in parts of the arm's length; with a longer one the arm
             waits before the obstacles. With zero the guide does nothing.
     """
 
     margin: float = 0.04
-    longest: float = 0.8
+    longest: float = 2.0
 
-    def prepare(
-        self, arm: ArmSpec, model: ForwardModel, guard: Guard
-    ) -> WorkspaceMap | None:
-        """The map; at the first obstacle it would compile within a control step."""
-        if not self.longest:
-            return None
-        return workspace_map(arm, model, guard)
-
-    def apply(self, situation: Situation, prepared: WorkspaceMap | None) -> Situation:
-        """The situation with a point of the path as target, and the shape there."""
-        goal = situation.goal
-        last = situation.last
-        if prepared is None or not len(goal.thresholds):
-            return situation
-
-        def follow_path() -> TipTarget:
-            tip = last.states[-1, POSITION]
-            target = tip_target(
-                prepared,
-                tip=tip,
-                target=goal.positions[-1],
-                goal=goal,
-                margin=self.margin * prepared.length,
-                longest=self.longest * prepared.length,
-            )
-            way = limit_lengths(target.position - tip, prepared.advance)
-            is_limited = (target.on_map > 0.0) & (way != target.position - tip).any()
-            position = jnp.where(is_limited, tip + way, target.position)
-            return target._replace(position=position)
-
-        def go_straight() -> TipTarget:
-            return TipTarget(goal.positions[-1], last.bends, jnp.zeros(()))
-
-        needed = (goal.position_weights[-1] > 0.0) & (goal.thresholds > 0.0).any()
-        target = jax.lax.cond(needed, follow_path, go_straight)
-        positions = jnp.asarray(goal.positions).at[-1].set(target.position)
-        step = limit_lengths(target.bends - last.bends, np.deg2rad(SHAPE_STEP_DEG))
-        return situation._replace(
-            goal=goal._replace(positions=positions),  # type: ignore[arg-type]
-            shape=last.bends + step,
-            shape_weight=target.on_map,
-        )
+    def leader(self, arm: ArmSpec, model: ForwardModel, guard: Guard) -> Leader:
+        return WayLeader(arm, model, guard, self)
 
 
-def workspace_map(arm: ArmSpec, model: ForwardModel, guard: Guard) -> WorkspaceMap:
-    """Predict the states of all nodes, at rest."""
-    shares = np.linspace(-1.0, 1.0, SIDE)
-    grid = np.stack(np.meshgrid(shares, shares, indexing="ij"), axis=-1)
-    return compiled(_map_grid, arm, model, guard)(np.asarray(grid, np.float32))
-
-
-def _map_grid(
-    arm: ArmSpec, model: ForwardModel, guard: Guard, grid: Float[Array, "side side 2"]
-) -> WorkspaceMap:
-    limits = jnp.asarray(ArmGeometry.of(arm).planned_bends, dtype=jnp.float32)
-    bends = grid[:, :, None, :] * limits[:, None]  # (side, side, modules, 2)
-
-    def predict(bends):
-        configurations = configurations_from_bends(bends)
-        return model.predict(configurations, model.start(configurations))
-
-    states = jax.vmap(jax.vmap(predict))(bends)
-    tips = states[..., -1, POSITION]
-    points = jax.vmap(jax.vmap(guarded_points(arm, guard)))(states)
-    exists = jnp.linalg.norm(grid, axis=-1) <= 1.0 + 1e-6
-    distances = []
-    for offset in NEIGHBORS:
-        connected = exists & _neighbors(exists, offset, outside=False)
-        edges = _neighbors(tips, offset, outside=0.0) - tips
-        distances.append(jnp.where(connected, jnp.linalg.norm(edges, axis=-1), FAR))
-    knot_turn = preview_stride(arm.control_period) * ArmGeometry.of(arm).step_limit
-    return WorkspaceMap(
-        jnp.asarray(arm.length),
-        jnp.asarray(ADVANCE * knot_turn * arm.length),
-        bends,
-        tips,
-        points,
-        jnp.stack(distances),
-    )
-
-
-def tip_target(
-    workspace: WorkspaceMap,
-    tip: Point,
-    target: Point,
-    goal: Goal,
-    margin: Length,
-    longest: Length,
-) -> TipTarget:
-    """Next target of the tip on its path around obstacles.
-
-    Args:
-        workspace: of the arm.
-        tip: position of the tip [m], base frame.
-        target: its target [m], base frame.
-        goal: holds the obstacles.
-        margin: distance from obstacles [m].
-        longest: longest path [m].
-
-    Returns:
-        The target if the straight path is free, else a point of the path, or the tip
-        itself if the path is too long.
-    """
-    spheres = _Spheres.of(goal, margin)
-    blocked = spheres.contain(workspace.points)
-    return jax.lax.cond(
-        _is_straight_path_blocked(workspace, tip, target, spheres, blocked),
-        lambda: _target_on_map(workspace, tip, target, spheres, blocked, longest),
-        lambda: TipTarget(target, workspace.bends[0, 0], jnp.zeros(())),
-    )
-
-
-def _target_on_map(
-    workspace: WorkspaceMap, tip, target, spheres: "_Spheres", blocked, longest: Length
-) -> TipTarget:
-    """A point of the path; the tip if the path is too long, the target off the map."""
-    remaining, following = _shortest_paths(workspace, target, blocked)
-    distances = jnp.linalg.norm(workspace.tips - tip, axis=-1)
-    midpoints = (workspace.tips + tip)[:, :, None] / 2
-    is_near = distances < NEAR * workspace.length
-    visible = is_near & ~spheres.contain(midpoints)
-    lengths = jnp.where(visible, remaining + distances, FAR)
-    start = jnp.unravel_index(jnp.argmin(lengths), lengths.shape)
-    short = lengths[start] <= longest
-    node = _node_ahead(workspace, tip, start, following)
-    otherwise = jnp.where(lengths[start] < FAR, tip, target)
-    position = jnp.where(short, workspace.tips[node], otherwise)
-    return TipTarget(position, workspace.bends[node], short.astype(jnp.float32))
-
-
-class _Spheres(NamedTuple):
-    """Obstacles with their margins.
+class Search(NamedTuple):
+    """A search that was begun.
 
     Attributes:
-        centers: [m], shape (obstacles, 3), base frame.
-        radii: [m], zero for unused rows, shape (obstacles,).
-        used: number of rows up to the last obstacle.
+        start: bends from which the way leads [rad].
+        goal: to which.
+        result: the way; None if there is none.
+        steps: control steps since it was begun.
     """
 
-    centers: Float[Array, "obstacles 3"]
-    radii: Float[Array, " obstacles"]
-    used: Array
-
-    @classmethod
-    def of(cls, goal: Goal, margin: Length) -> "_Spheres":
-        """The obstacles of a goal."""
-        exists = goal.thresholds > 0.0
-        used = jnp.max(jnp.where(exists, jnp.arange(len(exists)) + 1, 0))
-        radii = jnp.where(exists, goal.thresholds + margin, 0.0)
-        return cls(jnp.asarray(goal.obstacles), radii, used)
-
-    def contain(
-        self, points: Float[Array, "*places points 3"]
-    ) -> Bool[Array, "*places"]:
-        """Whether any point of each place is inside; the time grows with `used`."""
-
-        def add_sphere(number, inside):
-            squared = jnp.sum((points - self.centers[number]) ** 2, axis=-1)
-            return inside | (squared < self.radii[number] ** 2).any(axis=-1)
-
-        nowhere = jnp.zeros(points.shape[:-2], dtype=bool)
-        return jax.lax.fori_loop(0, self.used, add_sphere, nowhere)
+    start: Shape
+    goal: Goal
+    result: "Future[Way | None]"
+    steps: int = 0
 
 
-def _shortest_paths(
-    workspace: WorkspaceMap, target, blocked: Bool[Array, "side side"]
-) -> tuple[Nodes, Array]:
-    """Length of each node's path to the free node nearest to the target.
+class WayLeader(Leader):
+    """Searches ways beside the control loop, and leads the plan along them."""
 
-    Also the number of the neighbor that follows on it.
+    def __init__(
+        self, arm: ArmSpec, model: ForwardModel, guard: Guard, options: Detour
+    ):
+        """Compute nothing yet."""
+        geometry = ArmGeometry.of(arm)
+        self._stride = preview_stride(arm.control_period)
+        self._fastest = ADVANCE * geometry.step_limit
+        self._gain = self._fastest * arm.control_period / START_TIME
+        self._parts = arm, model, guard
+        self._options = options
+        self._patience = round(SEARCH_TIME * arm.control_rate)
+        self._length = arm.length
+        self._nearly = SIGNIFICANT * arm.length
+        self._map: Roadmap | None = None
+        self._worker: ThreadPoolExecutor | None = None
+        self._search: Search | None = None
+        self._latest: Future[Way | None] | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        if self._search is not None:
+            self._search.result.cancel()
+        self.is_blocked = False
+        self._way: Way | None = None
+        self._progress = 0.0
+        self._speed = 0.0
+        self._search = None
+        self._known: Goal | None = None
+        self._start: Shape | None = None
+
+    def prepare(self, in_real_time: bool) -> None:
+        self.waits = not in_real_time
+        if in_real_time and self._options.longest and self._map is None:
+            modules = self._parts[0].module_count
+            target = self._length * np.array([0.3, 0.0, 0.9])
+            goal = Goal.of(modules).with_position(target)
+            for count in (1, MAX_OBSTACLES):
+                beside = np.tile([2.0 * self._length, 0.0, 0.0], (count, 1))
+                scene = goal.with_obstacles(beside, [0.1 * self._length] * count)
+                self._searched(np.zeros((modules, 2), np.float32), scene)
+
+    def lead(self, bends: Shape, goal: Goal, outcome: Outcome) -> Lead | None:
+        if not (self._options.longest and _needs_ways(goal)):
+            self.reset()
+            return None
+        knows_beyond = bool(np.isfinite(goal.beyond[:3]).all())
+        if knows_beyond:
+            goal = _aimed_beyond(goal)
+        self._take_result(knows_beyond)
+        known = self._known
+        if known is not None and self._differs(goal, known, OBSTACLES):
+            # obstacles that are faster than searches are left to the horizon
+            self._way, self.is_blocked = None, False
+        is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
+        needs = knows_beyond or outcome is not Outcome.SOLVED or self._way is not None
+        if self._search is None and needs and (is_new or self._is_elsewhere(bends)):
+            self._begin_search(bends, goal)
+        return self._along(bends, knows_beyond)
+
+    def _is_elsewhere(self, bends: Shape) -> bool:
+        """Whether a plan that follows no way is far from where the last search began."""
+        if self._way is not None or self._start is None:
+            return False
+        return bool(np.abs(bends - self._start).max() > ELSEWHERE)
+
+    def _begin_search(self, bends: Shape, goal: Goal) -> None:
+        """Begin a search, but after an earlier one that nobody waits for any more."""
+        if self._worker is None:
+            self._worker = ThreadPoolExecutor(1, "ways")
+        if self._latest is not None and not self._latest.done():
+            if not self.waits:
+                return
+            wait([self._latest])
+        self._latest = self._worker.submit(self._searched, bends, goal)
+        self._search = Search(bends, goal, self._latest)
+        self._start = bends
+
+    def _roadmap(self) -> Roadmap:
+        if self._map is None:
+            self._map = Roadmap(*self._parts)
+        return self._map
+
+    def _searched(self, bends: Shape, goal: Goal) -> Way | None:
+        """See `Search.result`; runs in the worker."""
+        margin = CLOSEST * self._options.margin * self._length
+        way = self._roadmap().find(bends, goal, margin)
+        if way is None or way.length > self._options.longest * self._length:
+            return None
+        return way
+
+    def _take_result(self, is_led: bool) -> None:
+        search = self._search
+        if search is None:
+            return
+        may_take = self.waits or search.result.done()
+        if search.steps < self._patience or not may_take:
+            self._search = search._replace(steps=search.steps + 1)
+            return
+        self._search = None
+        self._known = search.goal
+        way = search.result.result()
+        self.is_blocked = way is None or way.detained > self._nearly
+        is_needed = way is not None and (
+            is_led or not way.is_straight or self.is_blocked
+        )
+        if not is_needed or self._way is None:
+            self._speed = 0.0
+        self._way = way if is_needed else None
+        self._progress = 0.0
+
+    def _differs(self, goal: Goal, known: Goal, fields: tuple[str, ...]) -> bool:
+        """Whether a field has moved by more than is negligible."""
+        changes = [getattr(goal, name) - getattr(known, name) for name in fields]
+        largest = max(np.abs(change).max() for change in changes)
+        return bool(largest > MOVED * self._length)
+
+    def _along(self, bends: Shape, stays: bool) -> Lead | None:
+        """The next moments on the way, from where the plan is; None at its end."""
+        if self._way is None:
+            return self._standing() if stays or self._known is None else None
+        way = self._way
+        turns = np.linalg.norm(np.diff(way.bends, axis=0), axis=-1).max(axis=-1)
+        places = np.concatenate([[0.0], np.cumsum(turns)])
+        reached = self._progress + 4.0 * self._stride * self._fastest
+        window = np.linspace(self._progress, reached, 16)
+        near = way.at(np.minimum(window, places[-1]), places)[0]
+        distances = np.linalg.norm(near - bends, axis=(1, 2))
+        self._progress = float(window[np.argmin(distances)])
+        if self._progress >= places[-1] and not (stays or self.is_blocked):
+            self._way = None
+            return None
+        self._progress = min(self._progress, float(places[-1]))
+        ahead = self._progress + self._ways_ahead(places[-1] - self._progress)
+        shapes, tips = way.at(ahead, places)
+        return Lead(
+            shapes.astype(np.float32), tips.astype(np.float32), np.ones((), np.float32)
+        )
+
+    def _standing(self) -> Lead | None:
+        """The arm stands until the way around what it would meet is found."""
+        if self._search is None:
+            return None
+        bends = np.tile(self._search.start, (PREVIEW, 1, 1)).astype(np.float32)
+        nowhere = np.full((PREVIEW, 3), np.nan, np.float32)
+        return Lead(bends, nowhere, np.ones((), np.float32))
+
+    def _ways_ahead(self, rest: float) -> Float[np.ndarray, " moments"]:
+        """How far the next moments are ahead, from the present speed to the end."""
+        speed, place, ahead = self._speed, 0.0, []
+        for step in range(PREVIEW * self._stride):
+            braking = np.sqrt(2.0 * self._gain * max(rest - place, 0.0))
+            speed = min(speed + self._gain, self._fastest, braking)
+            if step == 0:
+                self._speed = speed
+            place = min(place + speed, rest)
+            ahead.append(place)
+        return np.array(ahead[self._stride - 1 :: self._stride])
+
+
+def _aimed_beyond(goal: Goal) -> Goal:
+    """The goal with the target of the tip beyond the next obstacle."""
+    positions, axes = np.array(goal.positions), np.array(goal.axes)
+    positions[-1] = goal.beyond[:3]
+    if goal.axis_weights[-1] > 0.0:
+        axes[-1] = goal.beyond[3:]
+    return goal._replace(positions=positions, axes=axes)
+
+
+def _needs_ways(goal: Goal) -> bool:
+    """Whether there is an obstacle, and a target of the tip; all finite."""
+    has_both = goal.position_weights[-1] > 0.0 and (goal.thresholds > 0.0).any()
+    numbers = goal.positions[-1], goal.obstacles, goal.thresholds
+    return bool(has_both and all(np.isfinite(values).all() for values in numbers))
+
+
+def led(ahead: Goal, lead: Lead, tip: Float[Array, "3"]) -> Goal:
+    """Goals of the next moments as a guide leads, from a present position of the tip.
+
+    Other targets wait: they would pull against the way.
     """
-    distances = jnp.linalg.norm(workspace.tips - target, axis=-1)
-    excluded = blocked | (workspace.distances.min(axis=0) >= FAR)
-    free_distances = jnp.where(excluded, FAR, distances)
-    is_end = free_distances == free_distances.min()
-    initial = jnp.where(is_end, distances, FAR)
-
-    def through_neighbors(remaining: Nodes) -> Float[Array, "neighbors side side"]:
-        onward = [_neighbors(remaining, offset, FAR) for offset in NEIGHBORS]
-        return workspace.distances + jnp.stack(onward)
-
-    def sweep(_, remaining: Nodes) -> Nodes:
-        shortest = through_neighbors(remaining).min(axis=0)
-        return jnp.where(excluded, FAR, jnp.minimum(remaining, shortest))
-
-    remaining = jax.lax.fori_loop(0, SWEEPS, sweep, initial)
-    following = jnp.argmin(through_neighbors(remaining), axis=0)
-    stay = len(NEIGHBORS)
-    return remaining, jnp.where(initial < FAR, stay, following)
-
-
-def _node_ahead(workspace: WorkspaceMap, tip, start, following) -> tuple[Array, Array]:
-    """The first node of the path beyond the lookahead, at most `NODES_AHEAD` on."""
-    offsets = jnp.array([*NEIGHBORS, (0, 0)])
-    lookahead = LOOKAHEAD * workspace.length
-
-    def advance(_, node):
-        near = jnp.linalg.norm(workspace.tips[node] - tip) < lookahead
-        offset = jnp.where(near, offsets[following[node]], 0)
-        return node[0] + offset[0], node[1] + offset[1]
-
-    return jax.lax.fori_loop(0, NODES_AHEAD, advance, start)
-
-
-def _is_straight_path_blocked(
-    workspace: WorkspaceMap, tip, target, spheres: _Spheres, blocked
-) -> Bool[Array, ""]:
-    """Whether the tip hits an obstacle on the straight path, or the arm near it.
-
-    The shape of the arm is that of the nearest node.
-    """
-    shares = jnp.linspace(0.0, 1.0, SAMPLES + 1)[1:, None]
-    samples = tip + (target - tip) * shares
-    tip_hits = spheres.contain(samples[:, None]).any()
-    if workspace.points.shape[-2] == 1:
-        return tip_hits
-    tips = workspace.tips.reshape(-1, 3)
-    distances = jnp.linalg.norm(tips - samples[:, None], axis=-1)
-    nearest = jnp.argmin(distances, axis=-1)
-    return tip_hits | blocked.reshape(-1)[nearest].any()
-
-
-def _neighbors(values: Array, offset: tuple[int, int], outside) -> Array:
-    """Values of each node's neighbor at an offset; `outside` beyond the grid."""
-    widths = [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)]
-    padded = jnp.pad(values, widths, constant_values=outside)
-    row, column = np.add(offset, 1)
-    return padded[row : row + SIDE, column : column + SIDE]
+    leads = jnp.asarray(lead.weight) > 0.0
+    positions = jnp.asarray(ahead.positions)
+    tips = jnp.where(jnp.isnan(jnp.asarray(lead.tips)), tip, lead.tips)
+    tip_alone = jnp.asarray(ahead.position_weights).at[:, :-1].set(0.0)
+    of_way = {
+        "positions": positions.at[:, -1].set(tips),
+        "position_weights": tip_alone,
+        "axis_weights": jnp.zeros_like(ahead.axis_weights),
+        "shape": jnp.asarray(lead.bends),
+        "shape_weight": jnp.ones(len(positions)),
+    }
+    changed: dict[str, Any] = {
+        name: jnp.where(leads, value, getattr(ahead, name))
+        for name, value in of_way.items()
+    }
+    return ahead._replace(**changed)
 
 
 GUIDES: Registry[Guide] = Registry("guide", Guide, {"Detour": Detour})

@@ -55,6 +55,12 @@ class Outcome(IntEnum):
         "The plan is the result of the solver, and moves; it has not reached its goal.",
     )
 
+    BLOCKED = (
+        8,
+        "The plan has not reached its goal, and a search found no way there past the "
+        "obstacles: it goes to the nearest clear point, if there is one.",
+    )
+
     def __new__(cls, value: int, sentence: str) -> "Outcome":
         """A number with a sentence."""
         outcome = int.__new__(cls, value)
@@ -103,7 +109,7 @@ def judge(
     still = step < STILL * situation.longest_step
     solved = jnp.where(still, Outcome.STALLED, Outcome.MOVING)
     solved = jnp.where(reached, Outcome.SOLVED, solved)
-    return jnp.where(blocked, Outcome.OUT_OF_REACH, solved)
+    return jnp.where(blocked, Outcome.OUT_OF_REACH, solved).astype(jnp.int32)
 
 
 def _is_blocked(

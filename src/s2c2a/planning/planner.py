@@ -28,7 +28,7 @@ from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
-from s2c2a.planning.guides import GUIDES, Detour, Guide
+from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
 from s2c2a.planning.horizon import Horizon, memories_along
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
@@ -185,8 +185,6 @@ class Step(NamedTuple):
         model: predicts states.
         solver: minimizes the objective.
         terms: of the objective.
-        guides: change the goal before the solver runs.
-        prepared: data of each guide about the arm.
         options: the planner options.
         approach: to goals that jump.
     """
@@ -195,8 +193,6 @@ class Step(NamedTuple):
     model: ForwardModel
     solver: Solver
     terms: tuple[Term, ...]
-    guides: tuple[Guide, ...]
-    prepared: tuple[Any, ...]
     options: PlannerOptions
     approach: Approach
 
@@ -213,10 +209,9 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, guides = options.build()
-        prepared = tuple(guide.prepare(arm, model, options.guard) for guide in guides)
+        solver, terms, _guides = options.build()
         approach = Approach.of(arm, factors or ModalFactors.nominal())
-        return cls(arm, model, solver, terms, guides, prepared, options, approach)
+        return cls(arm, model, solver, terms, options, approach)
 
     def started(
         self,
@@ -240,7 +235,7 @@ class Step(NamedTuple):
             disturbances,
             self.solver.start(bends_from_configurations(sensed)),
             GoalMotion.of(len(sensed)),
-            jnp.asarray(Outcome.SOLVED),
+            jnp.asarray(Outcome.SOLVED, jnp.int32),
         )
 
     def expectation(self, plan: Plan) -> Expectation:
@@ -273,6 +268,7 @@ class Step(NamedTuple):
         goal: Goal,
         disturbances: Disturbances | None = None,
         hysteresis: Memory = None,
+        lead: Lead | None = None,
     ) -> Plan:
         """The plan of the next control step.
 
@@ -286,6 +282,7 @@ class Step(NamedTuple):
             hysteresis: of the forward model after the present reading, as estimated;
                 None without a state estimator: then the sensed configurations advance
                 that of the last plan.
+            lead: of a guide; None for none.
         """
         if disturbances is not None and plan.disturbances is not None:
             disturbances = self._with_moments(
@@ -297,7 +294,7 @@ class Step(NamedTuple):
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
         last = plan._replace(memory=memory, disturbances=disturbances)
-        problem = self.problem(last, goal)
+        problem = self.problem(last, goal, lead)
         desired, solver = self.solver.next(problem, plan.solver)
         planned = problem.within_limits(desired)
         true = problem._replace(predict=self._predictor(last, engaged=False))
@@ -327,8 +324,8 @@ class Step(NamedTuple):
             return disturbances
         return self.model.with_moments(disturbances, sensed, memory, before)
 
-    def problem(self, last: Plan, goal: Goal) -> Problem:
-        """The problem of the solver: the goals as the guides change them."""
+    def problem(self, last: Plan, goal: Goal, lead: Lead | None = None) -> Problem:
+        """The problem of the solver: the goals to which a guide leads."""
         predict = self._predictor(last, self.options.engaged_slopes)
         bends = bends_from_configurations(last.configurations)
         candidate = predict(last.configurations, bends, last.memory)
@@ -340,11 +337,7 @@ class Step(NamedTuple):
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
             geometry.step_limit,
             self.options.on_sphere,
-            shape=candidate.bends,
-            shape_weight=jnp.zeros(()),
         )
-        for guide, prepared in zip(self.guides, self.prepared, strict=True):
-            situation = guide.apply(situation, prepared)
         load = last.disturbances.payload if last.disturbances else 0.0
         # from targets far beyond the arm, a plan would swing from side to side
         reach = np.cumsum(geometry.lengths)
@@ -353,11 +346,12 @@ class Step(NamedTuple):
         positions = limit_lengths(goal.positions, reach)
         near = goal._replace(positions=positions, preview=preview)  # type: ignore[arg-type]
         motion, ahead = last.motion.after(near, candidate.states, self.approach, load)
-        # a guide leads past what blocks the goals of the next second, too
-        guided = jnp.asarray(situation.goal.positions)
-        is_guided = (guided != jnp.asarray(goal.positions)).any(-1, keepdims=True)
-        positions = limit_lengths(jnp.where(is_guided, guided, ahead.positions), reach)
-        ahead = ahead._replace(positions=positions)  # type: ignore[arg-type]
+        if lead is not None:
+            ahead = led(ahead, lead, candidate.states[-1, POSITION])
+            is_led = jnp.asarray(lead.weight) > 0.0
+            first = jax.tree.map(lambda values: values[0], ahead)
+            goal = jax.tree.map(lambda a, b: jnp.where(is_led, a, b), first, goal)
+            situation = situation._replace(goal=goal)
         return Problem(
             situation,
             self.terms,
@@ -410,6 +404,9 @@ class Planner:
         """
         self.model = model
         step = Step.of(arm, model, options, factors)
+        _, _, guides = options.build()
+        self._leaders = [guide.leader(arm, model, options.guard) for guide in guides]
+        self._no_lead = Lead.none(arm.module_count)
         self._start = compiled(Step.started, step)
         self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
@@ -427,6 +424,8 @@ class Planner:
             raise TargetError(
                 "the estimated configurations are not finite; read the sensors again"
             )
+        for leader in self._leaders:
+            leader.reset()
         configuration = _single(estimate.configuration)
         return self._start(configuration, estimate.disturbances, estimate.hysteresis)
 
@@ -442,9 +441,33 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        return self._next(
-            plan, configuration, goal, estimate.disturbances, estimate.hysteresis
-        )
+        lead = self._lead(plan, goal)
+        disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
+        planned = self._next(plan, configuration, goal, disturbances, hysteresis, lead)
+        if any(leader.is_blocked for leader in self._leaders):
+            is_there = planned.outcome is Outcome.SOLVED
+            outcome = Outcome.SOLVED if is_there else Outcome.BLOCKED
+            planned = planned._replace(judged=np.asarray(outcome, np.int32))
+        return planned
+
+    def prepare(self, in_real_time: bool) -> None:
+        """Let guides search beside the control steps, or, in simulations, within them.
+
+        Without it, a step waits for a search. In real time everything compiles here.
+        """
+        for leader in self._leaders:
+            leader.prepare(in_real_time)
+
+    def _lead(self, plan: Plan, goal: Goal) -> Lead:
+        """Where the first guide that leads, leads to."""
+        if not self._leaders:
+            return self._no_lead
+        bends = np.asarray(bends_from_configurations(plan.configurations))
+        for leader in self._leaders:
+            lead = leader.lead(bends, goal, plan.outcome)
+            if lead is not None:
+                return lead
+        return self._no_lead
 
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""

@@ -5,21 +5,19 @@ of its parts that is nearest to the targets is a start, from which least squares
 forward model lead to the nearest shape.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.stats import qmc
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
-from s2c2a.goals import Goal
+from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.kinematics import (
-    center_line,
     configurations_from_bends,
     limit_lengths,
     norm,
@@ -28,20 +26,24 @@ from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT
 from s2c2a.planning.solvers import solve_least_squares
+from s2c2a.planning.terms import Guard, guarded_points
 from s2c2a.spaces import AXIS, POSITION
 
-# chosen; `s2c2a reproduce reach` compares them with a long search
+# chosen; tests/planning/test_reach.py compares them with a long search
 SHAPES = 2**13  # of the table
 STARTS = 8
-ITERATIONS = 15
+ITERATIONS = 20
 CHUNK = 32  # targets in a call
+BATCH = 256  # shapes predicted at once: more take memory, not less time
+FEW_OBSTACLES = 8  # as quick as one
 AXIS_LENGTH = 0.1  # of the arm's length: it costs as much as an axis turned by 1 rad
 EVENNESS = 3e-4  # weight of differences between bends: shapes do not drift
-DEPTH_WEIGHT = 3.0  # of depths in obstacles, beside distances
+DEPTH_WEIGHT = 20.0  # of depths in obstacles, beside distances
 ALIKE = 2e-3  # of the arm's length: starts that end within it lead as near
 
 Bends = Float[Array, "modules 2"]
 States = Float[Array, "modules 6"]
+PointsOf = Callable[[States], Float[Array, "points 3"]]
 
 
 class Reached(NamedTuple):
@@ -54,7 +56,7 @@ class Reached(NamedTuple):
             (targets,).
         axis_errors: largest angle between an end's axis and its target [rad], shape
             (targets,).
-        clearances: distance of the center line from the obstacles [m]; infinite without
+        clearances: distance of the guarded points from the obstacles [m]; infinite without
             any, shape (targets,).
         predictive_std: of the tip [m]; zero if the model does not know it, shape
             (targets,).
@@ -139,6 +141,18 @@ class RestingArm(NamedTuple):
         return jax.lax.stop_gradient(loaded)
 
 
+class Solutions(NamedTuple):
+    """Shapes to which several starts lead.
+
+    Attributes:
+        bends: [rad], shape (starts, modules, 2), module frames.
+        misses: distances from the target, in which axes count too [m].
+    """
+
+    bends: Float[np.ndarray, "starts modules 2"]
+    misses: Float[np.ndarray, " starts"]
+
+
 class Shapes(NamedTuple):
     """A table of shapes, spread over all bends within the limits.
 
@@ -154,19 +168,30 @@ class Shapes(NamedTuple):
 class Reachability:
     """How closely an arm at rest reaches targets, by its forward model."""
 
-    def __init__(self, arm: ArmSpec, model: ForwardModel, payload: float = 0.0):
+    def __init__(
+        self,
+        arm: ArmSpec,
+        model: ForwardModel,
+        payload: float = 0.0,
+        guard: Guard = "arm",
+    ):
         """Predict the table of shapes.
 
         Args:
             arm: its bend limits hold.
             model: predicts states.
             payload: at the tip [kg].
+            guard: the points that keep clear of obstacles.
         """
+        points_of = guarded_points(arm, guard)
         resting = RestingArm.of(arm, model, payload)
         bends = spread_bends(resting.limits, SHAPES)
         states = compiled(_states_of, resting)(bends)
         self.shapes = Shapes(jnp.asarray(bends), states)
-        self._nearest = compiled(_nearest, resting, self.shapes)
+        self._nearest = compiled(_nearest, resting, points_of, self.shapes)
+        self._solutions = compiled(
+            _solutions, resting, points_of, self.shapes, 4 * STARTS
+        )
 
     def nearest(self, goals: Goal) -> Reached:
         """The nearest shapes of goals with positions, axes and obstacles.
@@ -189,56 +214,81 @@ class Reachability:
         count = len(goals.positions)
         return Reached(**{name: values[:count] for name, values in joined.items()})
 
+    def solutions(self, goal: Goal) -> Solutions:
+        """The shapes to which several starts lead, for one goal."""
+        goals = Goal(*(np.asarray(values)[None] for values in goal))
+        (chunk,) = _chunks(goals, 1)
+        found, misses = self._solutions(Goal(*(values[0] for values in chunk)))
+        return Solutions(np.asarray(found), np.asarray(misses))
+
 
 def spread_bends(
     limits: Float[np.ndarray, " modules"], count: int
 ) -> Float[np.ndarray, "count modules 2"]:
-    """Bends [rad] that fill the discs within the limits evenly (a Sobol sequence)."""
-    sampler = qmc.Sobol(2 * len(limits), rng=0)
-    shares, turns = np.moveaxis(sampler.random(count).reshape(count, -1, 2), -1, 0)
+    """Bends [rad] that fill the discs within the limits evenly.
+
+    They are an additive recurrence with powers of a generalized golden ratio (Roberts,
+    "The unreasonable effectiveness of quasirandom sequences", 2018).
+    """
+    axes = 2 * len(limits)
+    ratio = 2.0
+    for _ in range(60):
+        ratio = (1.0 + ratio) ** (1.0 / (axes + 1.0))
+    slopes = ratio ** -np.arange(1.0, axes + 1.0)
+    places = (0.5 + np.arange(1, count + 1)[:, None] * slopes) % 1.0
+    shares, turns = np.moveaxis(places.reshape(count, -1, 2), -1, 0)
     sizes = limits * np.sqrt(shares)
     angles = 2.0 * np.pi * turns
     bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     return bends.astype(np.float32)
 
 
-def _chunks(goals: Goal) -> Iterator[Goal]:
+def obstacle_rows(used: int) -> int:
+    """Rows for so many obstacles: few, or all; each number compiles once."""
+    return FEW_OBSTACLES if used <= FEW_OBSTACLES else MAX_OBSTACLES
+
+
+def _chunks(goals: Goal, size: int = CHUNK) -> Iterator[Goal]:
     """Goals in calls of one size, with the obstacles in use alone."""
     count = len(goals.positions)
     used = int((np.asarray(goals.thresholds) > 0.0).any(axis=0).sum())
-    padded = 2 ** int(np.ceil(np.log2(used))) if used else 0
+    padded = obstacle_rows(used) if used else 0
     order = np.argsort(np.asarray(goals.thresholds).max(axis=0) <= 0.0, kind="stable")
     rows = order[:padded]
     goals = goals._replace(
         obstacles=goals.obstacles[:, rows], thresholds=goals.thresholds[:, rows]
     )
-    for begin in range(0, count, CHUNK):
-        numbers = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
+    for begin in range(0, count, size):
+        numbers = np.minimum(np.arange(begin, begin + size), count - 1)
         yield Goal(*(np.asarray(values)[numbers] for values in goals))
 
 
 def _states_of(
     arm: RestingArm, bends: Float[Array, "shapes modules 2"]
 ) -> Float[Array, "shapes modules 6"]:
-    return jax.vmap(arm.states)(bends)
+    return jax.lax.map(arm.states, bends, batch_size=BATCH)
 
 
-def _nearest(arm: RestingArm, shapes: Shapes, goals: Goal) -> dict[str, Array]:
+def _nearest(
+    arm: RestingArm, points_of: PointsOf, shapes: Shapes, goals: Goal
+) -> dict[str, Array]:
     """The fields of `Reached` for a chunk of goals."""
-    return jax.vmap(lambda goal: _nearest_of_one(arm, shapes, goal))(goals)
+    return jax.vmap(lambda goal: _nearest_of_one(arm, points_of, shapes, goal))(goals)
 
 
-def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> dict[str, Array]:
+def _solutions(
+    arm: RestingArm, points_of: PointsOf, shapes: Shapes, count: int, goal: Goal
+) -> tuple[Float[Array, "starts modules 2"], Float[Array, " starts"]]:
+    """Shapes from several starts, and their distances from the target [m]."""
     length = jnp.sum(jnp.asarray(arm.lengths))
     errors = jax.vmap(lambda states: _target_errors(states, goal, length))
-    costs = jnp.sum(errors(shapes.states) ** 2, axis=-1).reshape(STARTS, -1)
-    first = jnp.arange(STARTS) * costs.shape[1]
+    costs = jnp.sum(errors(shapes.states) ** 2, axis=-1).reshape(count, -1)
+    first = jnp.arange(count) * costs.shape[1]
     starts = shapes.bends[first + jnp.argmin(costs, axis=1)]
 
     def residuals(bends: Bends) -> Float[Array, " residuals"]:
         states = arm.states(bends)
-        line = center_line(states, arm.lengths)
-        depths = jnp.maximum(-_clearances(line, goal), 0.0) / length
+        depths = jnp.maximum(-_clearances(points_of(states), goal), 0.0) / length
         return jnp.concatenate(
             [
                 _target_errors(states, goal, length),
@@ -253,15 +303,22 @@ def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> dict[str, Ar
         )
 
     found, costs = jax.vmap(solved)(starts)
-    bends = found[jnp.argmin(costs)]
+    return found, jnp.sqrt(costs) * length
+
+
+def _nearest_of_one(
+    arm: RestingArm, points_of: PointsOf, shapes: Shapes, goal: Goal
+) -> dict[str, Array]:
+    length = jnp.sum(jnp.asarray(arm.lengths))
+    found, misses = _solutions(arm, points_of, shapes, STARTS, goal)
+    bends = found[jnp.argmin(misses)]
     states = arm.states(bends)
     ends = norm(states[:, POSITION] - goal.positions)
     cosines = jnp.sum(states[:, AXIS] * goal.axes, axis=-1)
     angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
-    misses = jnp.sqrt(costs)
     has_position = jnp.asarray(goal.position_weights) > 0.0
     has_axis = jnp.asarray(goal.axis_weights) > 0.0
-    clearances = _clearances(center_line(states, arm.lengths), goal)
+    clearances = _clearances(points_of(states), goal)
     return {
         "bends": bends,
         "states": states,
@@ -269,7 +326,7 @@ def _nearest_of_one(arm: RestingArm, shapes: Shapes, goal: Goal) -> dict[str, Ar
         "axis_errors": jnp.max(jnp.where(has_axis, angles, 0.0)),
         "clearances": jnp.min(clearances, initial=jnp.inf),
         "predictive_std": arm.predictive_std(bends),
-        "agreeing": jnp.mean(misses <= jnp.min(misses) + ALIKE),
+        "agreeing": jnp.mean(misses <= jnp.min(misses) + ALIKE * length),
     }
 
 

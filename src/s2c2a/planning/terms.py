@@ -61,7 +61,7 @@ class Situation(NamedTuple):
     """Quantities that are fixed during one control step.
 
     Attributes:
-        goal: as changed by the guides.
+        goal: of the next moment.
         last: the last plan with its current prediction.
         length: of the arm [m].
         bend_limits: of every module as sensed (`ArmGeometry.planned_bends`) [rad],
@@ -69,8 +69,6 @@ class Situation(NamedTuple):
         longest_step: largest change of a module's bend in a control step
             (`ArmGeometry.step_limit`) [rad].
         on_sphere: whether configurations are kept at unit length.
-        shape: bends that a guide desires [rad], shape (modules, 2).
-        shape_weight: one if a guide desires that shape, else zero.
     """
 
     goal: Goal
@@ -79,8 +77,6 @@ class Situation(NamedTuple):
     bend_limits: Float[Array, " modules"]
     longest_step: float
     on_sphere: bool
-    shape: Bends
-    shape_weight: Float[Array, ""]
 
 
 def guarded_points(
@@ -242,9 +238,9 @@ class BendChange(Term):
 
 @dataclass(frozen=True)
 class Shape(Term):
-    """Distance from the bends that a guide desires, on a path around obstacles.
+    """Distance from the desired bends, such as those on a way around obstacles.
 
-    From another shape, the next point of the path may be out of reach.
+    From another shape, the next point of a way may be out of reach.
 
     Attributes:
         weight: [1/rad].
@@ -254,8 +250,8 @@ class Shape(Term):
 
     def residual(self, candidate: Candidate, situation: Situation) -> Residual:
         """Shape (modules, 2)."""
-        error = candidate.bends - situation.shape
-        return situation.shape_weight, self.weight * error
+        goal = situation.goal
+        return goal.shape_weight, self.weight * (candidate.bends - goal.shape)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,13 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
             )
         return required
 
+    def prepare(self, in_real_time: bool) -> None:
+        """Tell the controller whether steps may wait, if it wants to know (`prepare`)."""
+        prepare = getattr(self.driver, "prepare", None)
+        if prepare is not None:
+            with self._errors("prepare"):
+                prepare(in_real_time)
+
     def start(self, reading: Reading) -> None:
         """Start the controller."""
         with self._errors("start"):

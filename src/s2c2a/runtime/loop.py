@@ -131,6 +131,7 @@ class Loop:
         """
         required = self.required_sensors(driver)
         self._checked_driver = self._checked(driver)
+        self._checked_driver.prepare(not isinstance(self._clock, StepClock))
         self._check = ReadingCheck(
             self._robot.sensors,
             required,

@@ -159,6 +159,10 @@ class Strategy:
             }
         )
 
+    def prepare(self, in_real_time: bool) -> None:
+        """See `Planner.prepare`."""
+        self._planner.prepare(in_real_time)
+
     def _begin(self, estimate: Estimate) -> None:
         self._estimate = estimate
         self._plan = self._planner.start(estimate)

@@ -13,6 +13,9 @@ from s2c2a.goals import Goal, preview_stride, previewed
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
 
+MARGIN = 0.04
+"""Of the arm's length, of targets from obstacles; that of `planning.Detour`."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -81,7 +84,9 @@ class Task:
     def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
         """The goals as the arm gets them, with those ahead if it knows them."""
         turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
-        shown = previewed(self.goals, arm.control_period, turn * arm.length)
+        shown = previewed(
+            self.goals, arm.control_period, turn * arm.length, MARGIN * arm.length
+        )
         return shown if self.foreseen else self.goals
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:

@@ -1,0 +1,413 @@
+"""Ways around obstacles: from one shape of the arm to another, in bends.
+
+The table of shapes that reachability uses is a roadmap: shapes within it that are near to
+each other are connected (Kavraki et al., IEEE Trans. Robotics and Automation 12, 1996).
+Whether a connection is free of obstacles is found out only for those on the shortest way
+so far (Bohlin and Kavraki, ICRA 2000). The way found is cut short, and then improved as
+a whole by Gauss-Newton: the way of the tip, its smoothness, and the distance from the
+obstacles.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from s2c2a.arm import ArmSpec
+from s2c2a.compilation import compiled
+from s2c2a.goals import Goal
+from s2c2a.kinematics import limit_lengths, norm
+from s2c2a.models.forward_model import ForwardModel
+from s2c2a.planning.reach import (
+    BATCH,
+    PointsOf,
+    Reachability,
+    RestingArm,
+    obstacle_rows,
+)
+from s2c2a.planning.solvers import linearize
+from s2c2a.planning.terms import Guard, guarded_points
+from s2c2a.spaces import POSITION
+
+# chosen; tests/planning/test_detour.py holds ways short and clear
+NEIGHBORS = 12  # of every shape
+ENTRIES = 32  # shapes of the table that start and ends are connected with
+ENDS = 8  # shapes that reach the target
+OUTSIDE = 1e-3  # m; solutions end this far outside of obstacles
+MISS_COST = 30.0  # way of the tip that an end nearer by 1 is worth
+CHECKED = np.deg2rad(3.0)  # largest bend between two checked shapes of a connection
+SEARCHES = 100
+EDGES_AT_ONCE = 4096  # checked side by side: more take memory, not less time
+PARABOLA = np.array(
+    [[0.375, 0.75, -0.125], [0.0, 1.0, 0.0], [-0.125, 0.75, 0.375]], np.float32
+)  # places at a quarter, a half and three quarters, from start, middle and end
+TURN_LENGTH = 0.05  # of the arm's length: a way of the tip that costs as much as 1 rad
+KNOTS = 32  # of an improved way
+IMPROVEMENTS = 12  # of Gauss-Newton
+LARGEST_STEP = np.deg2rad(4.0)  # of a knot in an improvement
+CHANGE, TURN = 0.02, 0.3  # weights of the bends' changes, beside the way of the tip
+DEPTH, AROUND = 3.0, 0.02  # weight; surroundings of obstacles, of the arm's length
+DAMPING = 1e-4  # of squared slopes near one
+
+Bends = Float[Array, "modules 2"]
+Edges = Int[np.ndarray, "edges 2"]
+Shape = Float[np.ndarray, "modules 2"]
+ShapesOf = Float[np.ndarray, "shapes modules 2"]
+
+
+class Scene(NamedTuple):
+    """Obstacles with the distance to be kept.
+
+    Attributes:
+        centers: [m], base frame, shape (obstacles, 3).
+        radii: thresholds and margin [m]; zero for unused rows, shape (obstacles,).
+    """
+
+    centers: Float[np.ndarray, "obstacles 3"]
+    radii: Float[np.ndarray, " obstacles"]
+
+    @classmethod
+    def of(cls, goal: Goal, margin: float) -> "Scene":
+        """The obstacles of a goal, in one of two numbers of rows."""
+        used = np.flatnonzero(np.asarray(goal.thresholds) > 0.0)
+        rows = obstacle_rows(len(used))
+        centers = np.zeros((rows, 3), np.float32)
+        radii = np.zeros(rows, np.float32)
+        centers[: len(used)] = np.asarray(goal.obstacles)[used]
+        radii[: len(used)] = np.asarray(goal.thresholds)[used] + margin
+        return cls(centers, radii)
+
+    def clearances(
+        self, points: Float[Array, "*batch points 3"]
+    ) -> Float[Array, "*batch points obstacles"]:
+        """Distances of points [m]; infinite for unused rows."""
+        distances = norm(points[..., None, :] - self.centers) - self.radii
+        return jnp.where(self.radii > 0.0, distances, jnp.inf)
+
+
+class Way(NamedTuple):
+    """Shapes on the way, near to each other.
+
+    Attributes:
+        bends: [rad], shape (knots, modules, 2), module frames.
+        tips: positions of the tip [m], shape (knots, 3), base frame.
+        miss: distance of its end from the target, in which axes count too [m].
+        detained: by how much obstacles keep its end farther away [m].
+        is_straight: whether it leads straight on, in bends.
+    """
+
+    bends: ShapesOf
+    tips: Float[np.ndarray, "knots 3"]
+    miss: float
+    detained: float
+    is_straight: bool
+
+    def at(
+        self, wanted: Float[np.ndarray, " shapes"], places: Float[np.ndarray, " knots"]
+    ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"]]:
+        """Shapes and tips between the knots, which are at these places."""
+        flat = np.concatenate([self.bends.reshape(len(places), -1), self.tips], axis=1)
+        values = np.stack([np.interp(wanted, places, row) for row in flat.T], axis=1)
+        bends = values[:, :-3].reshape(-1, *self.bends.shape[1:])
+        return bends, values[:, -3:]
+
+    @property
+    def length(self) -> float:
+        """Way of the tip [m]."""
+        return float(np.linalg.norm(np.diff(self.tips, axis=0), axis=1).sum())
+
+
+class Roadmap:
+    """Finds ways of an arm at rest around obstacles, by its forward model."""
+
+    def __init__(self, arm: ArmSpec, model: ForwardModel, guard: Guard):
+        """Predict and connect the table of shapes.
+
+        Args:
+            arm: its bend limits hold.
+            model: predicts states.
+            guard: the points that keep clear.
+        """
+        resting = RestingArm.of(arm, model)
+        self._reach = Reachability(arm, model, guard=guard)
+        self._length = arm.length
+        points_of = guarded_points(arm, guard)
+        table = self._reach.shapes
+        self._bends = np.asarray(table.bends)
+        self._tips = np.asarray(table.states)[:, -1, POSITION]
+        flat = self._bends.reshape(len(self._bends), -1)
+        self._tree = cKDTree(flat)
+        _, near = self._tree.query(flat, NEIGHBORS + 1)
+        pairs = np.stack(np.broadcast_arrays(near[:, :1], near[:, 1:]), axis=-1)
+        self._edges = np.unique(np.sort(pairs.reshape(-1, 2), axis=1), axis=0)
+        middles = self._bends[self._edges].mean(axis=1)
+        points = jax.vmap(points_of)(table.states)
+        between = compiled(_points_of_shapes, resting, points_of)(middles)
+        self._screened = compiled(_screened, points, between, self._edges)
+        self._observed = compiled(_observed, resting, points_of)
+        self._improved = compiled(_improved, resting, points_of)
+
+    def find(self, start: Shape, goal: Goal, margin: float) -> Way | None:
+        """The shortest way that is found, or None.
+
+        Args:
+            start: present bends [rad], shape (modules, 2).
+            goal: where the way ends; its obstacles.
+            margin: distance from the obstacles [m].
+        """
+        scene = Scene.of(goal, margin)
+        ends, misses = self._ends(goal, scene, margin)
+        if not len(ends):
+            return None
+        is_free, may_connect = map(np.asarray, self._screened(scene))
+        bends = np.concatenate([self._bends, np.asarray(start, np.float32)[None], ends])
+        outer_tips, _ = self._observe(bends[len(self._bends) :], scene)
+        tips = np.concatenate([self._tips, outer_tips])
+        edges = self._edges[may_connect]
+        entries = self._entries(bends, is_free)
+        entries = entries[self._free_connections(bends[entries], scene)]
+        path = self._search(bends, tips, edges, entries, scene, misses)
+        if path is None:
+            return None
+        corners = self._cut_short(bends[path], tips[path], scene)
+        knots = self._smoothed(corners, scene)
+        way_tips, _ = self._observe(knots, scene)
+        miss = float(misses[path[-1] - len(bends)])
+        without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
+        detained = miss - float(self._reach.solutions(without).misses.min())
+        return Way(knots, way_tips, miss, detained, len(corners) == 2)
+
+    def _ends(
+        self, goal: Goal, scene: Scene, margin: float
+    ) -> tuple[ShapesOf, Float[np.ndarray, " ends"]]:
+        """Free shapes near the goal, the nearest first, and their distances from it [m]."""
+        exists = np.asarray(goal.thresholds) > 0.0
+        radii = np.where(exists, goal.thresholds + margin + OUTSIDE, 0.0)
+        found = self._reach.solutions(
+            goal._replace(thresholds=radii.astype(np.float32))
+        )
+        _, clearances = self._observe(found.bends, scene)
+        is_free = clearances > 0.0
+        ends, misses = found.bends[is_free], found.misses[is_free]
+        order = np.argsort(misses + 1e-3 * np.linalg.norm(ends, axis=(1, 2)))[:ENDS]
+        return ends[order], misses[order]
+
+    def _entries(self, bends: ShapesOf, is_free: np.ndarray) -> Edges:
+        """Connections of start and ends with the table, and of both."""
+        first = len(self._bends)
+        outer = np.arange(first, len(bends))
+        flat = bends[first:].reshape(len(outer), -1)
+        _, near = self._tree.query(flat, 4 * ENTRIES)
+        pairs = [np.stack([np.full(len(outer) - 1, first), outer[1:]], axis=1)]
+        for number, row in zip(outer, near, strict=True):
+            free = row[is_free[row]][:ENTRIES]
+            pairs.append(np.stack([np.full(len(free), number), free], axis=1))
+        return np.concatenate(pairs)
+
+    def _search(
+        self,
+        bends: ShapesOf,
+        tips: np.ndarray,
+        edges: Edges,
+        entries: Edges,
+        scene: Scene,
+        misses: Float[np.ndarray, " ends"],
+    ) -> Int[np.ndarray, " nodes"] | None:
+        """Numbers of the shapes on the shortest free way.
+
+        Connections of the table are checked once they are on the shortest way.
+        """
+        count = len(bends)
+        start = count - len(misses) - 1
+        is_checked = np.arange(len(edges) + len(entries)) >= len(edges)
+        edges = np.sort(np.concatenate([edges, entries]), axis=1)
+        costs = self._costs(bends, tips, edges)
+        for _ in range(SEARCHES):
+            distances, before = _shortest(costs, edges, count, start)
+            last = start + 1 + np.argmin(distances[start + 1 :] + MISS_COST * misses)
+            if not np.isfinite(distances[last]):
+                return None
+            nodes = _nodes(before, int(last))
+            steps = np.sort(np.array(list(pairwise(nodes))), axis=1)
+            on_way = np.flatnonzero(np.isin(edges @ [count, 1], steps @ [count, 1]))
+            unknown = on_way[~is_checked[on_way]]
+            if not len(unknown):
+                return np.array(nodes)
+            is_free = self._free_connections(bends[edges[unknown]], scene)
+            is_checked[unknown] = True
+            costs[unknown[~is_free]] = np.inf
+        return None
+
+    def _free_connections(
+        self, pairs: Float[np.ndarray, "pairs 2 modules 2"], scene: Scene
+    ) -> np.ndarray:
+        """Whether each straight connection is free, between its ends too."""
+        largest = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=-1).max(axis=-1)
+        counts = np.maximum(np.ceil(largest / CHECKED).astype(int), 2)
+        shares = [np.arange(1, count) / count for count in counts]
+        rows = np.repeat(np.arange(len(pairs)), counts - 1)
+        share = np.concatenate(shares)[:, None, None]
+        shapes = pairs[rows, 0] + share * (pairs[rows, 1] - pairs[rows, 0])
+        _, clearances = self._observe(shapes, scene)
+        smallest = np.full(len(pairs), np.inf)
+        np.minimum.at(smallest, rows, clearances)
+        return smallest > 0.0
+
+    def _observe(
+        self, bends: ShapesOf, scene: Scene
+    ) -> tuple[Float[np.ndarray, "shapes 3"], Float[np.ndarray, " shapes"]]:
+        """Tips, and clearances of the guarded points, of any number of shapes [m]."""
+        count = len(bends)
+        rows = np.minimum(np.arange(-(-count // BATCH) * BATCH), count - 1)
+        calls = np.asarray(bends, np.float32)[rows].reshape(-1, BATCH, *bends.shape[1:])
+        found = [self._observed(call, scene) for call in calls]
+        tips = [np.zeros((0, 3)), *(np.asarray(seen[0]) for seen in found)]
+        clearances = [np.zeros(0), *(np.asarray(seen[1]) for seen in found)]
+        return np.concatenate(tips)[:count], np.concatenate(clearances)[:count]
+
+    def _cut_short(self, bends: ShapesOf, tips: np.ndarray, scene: Scene) -> ShapesOf:
+        """The corners of the shortest way over any of these shapes."""
+        count = len(bends)
+        pairs = np.stack(np.triu_indices(count, 1), axis=1)
+        free = self._free_connections(bends[pairs], scene)
+        free |= np.diff(pairs, axis=1)[:, 0] == 1
+        pairs = pairs[free]
+        costs = self._costs(bends, tips, pairs)
+        _, before = _shortest(costs, pairs, count, 0)
+        return bends[_nodes(before, count - 1)]
+
+    def _costs(
+        self, bends: ShapesOf, tips: np.ndarray, edges: Edges
+    ) -> Float[np.ndarray, " edges"]:
+        """Ways of the tip [m], and as much for turns of the modules."""
+        changes = bends[edges[:, 1]] - bends[edges[:, 0]]
+        turns = np.linalg.norm(changes, axis=(1, 2))
+        ways = np.linalg.norm(np.diff(tips[edges], axis=1), axis=(1, 2))
+        return ways + TURN_LENGTH * self._length * turns + np.finfo(np.float32).eps
+
+    def _smoothed(self, corners: ShapesOf, scene: Scene) -> ShapesOf:
+        """Knots of the improved way, or of that over the corners if it is not free."""
+        dense = resampled(corners, KNOTS)
+        improved = np.asarray(self._improved(jnp.asarray(dense, jnp.float32), scene))
+        pairs = np.stack([improved[:-1], improved[1:]], axis=1)
+        return improved if self._free_connections(pairs, scene).all() else dense
+
+
+def _shortest(
+    costs: Float[np.ndarray, " edges"], edges: Edges, count: int, start: int
+) -> tuple[Float[np.ndarray, " nodes"], Int[np.ndarray, " nodes"]]:
+    """Distance of every node from the start, and the node before it."""
+    kept = np.isfinite(costs)
+    graph = coo_matrix((costs[kept], edges[kept].T), shape=(count, count)).tocsr()
+    return dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+
+
+def _nodes(before: Int[np.ndarray, " nodes"], last: int) -> list[int]:
+    """The nodes on the way to the last one."""
+    nodes = [last]
+    while before[nodes[-1]] >= 0:
+        nodes.append(int(before[nodes[-1]]))
+    return nodes[::-1]
+
+
+def resampled(corners: ShapesOf, count: int) -> ShapesOf:
+    """Shapes at equal distances, in bends, on the way over the corners."""
+    steps = np.linalg.norm(np.diff(corners, axis=0), axis=(1, 2))
+    places = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, places[-1], count)
+    flat = corners.reshape(len(corners), -1)
+    columns = [np.interp(wanted, places, column) for column in flat.T]
+    return np.stack(columns, axis=1).reshape(count, *corners.shape[1:])
+
+
+def _points_of_shapes(
+    arm: RestingArm, points_of: PointsOf, bends: Float[Array, "shapes modules 2"]
+) -> Float[Array, "shapes points 3"]:
+    return jax.lax.map(
+        lambda bends: points_of(arm.states(bends)), bends, batch_size=BATCH
+    )
+
+
+def _screened(
+    points: Float[Array, "nodes points 3"],
+    middles: Float[Array, "edges points 3"],
+    edges: Int[Array, "edges 2"],
+    scene: Scene,
+) -> tuple[Array, Array]:
+    """Nodes that are free, and edges that seem free at three places.
+
+    Between its ends and its middle, points move along parabolas.
+    """
+    is_free = scene.clearances(points).min(axis=(-2, -1)) > 0.0
+
+    def seems_free(edge: tuple[Array, Array]) -> Bool[Array, ""]:
+        (a, b), middle = edge
+        start, end = points[a], points[b]
+        quarters = jnp.asarray(PARABOLA) @ jnp.stack([start, middle, end]).reshape(
+            3, -1
+        )
+        between = quarters.reshape(-1, *middle.shape)
+        return is_free[a] & is_free[b] & (scene.clearances(between) > 0.0).all()
+
+    return is_free, jax.lax.map(seems_free, (edges, middles), batch_size=EDGES_AT_ONCE)
+
+
+def _observed(
+    arm: RestingArm,
+    points_of: PointsOf,
+    bends: Float[Array, "shapes modules 2"],
+    scene: Scene,
+) -> tuple[Float[Array, "shapes 3"], Float[Array, " shapes"]]:
+    """Tips of shapes [m], and the smallest clearances of their guarded points [m]."""
+    states = jax.vmap(arm.states)(bends)
+    clearances = scene.clearances(jax.vmap(points_of)(states))
+    return states[:, -1, POSITION], clearances.min(axis=(-2, -1))
+
+
+def _improved(
+    arm: RestingArm,
+    points_of: PointsOf,
+    knots: Float[Array, "knots modules 2"],
+    scene: Scene,
+) -> Float[Array, "knots modules 2"]:
+    """The knots after some steps of Gauss-Newton; both ends stay."""
+    count, size = len(knots), knots[0].size
+    length = jnp.sum(jnp.asarray(arm.lengths))
+    changes = np.diff(np.eye(count), axis=0) * np.sqrt(count - 1.0)
+    turns = np.diff(np.eye(count), 2, axis=0) * (count - 1.0) ** 1.5 / count
+    smooth = CHANGE**2 * changes.T @ changes + TURN**2 * turns.T @ turns / count
+    smoothness = jnp.asarray(np.kron(smooth, np.eye(size)), jnp.float32)
+    inner = jnp.asarray(
+        np.repeat(np.arange(count) % (count - 1) > 0, size), jnp.float32
+    )
+
+    def seen(bends: Bends) -> Float[Array, " values"]:
+        """Tip, and depths of points in the surroundings of obstacles."""
+        states = arm.states(bends)
+        gaps = scene.clearances(points_of(states)) - AROUND * length
+        depths = DEPTH * jnp.minimum(gaps, 0.0) / length
+        return jnp.concatenate([states[-1, POSITION] / length, depths.reshape(-1)])
+
+    def improve(_: int, knots: Array) -> Array:
+        values, slopes = jax.vmap(lambda bends: linearize(seen, bends))(knots)
+        steps = jnp.einsum("dk,kri->drki", changes, slopes[:, :3]).reshape(
+            -1, inner.size
+        )
+        depths, blocks = values[:, 3:], slopes[:, 3:]
+        gradient = steps.T @ (changes @ values[:, :3]).reshape(-1)
+        gradient += jnp.einsum("kri,kr->ki", blocks, depths).reshape(-1)
+        gradient += smoothness @ knots.reshape(-1)
+        own = jnp.einsum("kri,krj->kij", blocks, blocks)
+        matrix = steps.T @ steps + smoothness + jax.scipy.linalg.block_diag(*own)
+        matrix = matrix * jnp.outer(inner, inner) + jnp.diag(1.0 - inner + DAMPING)
+        step = -jnp.linalg.solve(matrix, gradient * inner).reshape(knots.shape)
+        largest = jnp.maximum(jnp.max(norm(step)), LARGEST_STEP)
+        return limit_lengths(knots + step * LARGEST_STEP / largest, arm.limits)
+
+    return jax.lax.fori_loop(0, IMPROVEMENTS, improve, knots)
