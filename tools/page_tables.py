@@ -573,6 +573,44 @@ def _motion_lines(
     return lines
 
 
+@shown_as("scenes")
+def scenes_table() -> str:
+    """Tasks past obstacles, turned about the vertical axis."""
+    file = "scenes/results.json"
+    metrics = (("end distance", 2), ("clearance of the arm", 2), ("path length", 0))
+    lines = []
+    for row in find_rows(file, metric="end distance"):
+        cells = [
+            number(find_row(file, task=row["task"], metric=metric)["mean"], digits)
+            for metric, digits in metrics
+        ]
+        lines.append([row["task"], *cells])
+    header = ["task", "end distance [cm]", "clearance of the arm [cm]"]
+    return table([*header, "path length [cm]"], lines)
+
+
+@shown_as("scene-shares")
+def scene_shares_table() -> str:
+    """Drawn scenes and crossing spheres: shares of runs."""
+    file = "scenes/results.json"
+    lines = []
+    for row in find_rows(file, metric="reached"):
+        untouched = find_row(file, task=row["task"], metric="untouched")["mean"]
+        smallest = find_row(
+            file, task=row["task"], metric="smallest clearance of the arm"
+        )
+        lines.append(
+            [
+                row["task"],
+                f"{100 * row['mean']:.0f}%",
+                f"{100 * untouched:.0f}%",
+                number(smallest["mean"], 2),
+            ]
+        )
+    header = ["scenes", "reached within 1 cm", "no point deeper than 2 mm"]
+    return table([*header, "smallest clearance [cm]"], lines)
+
+
 @shown_as("open-loop")
 def open_loop_table() -> str:
     """Errors of predictions over a second on a real arm."""

@@ -218,6 +218,32 @@ def motion(
         results.keep(study.motion_rows(moved, results.make))
 
 
+def scenes(
+    arm: Arm = "twin_arm",
+    drawn: int = 50,
+    crossings: int = 20,
+    seeds: int = 1,
+    work: Work = ALL_CORES,
+) -> None:
+    """Ways of the whole arm past obstacles: turned and drawn scenes, crossing spheres.
+
+    Repeat the command to continue an interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        drawn: number of drawn scenes, each with a way.
+        crossings: number of spheres that cross the way.
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a_experiments import scenes as study
+
+    passed = study.SceneStudy(load_arm(arm), drawn, crossings, _seeds(seeds))
+    options = asdict(passed) | {"arm": passed.arm.name}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.scene_rows(passed, results.make))
+
+
 @beside("random_arms", "strength")
 def repetition(
     arm: Arm = "twin_arm",

@@ -1,0 +1,201 @@
+"""Scenes: whether the whole arm finds its way past obstacles, and how far it goes.
+
+A drawn scene has a way by construction: obstacles keep away from an arm of arcs that goes
+from rest over a drawn shape to the shape that has the target at its tip. They are put on
+the way that goes there straight on.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import jax
+import numpy as np
+
+from s2c2a import jobs
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import center_line
+from s2c2a.evaluation import Row
+from s2c2a.kinematics import states_from_bends
+from s2c2a.planning import Goal
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies import RunOptions, recipe_named
+from s2c2a.tasks import Score, Task, load_task
+from s2c2a_experiments.run_rows import metric_rows
+
+EXPERIMENT = "scenes"
+TURNED = ("reach-1", "reach-2", "risk-a", "risk-c")
+TURNS_DEG = (40.0, 160.0, 275.0)
+SCENE_TIME = 15.0  # s
+MOST_OBSTACLES = 8
+RADII = (0.04, 0.12)  # of the arm's length
+ROOM = 0.06  # of the arm's length, between obstacles and the way that exists
+CROSSING_SPEED = 0.1  # m/s
+CROSSING_TIME = 12.0  # s
+TOUCHED = -0.2  # cm
+NEAR = 1.0  # cm
+SCORES = (
+    Score("end distance"),
+    Score("clearance of the arm"),
+    Score("path length"),
+)
+
+
+@dataclass(frozen=True)
+class SceneStudy:
+    """What is run.
+
+    Attributes:
+        arm: that goes past obstacles, all of it guarded.
+        drawn: number of drawn scenes.
+        crossings: number of spheres that cross the way.
+        seeds: of data, training and start.
+    """
+
+    arm: ArmSpec
+    drawn: int = 50
+    crossings: int = 20
+    seeds: tuple[int, ...] = (0,)
+
+
+def turned_task(name: str, arm: ArmSpec, degrees: float) -> Task:
+    """A task turned about the vertical axis."""
+    turn = np.deg2rad(degrees)
+    matrix = np.array(
+        [
+            [np.cos(turn), -np.sin(turn), 0.0],
+            [np.sin(turn), np.cos(turn), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    task = load_task(name, arm)
+    goals = [
+        goal._replace(
+            positions=np.asarray(goal.positions @ matrix.T, np.float32),
+            obstacles=np.asarray(goal.obstacles @ matrix.T, np.float32),
+        )
+        for goal in task.goals
+    ]
+    named = f"{name}, turned by {degrees:g} deg"
+    return replace(task, name=named, goals=tuple(goals), scores=SCORES)
+
+
+def drawn_task(arm: ArmSpec, seed: int) -> Task:
+    """A still target past drawn obstacles."""
+    random = np.random.default_rng(seed)
+    shapes = _drawn_bends(arm, random, 2)
+    rest = np.zeros_like(shapes[0])
+    free = _lines(arm, np.array([rest, *shapes]))
+    straight = _lines(arm, np.array([rest, shapes[-1]]))
+    count = int(random.integers(1, MOST_OBSTACLES + 1))
+    spheres = list(_spheres_between(arm, free, straight, count, random))
+    table = np.reshape(spheres, (-1, 4))
+    goal = Goal.of(arm.module_count).with_obstacles(table[:, :3], table[:, 3])
+    target = goal.with_position(free[-1, -1])
+    steps = round(SCENE_TIME * arm.control_rate)
+    return Task(f"drawn scene {seed}", (target,) * steps, SCORES)
+
+
+def crossing_task(arm: ArmSpec, seed: int) -> Task:
+    """A still target, and a sphere that crosses the arm at 10 cm/s."""
+    random = np.random.default_rng(seed)
+    (shape,) = _drawn_bends(arm, random, 1)
+    line = _lines(arm, np.array([np.zeros_like(shape), shape]))[-1]
+    place = line[random.integers(len(line) // 2, len(line))]
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    velocity = CROSSING_SPEED * np.array([np.cos(angle), np.sin(angle), 0.0])
+    radius = random.uniform(*RADII) * arm.length
+    times = np.arange(1, round(CROSSING_TIME * arm.control_rate) + 1) / arm.control_rate
+    target = Goal.of(arm.module_count).with_position(line[-1])
+    goals = [
+        target.with_obstacles([place + velocity * (time - CROSSING_TIME / 2)], [radius])
+        for time in times
+    ]
+    return Task(f"crossing sphere {seed}", tuple(goals), SCORES)
+
+
+def scene_rows(study: SceneStudy, make: jobs.Make) -> list[Row]:
+    """Rows of all scenes; of the drawn ones and of the crossing spheres, shares.
+
+    Args:
+        study: what is run.
+        make: finds or makes runs, networks and recordings.
+    """
+    turned = [
+        turned_task(name, study.arm, degrees)
+        for name in TURNED
+        for degrees in (0.0, *TURNS_DEG)
+    ]
+    drawn = [drawn_task(study.arm, seed) for seed in range(study.drawn)]
+    crossing = [crossing_task(study.arm, seed) for seed in range(study.crossings)]
+    groups = [_jobs([task], study) for task in turned]
+    groups += [_jobs(drawn, study), _jobs(crossing, study)]
+    *single, past, crossed = jobs.in_groups(make, groups)
+    rows = [row for runs in single for row in jobs.score_rows(EXPERIMENT, runs)]
+    for name, runs in (("drawn scenes", past), ("crossing spheres", crossed)):
+        rows += _shares(name, runs)
+    return rows
+
+
+def _jobs(tasks: Sequence[Task], study: SceneStudy) -> list[jobs.Job]:
+    conditions = jobs.Conditions(RobotFactory.simulation(), RunOptions("arm"))
+    recipe = recipe_named("best")
+    return jobs.jobs_for(tasks, study.arm, ["s2c2a"], study.seeds, recipe, conditions)
+
+
+def _shares(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
+    """Shares of runs that reach their target, and that touch no obstacle."""
+    if not runs:
+        return []
+    scores = [
+        {row.metric: row.mean for row in jobs.score_rows(EXPERIMENT, [run])}
+        for run in runs
+    ]
+    ends = np.array([score["end distance"] for score in scores])
+    clearances = np.array([score["clearance of the arm"] for score in scores])
+    metrics = {
+        ("reached", "of runs"): [float(np.mean(ends < NEAR))],
+        ("untouched", "of runs"): [float(np.mean(clearances > TOUCHED))],
+        ("smallest clearance of the arm", "cm"): [float(clearances.min())],
+    }
+    rows = metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics)
+    return [replace(row, task=name) for row in rows]
+
+
+def _drawn_bends(arm: ArmSpec, random: np.random.Generator, count: int) -> np.ndarray:
+    """Shapes at most 0.8 of the way to the bend limits, shape (count, modules, 2)."""
+    limits = 0.8 * ArmGeometry.of(arm).bend_limits
+    sizes = limits * np.sqrt(random.uniform(0.2, 1.0, (count, arm.module_count)))
+    angles = random.uniform(0.0, 2.0 * np.pi, (count, 1))
+    angles = angles + random.normal(0.0, 0.6, (count, arm.module_count))
+    return sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _lines(arm: ArmSpec, corners: np.ndarray, steps: int = 12) -> np.ndarray:
+    """Center lines [m] on the way over shapes, shape (shapes, points, 3)."""
+    shares = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None, None]
+    pieces = [start + shares * (end - start) for start, end in pairwise(corners)]
+    bends = np.concatenate([*pieces, corners[-1:]]).astype(np.float32)
+    lengths = np.asarray(ArmGeometry.of(arm).lengths, np.float32)
+    return center_line(np.asarray(_states(bends, lengths)), lengths)
+
+
+def _spheres_between(
+    arm: ArmSpec,
+    free: np.ndarray,
+    straight: np.ndarray,
+    count: int,
+    random: np.random.Generator,
+) -> Iterator[np.ndarray]:
+    """Spheres on the straight way that leave room for the free one; fewer, if need be."""
+    room = ROOM * arm.length
+    tips = straight[:, -1]
+    for _ in range(count):
+        radius = random.uniform(*RADII) * arm.length
+        near = tips[random.integers(1, len(tips))] + random.normal(0.0, radius, 3)
+        gap = np.linalg.norm(free - near, axis=-1).min() - room
+        if gap > 0.2 * radius:
+            yield np.append(near, min(gap, radius))
+
+
+_states = jax.jit(jax.vmap(states_from_bends, in_axes=(0, None)))
