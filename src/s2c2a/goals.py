@@ -15,9 +15,7 @@ from s2c2a.immutable import immutable
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
-DETOUR = (
-    3.0  # chosen: time around an obstacle, over that of a straight way at full speed
-)
+DETOUR = 3.0  # chosen: time around an obstacle, over that straight on at full speed
 START_TIME = 1.0  # s; chosen: until an arm moves, see `planning.Detour`
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields

@@ -163,17 +163,20 @@ def test_a_search_without_a_way_is_said():
 
 
 def test_in_real_time_a_step_waits_for_no_search(monkeypatch):
+    begun = []
+
     def slow(*_):
+        begun.append(time.perf_counter())
         time.sleep(1.0)
 
     planner = Planner(TWIN, MODEL, BEST)
-    drive(planner, [goal_with(*SPHERES)] * 2)
-    monkeypatch.setattr(Roadmap, "find", lambda *_: None)
-    planner.prepare(in_real_time=True)
+    planner.set_real_time(True)
+    drive(planner, [goal_with(*SPHERES)])
     monkeypatch.setattr(Roadmap, "find", slow)
     began = time.perf_counter()
     drive(planner, [goal_with(*SPHERES)] * 8)
     assert time.perf_counter() - began < 0.9
+    assert begun
 
 
 def test_without_a_longest_way_there_is_no_guide():

@@ -318,7 +318,7 @@ def test_the_first_plan_compiles_and_the_next_ones_do_not(caplog, make_arm):
         planner = planner_of(make_arm(1), solver=LeastSquares(3))
         drive(planner, [Goal.of(1)], STRAIGHT[:1])
         assert any("next_plan" in message for message in compilations(caplog))
-        planner.prepare(in_real_time=True)
+        planner.set_real_time(True)
         caplog.clear()
         drive(planner, [Goal.of(1), *jumping_goals(5, 60, modules=1)], STRAIGHT[:1])
         drive(

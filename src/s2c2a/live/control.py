@@ -135,9 +135,7 @@ class ArmControl(Control):
         self._loop.required_sensors(
             strategy
         )  # raises here, while the arm keeps running
-        prepare = getattr(strategy, "prepare", None)
-        if prepare is not None:
-            prepare(in_real_time=True)  # not in the control thread: it compiles
+        self._loop.prepare(strategy)
         self._commands.append(partial(self._change_strategy, strategy, name))
 
     def prepare(self) -> None:

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Component, Registry
-from s2c2a.goals import MAX_OBSTACLES, PREVIEW, Goal, preview_stride
+from s2c2a.goals import PREVIEW, START_TIME, Goal, preview_stride
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
 from s2c2a.planning.terms import Guard
@@ -23,7 +23,6 @@ from s2c2a.planning.ways import Roadmap, Way
 
 ADVANCE = 0.5  # of the step limit; chosen: the horizon still has room to correct
 MOVED = 0.03  # of the arm's length: another target or obstacle, which needs another way
-START_TIME = 1.0  # s; chosen: until the fastest advance, slower than the arm vibrates
 SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait for it
 ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
 OBSTACLES = ("obstacles", "thresholds")
@@ -76,7 +75,7 @@ class Leader(ABC):
         """
 
     @abstractmethod
-    def prepare(self, in_real_time: bool) -> None:
+    def set_real_time(self, is_real: bool) -> None:
         """Set `waits`; in real time, compile everything before the arm moves."""
 
     @abstractmethod
@@ -150,9 +149,9 @@ class WayLeader(Leader):
         self._length = arm.length
         self._nearly = SIGNIFICANT * arm.length
         self._map: Roadmap | None = None
-        self._worker: ThreadPoolExecutor | None = None
+        self._worker = ThreadPoolExecutor(1, "ways")
         self._search: Search | None = None
-        self._latest: Future[Way | None] | None = None
+        self._latest: Future[Way | None] = self._worker.submit(lambda: None)
         self.reset()
 
     def reset(self) -> None:
@@ -166,16 +165,20 @@ class WayLeader(Leader):
         self._known: Goal | None = None
         self._start: Shape | None = None
 
-    def prepare(self, in_real_time: bool) -> None:
-        self.waits = not in_real_time
-        if in_real_time and self._options.longest and self._map is None:
-            modules = self._parts[0].module_count
-            target = self._length * np.array([0.3, 0.0, 0.9])
-            goal = Goal.of(modules).with_position(target)
-            for count in (1, MAX_OBSTACLES):
-                beside = np.tile([2.0 * self._length, 0.0, 0.0], (count, 1))
-                scene = goal.with_obstacles(beside, [0.1 * self._length] * count)
-                self._searched(np.zeros((modules, 2), np.float32), scene)
+    def set_real_time(self, is_real: bool) -> None:
+        self.waits = not is_real
+        if is_real and self._options.longest and self._map is None:
+            self._worker.submit(self._compile).result()
+
+    def _compile(self) -> None:
+        """Search past few obstacles and past many; runs in the worker."""
+        modules = self._parts[0].module_count
+        target = self._length * np.array([0.3, 0.0, 0.9])
+        goal = Goal.of(modules).with_position(target)
+        for count in (1, len(goal.thresholds)):
+            beside = np.tile([2.0 * self._length, 0.0, 0.0], (count, 1))
+            scene = goal.with_obstacles(beside, [0.1 * self._length] * count)
+            self._searched(np.zeros((modules, 2), np.float32), scene)
 
     def lead(self, bends: Shape, goal: Goal, outcome: Outcome) -> Lead | None:
         if not (self._options.longest and _needs_ways(goal)):
@@ -203,12 +206,9 @@ class WayLeader(Leader):
 
     def _begin_search(self, bends: Shape, goal: Goal) -> None:
         """Begin a search, but after an earlier one that nobody waits for any more."""
-        if self._worker is None:
-            self._worker = ThreadPoolExecutor(1, "ways")
-        if self._latest is not None and not self._latest.done():
-            if not self.waits:
-                return
-            wait([self._latest])
+        if not (self.waits or self._latest.done()):
+            return
+        wait([self._latest])
         self._latest = self._worker.submit(self._searched, bends, goal)
         self._search = Search(bends, goal, self._latest)
         self._start = bends
@@ -222,9 +222,8 @@ class WayLeader(Leader):
         """See `Search.result`; runs in the worker."""
         margin = CLOSEST * self._options.margin * self._length
         way = self._roadmap().find(bends, goal, margin)
-        if way is None or way.length > self._options.longest * self._length:
-            return None
-        return way
+        longest = self._options.longest * self._length
+        return way if way and way.length <= longest else None
 
     def _take_result(self, is_led: bool) -> None:
         search = self._search
@@ -238,12 +237,10 @@ class WayLeader(Leader):
         self._known = search.goal
         way = search.result.result()
         self.is_blocked = way is None or way.detained > self._nearly
-        is_needed = way is not None and (
-            is_led or not way.is_straight or self.is_blocked
-        )
-        if not is_needed or self._way is None:
+        if self._way is None:
             self._speed = 0.0
-        self._way = way if is_needed else None
+        is_straight = way is not None and way.is_straight
+        self._way = None if is_straight and not (is_led or self.is_blocked) else way
         self._progress = 0.0
 
     def _differs(self, goal: Goal, known: Goal, fields: tuple[str, ...]) -> bool:
@@ -255,32 +252,25 @@ class WayLeader(Leader):
     def _along(self, bends: Shape, stays: bool) -> Lead | None:
         """The next moments on the way, from where the plan is; None at its end."""
         if self._way is None:
-            return self._standing() if stays or self._known is None else None
+            if self._search is None or not (stays or self._known is None):
+                return None
+            return _standing(self._search.start)
         way = self._way
-        turns = np.linalg.norm(np.diff(way.bends, axis=0), axis=-1).max(axis=-1)
-        places = np.concatenate([[0.0], np.cumsum(turns)])
+        end = float(way.places[-1])
         reached = self._progress + 4.0 * self._stride * self._fastest
         window = np.linspace(self._progress, reached, 16)
-        near = way.at(np.minimum(window, places[-1]), places)[0]
+        near, _ = way.at(np.minimum(window, end))
         distances = np.linalg.norm(near - bends, axis=(1, 2))
         self._progress = float(window[np.argmin(distances)])
-        if self._progress >= places[-1] and not (stays or self.is_blocked):
+        if self._progress >= end and not (stays or self.is_blocked):
             self._way = None
             return None
-        self._progress = min(self._progress, float(places[-1]))
-        ahead = self._progress + self._ways_ahead(places[-1] - self._progress)
-        shapes, tips = way.at(ahead, places)
+        self._progress = min(self._progress, end)
+        ahead = self._progress + self._ways_ahead(end - self._progress)
+        shapes, tips = way.at(ahead)
         return Lead(
             shapes.astype(np.float32), tips.astype(np.float32), np.ones((), np.float32)
         )
-
-    def _standing(self) -> Lead | None:
-        """The arm stands until the way around what it would meet is found."""
-        if self._search is None:
-            return None
-        bends = np.tile(self._search.start, (PREVIEW, 1, 1)).astype(np.float32)
-        nowhere = np.full((PREVIEW, 3), np.nan, np.float32)
-        return Lead(bends, nowhere, np.ones((), np.float32))
 
     def _ways_ahead(self, rest: float) -> Float[np.ndarray, " moments"]:
         """How far the next moments are ahead, from the present speed to the end."""
@@ -293,6 +283,13 @@ class WayLeader(Leader):
             place = min(place + speed, rest)
             ahead.append(place)
         return np.array(ahead[self._stride - 1 :: self._stride])
+
+
+def _standing(bends: Shape) -> Lead:
+    """The arm stands until the way around what it would meet is found."""
+    nowhere = np.full((PREVIEW, 3), np.nan, np.float32)
+    still = np.tile(bends, (PREVIEW, 1, 1)).astype(np.float32)
+    return Lead(still, nowhere, np.ones((), np.float32))
 
 
 def _aimed_beyond(goal: Goal) -> Goal:

@@ -441,27 +441,24 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        lead = self._lead(plan, goal)
+        lead = self._lead(plan, goal) if self._leaders else self._no_lead
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
         planned = self._next(plan, configuration, goal, disturbances, hysteresis, lead)
-        if any(leader.is_blocked for leader in self._leaders):
-            is_there = planned.outcome is Outcome.SOLVED
-            outcome = Outcome.SOLVED if is_there else Outcome.BLOCKED
-            planned = planned._replace(judged=np.asarray(outcome, np.int32))
+        is_blocked = any(leader.is_blocked for leader in self._leaders)
+        if is_blocked and planned.outcome is not Outcome.SOLVED:
+            return planned._replace(judged=np.asarray(Outcome.BLOCKED, np.int32))
         return planned
 
-    def prepare(self, in_real_time: bool) -> None:
-        """Let guides search beside the control steps, or, in simulations, within them.
+    def set_real_time(self, is_real: bool) -> None:
+        """Let guides search beside the control steps; in simulations, a step waits.
 
-        Without it, a step waits for a search. In real time everything compiles here.
+        In real time everything compiles here.
         """
         for leader in self._leaders:
-            leader.prepare(in_real_time)
+            leader.set_real_time(is_real)
 
     def _lead(self, plan: Plan, goal: Goal) -> Lead:
         """Where the first guide that leads, leads to."""
-        if not self._leaders:
-            return self._no_lead
         bends = np.asarray(bends_from_configurations(plan.configurations))
         for leader in self._leaders:
             lead = leader.lead(bends, goal, plan.outcome)

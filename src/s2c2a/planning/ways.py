@@ -108,10 +108,17 @@ class Way(NamedTuple):
     detained: float
     is_straight: bool
 
+    @property
+    def places(self) -> Float[np.ndarray, " knots"]:
+        """How far the module that turns the most has turned at every knot [rad]."""
+        turns = np.linalg.norm(np.diff(self.bends, axis=0), axis=-1).max(axis=-1)
+        return np.concatenate([[0.0], np.cumsum(turns)])
+
     def at(
-        self, wanted: Float[np.ndarray, " shapes"], places: Float[np.ndarray, " knots"]
+        self, wanted: Float[np.ndarray, " shapes"]
     ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"]]:
-        """Shapes and tips between the knots, which are at these places."""
+        """Shapes and tips at places between the knots."""
+        places = self.places
         flat = np.concatenate([self.bends.reshape(len(places), -1), self.tips], axis=1)
         values = np.stack([np.interp(wanted, places, row) for row in flat.T], axis=1)
         bends = values[:, :-3].reshape(-1, *self.bends.shape[1:])

@@ -88,12 +88,12 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
             )
         return required
 
-    def prepare(self, in_real_time: bool) -> None:
-        """Tell the controller whether steps may wait, if it wants to know (`prepare`)."""
-        prepare = getattr(self.driver, "prepare", None)
-        if prepare is not None:
-            with self._errors("prepare"):
-                prepare(in_real_time)
+    def set_real_time(self, is_real: bool) -> None:
+        """Tell the controller whether steps must not wait, if it has this method."""
+        tell = getattr(self.driver, "set_real_time", None)
+        if tell is not None:
+            with self._errors("set_real_time"):
+                tell(is_real)
 
     def start(self, reading: Reading) -> None:
         """Start the controller."""

@@ -17,8 +17,8 @@ class Driver(Protocol[EstimateT, PlanT]):
     """Controller that chooses the action of every control step, such as a strategy.
 
     Its types are those of its estimates and plans, which the loop only passes on. If it has
-    a method `prepare(in_real_time)`, the loop calls it before the arm moves: in real time,
-    nothing may compile in a step, and no step may wait.
+    a method `set_real_time(is_real)`, the loop calls it before the arm moves: in real
+    time, nothing may compile in a step, and no step may wait.
     """
 
     @property

@@ -131,7 +131,7 @@ class Loop:
         """
         required = self.required_sensors(driver)
         self._checked_driver = self._checked(driver)
-        self._checked_driver.prepare(not isinstance(self._clock, StepClock))
+        self.prepare(driver)
         self._check = ReadingCheck(
             self._robot.sensors,
             required,
@@ -142,6 +142,14 @@ class Loop:
                 1, round(self.arm.control_rate / self._robot.robot.arm.control_rate)
             ),
         )
+
+    def prepare(self, driver: Driver) -> None:
+        """Let a controller compile what it needs for the clock of this loop.
+
+        `use` does it, too; a loop that runs needs it done before, in another thread.
+        """
+        is_real = not isinstance(self._clock, StepClock)
+        self._checked(driver).set_real_time(is_real)
 
     @property
     def driver(self) -> Driver:

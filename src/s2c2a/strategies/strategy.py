@@ -159,9 +159,9 @@ class Strategy:
             }
         )
 
-    def prepare(self, in_real_time: bool) -> None:
-        """See `Planner.prepare`."""
-        self._planner.prepare(in_real_time)
+    def set_real_time(self, is_real: bool) -> None:
+        """See `Planner.set_real_time`."""
+        self._planner.set_real_time(is_real)
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate = estimate

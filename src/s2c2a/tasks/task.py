@@ -9,12 +9,10 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal, preview_stride, previewed
+from s2c2a.planning import Detour
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
-
-MARGIN = 0.04
-"""Of the arm's length, of targets from obstacles; that of `planning.Detour`."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,10 @@ class Task:
         """The goals as the arm gets them, with those ahead if it knows them."""
         turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
         shown = previewed(
-            self.goals, arm.control_period, turn * arm.length, MARGIN * arm.length
+            self.goals,
+            arm.control_period,
+            turn * arm.length,
+            Detour.margin * arm.length,
         )
         return shown if self.foreseen else self.goals
 
