@@ -109,10 +109,7 @@ def sample_problems(
     goals = []
     for number, states in enumerate(np.asarray(predict(shapes))):
         goals.append(_sample_goal(KINDS[number % 4], states, arm, random))
-    goal = Goal.stacked(goals)
-    goal = goal._replace(
-        obstacles=goal.obstacles[:, :0], thresholds=goal.thresholds[:, :0]
-    )
+    goal = Goal.stacked(goals).with_rows(slice(0))
     starts = _sample_discs(random, (count, STARTS, modules)).astype(np.float32)
     return PlanningProblems(np.asarray(histories), goal, starts)
 

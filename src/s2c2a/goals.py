@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.errors import TargetError
 from s2c2a.files import LARGEST
 from s2c2a.immutable import immutable
+from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
@@ -34,6 +35,8 @@ class Goal(NamedTuple):
         obstacles: centers [m], base frame, shape (MAX_OBSTACLES, 3).
         thresholds: r of every obstacle [m], zero for unused rows, shape
             (MAX_OBSTACLES,).
+        cores: of every obstacle (`s2c2a.obstacles`), zeros for spheres, shape
+            (MAX_OBSTACLES, 8).
         obstacle_weight: mu_ob.
         change_weight: mu_d.
         preview: positions [m] and axes of the goals of the next moments, shape
@@ -51,6 +54,7 @@ class Goal(NamedTuple):
     axis_weights: Float[Numbers, " modules"]
     obstacles: Float[Numbers, "obstacles 3"]
     thresholds: Float[Numbers, " obstacles"]
+    cores: Float[Numbers, "obstacles 8"]
     obstacle_weight: Float[Numbers, ""]
     change_weight: Float[Numbers, ""]
     preview: Float[Numbers, "moments modules 6"]
@@ -68,6 +72,7 @@ class Goal(NamedTuple):
             axis_weights=np.zeros(modules, np.float32),
             obstacles=np.zeros((MAX_OBSTACLES, 3), np.float32),
             thresholds=np.zeros(MAX_OBSTACLES, np.float32),
+            cores=np.zeros((MAX_OBSTACLES, 8), np.float32),
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=_weight(change_weight),
             preview=np.full((PREVIEW, modules, 6), np.nan, np.float32),
@@ -130,11 +135,21 @@ class Goal(NamedTuple):
         """Return the desired end axes, base frame; NaN for the others."""
         return np.where(self.axis_weights[..., None] > 0, self.axes, np.nan)
 
-    def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 4"]:
-        """Return centers and thresholds [m] of all rows that any goal uses."""
-        rows = np.concatenate([self.obstacles, self.thresholds[..., None]], axis=-1)
+    def obstacles_in_use(self) -> Float[np.ndarray, "*goals obstacles 12"]:
+        """Return the obstacles that any goal uses, as rows (`s2c2a.obstacles`)."""
+        rows = np.concatenate(
+            [self.obstacles, self.thresholds[..., None], self.cores], axis=-1
+        )
         used = self.thresholds.reshape(-1, MAX_OBSTACLES).max(axis=0) > 0
         return rows[..., used, :]
+
+    def with_rows(self, rows: Int[np.ndarray, " rows"] | slice) -> "Goal":
+        """Return the goal, or stacked goals, with these rows of obstacles alone."""
+        return self._replace(
+            obstacles=self.obstacles[..., rows, :],
+            thresholds=self.thresholds[..., rows],
+            cores=self.cores[..., rows, :],
+        )
 
     def _with_module(self, module: int, **values: np.ndarray) -> "Goal":
         """Replace the values of one module, by field."""
@@ -159,13 +174,16 @@ class Goal(NamedTuple):
         is_frozen = all(new is old for new, old in zip(values, self, strict=True))
         return self if is_frozen else Goal(*values)
 
-    def with_obstacles(self, centers, thresholds, weight: float = 1.0) -> "Goal":
+    def with_obstacles(
+        self, centers, thresholds, weight: float = 1.0, cores=None
+    ) -> "Goal":
         """Replace the obstacles.
 
         Args:
             centers: [m], base frame, shape (n, 3).
             thresholds: r [m], shape (n,).
             weight: mu_ob.
+            cores: see `s2c2a.obstacles`, shape (n, 8); spheres without.
 
         Raises:
             TargetError: too many obstacles, or no finite numbers of these shapes.
@@ -189,11 +207,15 @@ class Goal(NamedTuple):
                 f"got {thresholds.tolist()}"
             )
         unused = Goal.of(len(self.positions))
+        points = np.zeros((count, 8))
+        cores = points if cores is None else cores
+        solids = _numbers(cores, "cores of obstacles", "numbers", points.shape)
         return self._replace(
             obstacles=np.concatenate(
                 [centers.reshape(-1, 3), unused.obstacles[count:]]
             ),
             thresholds=np.concatenate([thresholds, unused.thresholds[count:]]),
+            cores=np.concatenate([solids, unused.cores[count:]]),
             obstacle_weight=_weight(weight),
         ).frozen()
 
@@ -256,9 +278,10 @@ def _beyond_obstacles(
         -1 where the way is free, or the arm still has time to follow it.
     """
     count = len(goals.positions)
-    centers = goals.obstacles_in_use()
-    gaps = np.linalg.norm(centers[..., :3] - goals.positions[:, -1:], axis=-1)
-    within = (centers[..., 3] > 0.0) & (gaps < centers[..., 3] + margin)
+    rows = goals.obstacles_in_use()
+    gaps = distances(goals.positions[:, -1:], rows[..., CENTER], rows[..., CORE])
+    thresholds = rows[..., THRESHOLD]
+    within = (thresholds > 0.0) & (gaps < thresholds + margin)
     is_within = within.any(axis=-1) & (goals.position_weights[:, -1] > 0.0)
     numbers = np.arange(count)
     entered = np.minimum.accumulate(np.where(is_within, numbers, count)[::-1])[::-1]

@@ -8,7 +8,7 @@ from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Planner
-from s2c2a.planning.terms import guarded_points
+from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
@@ -20,7 +20,7 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_way():
     task = load_task("risk-b", TWIN)
     planner = Planner(TWIN, PCCForwardModel.of(TWIN), replace(BEST, guard="arm"))
     plan = planner.start(Estimate(STRAIGHT))
-    points_of = guarded_points(TWIN, "arm")
+    points_of = GuardedPoints.of(TWIN, "arm")
     clearances = []
     for goal in list(task.shown_goals(TWIN))[:60]:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)

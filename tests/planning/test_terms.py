@@ -15,13 +15,13 @@ from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
 from s2c2a.planning.planner import AXES_WEIGHT, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
-from s2c2a.planning.terms import guarded_points
+from s2c2a.planning.terms import GuardedPoints
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
 LENGTHS = jnp.full(3, 0.2)
-TIP_ONLY = guarded_points(TWIN, "tip")
-WHOLE_ARM = guarded_points(TWIN, "arm")
+TIP_ONLY = GuardedPoints.of(TWIN, "tip")
+WHOLE_ARM = GuardedPoints.of(TWIN, "arm")
 SCALE = 0.46  # m: the paper's length scale, for an arm of 0.6 m
 UNIT = 0.4 * 0.6
 RANDOM = np.random.default_rng(0)
@@ -528,6 +528,6 @@ def test_an_obstacle_near_a_tip_without_target_changes_nothing(residuals_at):
 def test_the_tip_alone_or_the_whole_center_line_is_guarded():
     states = jnp.asarray(state_of(LAST))
     np.testing.assert_array_equal(TIP_ONLY(states), states[-1:, :3])
-    points = np.asarray(guarded_points(TWIN, "arm")(states))
+    points = np.asarray(GuardedPoints.of(TWIN, "arm")(states))
     assert points.shape == (15, 3)
     np.testing.assert_allclose(points[4::5], states[:, :3], atol=1e-6)

@@ -209,14 +209,14 @@ def obstacles_figure(
     colors = colors_by_label(trace.label for trace in traces)
     shown = []
     for trace in traces:
-        spheres = trace.spheres(0)
+        spheres = trace.standing(0)
         shown.append(spheres[:, POSITION] - spheres[:, 3:])
         shown.append(spheres[:, POSITION] + spheres[:, 3:])
         shown.append(trace.followed_path)
         shown.append(trace.desired_path)
 
     def draw(axes: Axes, runs: Sequence[Trace], view: View) -> None:
-        charts.draw_obstacles(axes, runs[0].spheres(0), view)
+        charts.draw_obstacles(axes, runs[0].standing(0), view)
         desired = runs[0].desired_path
         known = desired[np.isfinite(desired).all(axis=-1)]
         if len(known):

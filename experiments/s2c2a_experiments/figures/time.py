@@ -193,9 +193,9 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     charts.draw_errors(chase, [follow], colors, lambda trace: trace.label)
     chase.margins(x=0.01)
     charts.draw_obstacles(
-        views[0], flee.spheres(0), ABOVE, facecolor="none", linestyle=(0, (4, 2))
+        views[0], flee.standing(0), ABOVE, facecolor="none", linestyle=(0, (4, 2))
     )
-    charts.draw_obstacles(views[0], flee.spheres(-1), ABOVE)
+    charts.draw_obstacles(views[0], flee.standing(-1), ABOVE)
     centers = np.where(
         standing(flee.obstacles)[..., None], flee.obstacles[..., POSITION], np.nan
     )

@@ -90,9 +90,10 @@ class Cable(Frozen):
 class Module(Frozen):
     """One soft module; an arm is a series of modules, base first."""
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("mismatch",))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("mismatch", "radius"))
 
     length: Number = LENGTH.key("length of the center line")
+    radius: Number = LENGTH.effect("radius of the body, which keeps clear of obstacles")
     cable_radius: Number = LENGTH.key(
         "distance of the cables from the center line; at most the length"
     )

@@ -30,6 +30,12 @@ Events = Annotated[
 GuardName = Literal["tip", "arm"]
 File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 
+OptionalFile = tyro.conf.Positional[
+    Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
+]
+SceneFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")]
+Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]
+
 WIDTH_IN_FILES = 120  # characters; no table of results needs more
 LINE_INTERVAL = 20.0  # s; three lines of progress a minute in a file
 OUTPUT_LABELS = {".html": "replay", ".mp4": "video", ".gif": "video"}

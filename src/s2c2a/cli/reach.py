@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
-from s2c2a.cli.console import Arm, print_table
+from s2c2a.cli.console import Arm, SceneFile, Vector, print_table
 from s2c2a.cli.dependent_options import beside
 from s2c2a.errors import S2C2AError
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from s2c2a.models.forward_model import ForwardModel
     from s2c2a.planning.reach import Reached
 
-Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]
 Obstacles = Annotated[
     tuple[tuple[float, float, float, float], ...],
     tyro.conf.UseAppendAction,
@@ -53,6 +52,7 @@ def reach(
     csv: Path | None = None,
     payload_g: float = 0.0,
     obstacle: Obstacles = (),
+    scene: SceneFile = None,
     figure: Annotated[Path | None, tyro.conf.arg(name="map")] = None,
 ) -> None:
     """Find how closely an arm at rest reaches a target, and with which shape.
@@ -69,18 +69,21 @@ def reach(
         payload_g: mass at the tip [g].
         obstacle: a sphere that the arm keeps out of: center and radius [m], base frame;
             repeat for several.
+        scene: a file of obstacles (docs/guides/obstacles.md), as they are at the start.
         figure: draw where the end can be, and the target, in this file (.png, .pdf or
             .svg).
     """
     from s2c2a.arm import load_arm
     from s2c2a.goals import Goal
     from s2c2a.planning.reach import Reachability
+    from s2c2a.tasks.scenes import goal_beside
 
     spec = load_arm(arm)
     path = _path(csv, spec) if csv else None
     _check_one_of(target, csv)
-    plain = path.goals if path else [_goal(target, axis, module, spec)]
-    goals = Goal.stacked([_beside(goal, obstacle) for goal in plain])
+    plain = path.goals if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
+    rows = _obstacle_rows(obstacle, scene)
+    goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
     _check_payload(payload_g)
     if figure is not None:
         from s2c2a.viz.charts import figure_format
@@ -126,14 +129,18 @@ def _check_payload(payload_g: float) -> None:
         )
 
 
-def _goal(target: Vector, axis: Vector, module: int | None, arm: "ArmSpec") -> "Goal":
+def _goal(
+    target: tuple[float, float, float],
+    axis: Vector,
+    module: int | None,
+    arm: "ArmSpec",
+) -> "Goal":
     """The goal of one target.
 
     Raises:
         S2C2AError: no such module, or the target is too far away for meters.
     """
-    from s2c2a.goals import Goal
-    from s2c2a.tasks.waypoints import MAX_DISTANCE
+    from s2c2a.tasks.lines import goal_at
 
     count = arm.module_count
     number = count if module is None else module
@@ -142,14 +149,7 @@ def _goal(target: Vector, axis: Vector, module: int | None, arm: "ArmSpec") -> "
             f"--module {number} does not exist; '{arm.name}' has {count}, from 1 at the "
             f"base to {count}"
         )
-    goal = Goal.of(count).with_position(target, module=number - 1)
-    farthest = np.abs(goal.positions).max()
-    if farthest > MAX_DISTANCE * arm.length:
-        raise S2C2AError(
-            f"--target has a coordinate of {farthest:g} m, and '{arm.name}' is "
-            f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
-        )
-    return goal if axis is None else goal.with_axis(axis, module=number - 1)
+    return goal_at(arm, target, axis, number - 1)
 
 
 def _path(csv: Path, arm: "ArmSpec") -> _Path:
@@ -167,20 +167,25 @@ def _path(csv: Path, arm: "ArmSpec") -> _Path:
     return _Path(times, [task.goals[step] for step in steps])
 
 
-def _beside(goal: "Goal", obstacles: Obstacles) -> "Goal":
-    """The goal with obstacles.
+def _obstacle_rows(spheres: Obstacles, scene: Path | None) -> np.ndarray:
+    """Rows of all obstacles (`s2c2a.obstacles`).
 
     Raises:
-        S2C2AError: a radius is not positive, or there are too many.
+        S2C2AError: a radius is not positive, or the scene is not valid.
     """
-    for *_, radius in obstacles:
+    from s2c2a.obstacles import rows_of
+    from s2c2a.tasks import load_scene
+
+    for *_, radius in spheres:
         if not radius > 0.0:
             raise S2C2AError(
                 f"--obstacle has the radius {radius:g} m, which must be positive; give "
                 "X Y Z R in meters"
             )
-    spheres = np.reshape(obstacles, (-1, 4))
-    return goal.with_obstacles(spheres[:, :3], spheres[:, 3])
+    rows = rows_of(np.reshape(spheres, (-1, 4)))
+    if scene is None:
+        return rows
+    return np.concatenate([rows, load_scene(scene).rows_at(np.zeros(1))[0]])
 
 
 def _model(weights: Path | None, arm: "ArmSpec", payload_g: float) -> "ForwardModel":

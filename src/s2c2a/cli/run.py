@@ -1,6 +1,6 @@
 """`s2c2a run`: strategies on a task."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -12,13 +12,15 @@ from s2c2a.cli.console import (
     Arm,
     Events,
     FidelityName,
-    File,
     GuardName,
+    OptionalFile,
     OptionalRecipe,
+    SceneFile,
     StrategyNames,
+    Vector,
     print_results,
 )
-from s2c2a.cli.dependent_options import effective
+from s2c2a.cli.dependent_options import beside, effective
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     ALL_CORES,
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
     from s2c2a import arm, jobs, robots, strategies, tasks
 
 
+@beside("target", "axis")
+@beside("task", "pace")
 @effective(
     "session",
     where="with --weights FILE of `s2c2a train`",
@@ -49,8 +53,11 @@ if TYPE_CHECKING:
     holds=lambda given: any(map(uses_recipe, given["strategy"])),
 )
 def run(
-    task: File,
+    task: OptionalFile = None,
     arm: Arm = "twin_arm",
+    target: Vector = None,
+    axis: Vector = None,
+    scene: SceneFile = None,
     strategy: StrategyNames = ("s2c2a",),
     recipe: OptionalRecipe = None,
     weights: Path | None = None,
@@ -81,6 +88,9 @@ def run(
             file of waypoints (columns time, x, y, z; optional axis_x, axis_y, axis_z,
             module) ending in .csv, or your own file.py:function, called with the arm.
         arm: a preset or an arm file.
+        target: a point to go to in place of a task [m], base frame.
+        axis: end axis there, base frame, of any length.
+        scene: a file of obstacles beside which the task runs (docs/guides/obstacles.md).
         strategy: one or several, by name or your own file.py:Class; compared in one
             figure.
         recipe: how networks are trained and plans made; `best` by default. A weight file
@@ -128,7 +138,7 @@ def run(
     chosen = strategies.recipe_from(recipe) if recipe else None
     given = _given_networks(weights, spec, chosen, session) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
-    paced = _paced_task(task, spec, pace)
+    paced = _task(task, target, axis, spec, pace, scene)
     job_list = jobs.jobs_for(
         [paced],
         spec,
@@ -146,6 +156,9 @@ def run(
     jobs.check_robots(job_list)
     options = {
         "task": task,
+        "target": target,
+        "axis": axis,
+        "scene": scene and scene.read_text("utf-8"),
         "arm": spec.model_dump(mode="json"),
         "strategy": strategy,
         "recipe": asdict(used_recipe),
@@ -259,6 +272,41 @@ def _check_trained(factory: "robots.RobotFactory", jobs: "Sequence[jobs.Job]") -
             "record it with `s2c2a collect`, train with `s2c2a train` (--strategy for "
             "another than s2c2a), give the file with --weights, or take --strategy pcc"
         )
+
+
+def _task(
+    name: str | None,
+    target: Vector,
+    axis: Vector,
+    spec: "arm.ArmSpec",
+    pace: float,
+    scene: Path | None,
+) -> "tasks.Task":
+    """The task at a pace, or that of going to a target; beside the obstacles of a scene.
+
+    Raises:
+        S2C2AError: neither or both are given, or as `_paced_task`, `to_point` and
+            `load_scene`.
+    """
+    from s2c2a.errors import S2C2AError
+    from s2c2a.tasks import load_scene, to_point
+
+    if name is not None and target is None:
+        task = _paced_task(name, spec, pace)
+    elif target is not None and name is None:
+        task = to_point(spec, target, axis)
+    else:
+        given = "neither was given" if name is None else "both were given"
+        raise S2C2AError(
+            "a task is needed, such as `s2c2a run circle`, or a point with --target "
+            f"X Y Z; {given}"
+        )
+    if scene is None:
+        return task
+    loaded = load_scene(scene)
+    for text in loaded.remarks():
+        print(text)
+    return replace(loaded.around(task, spec), name=f"{task.name}-{scene.stem}")
 
 
 def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":

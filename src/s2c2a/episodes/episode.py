@@ -10,6 +10,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import RecordingError
 from s2c2a.goals import PREVIEW
+from s2c2a.obstacles import CORE, ROW
 from s2c2a.spaces import Stage
 
 SENSOR = "sensor."
@@ -44,6 +45,7 @@ class Episode:
     | `desired_positions` | base frame [m]; NaN without a target  | (modules, 3)      |
     | `desired_axes`      | base frame [1]; NaN without a target  | (modules, 3)      |
     | `obstacles`         | centers and thresholds [m]; 0: unused | (obstacles, 4)    |
+    |                     | with cores, where not all are spheres | (obstacles, 12)   |
     | `tick_time`         | time to sense, plan and send [s]      |                   |
 
     Attributes:
@@ -229,8 +231,9 @@ def _standard_row_shapes(
         **{SENSOR + name: shape for name, shape in sensor_shapes(arm).items()},
     }
     if "obstacles" in columns:
-        # any number of obstacles
-        shapes["obstacles"] = (*columns["obstacles"].shape[1:2], 4)
+        # any number of obstacles, spheres alone or with cores
+        count, numbers = (*columns["obstacles"].shape, 0, 0)[1:3]
+        shapes["obstacles"] = (count, ROW if numbers == ROW else CORE.start)
     return shapes
 
 

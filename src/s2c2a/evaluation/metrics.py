@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError, TargetError, did_you_mean
+from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
@@ -25,7 +26,7 @@ States = Float[np.ndarray, "steps modules 6"]
 Desired = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
 Vectors = Float[np.ndarray, "steps 3"]
-ObstacleSpheres = Float[np.ndarray, "steps obstacles 4"]
+ObstacleRows = Float[np.ndarray, "steps obstacles 12"]
 StepMetric = Callable[[Episode, Task, Score], PerStep]
 
 
@@ -80,23 +81,28 @@ def angles_deg(
 
 def clearances(
     points: Float[np.ndarray, "steps *points 3"],
-    obstacles: ObstacleSpheres,
+    obstacles: ObstacleRows,
+    radii: Float[np.ndarray, " points"] | float = 0.0,
 ) -> PerStep:
-    """`clearance` [cm]: least distance to an obstacle's center, less its threshold r.
+    """`clearance` [cm]: least distance to an obstacle's core, less its threshold r.
 
     Args:
-        points: points of the arm in each step [m].
-        obstacles: centers and thresholds [m]; one with a threshold of zero is absent.
+        points: points of the arm in each step [m], shape (steps, ..., 3).
+        obstacles: rows (`s2c2a.obstacles`); one with a threshold of zero is absent.
+        radii: of the body around the points [m]; one for all, or for each of the last axis.
 
     Returns:
         One value a step; infinite in steps without obstacles.
     """
-    flat = points.reshape(len(points), -1, 1, 3)
-    centers = obstacles[:, None, :, :3]
-    thresholds = obstacles[:, None, :, 3]
-    distances = np.linalg.norm(flat - centers, axis=-1) - thresholds
-    present = np.where(thresholds > 0, distances, np.inf)
-    return 100.0 * present.min(axis=(1, 2), initial=np.inf)
+    least = np.full(len(points), np.inf)
+    steps = (len(points), *(1,) * (points.ndim - 2))
+    for rows in np.moveaxis(obstacles, 1, 0):
+        row = rows.reshape(*steps, -1)
+        gaps = distances(points, row[..., CENTER], row[..., CORE])
+        clear = gaps - row[..., THRESHOLD] - radii
+        nearest = clear.reshape(len(points), -1).min(axis=1)
+        least = np.where(rows[:, THRESHOLD] > 0, np.minimum(least, nearest), least)
+    return 100.0 * least
 
 
 def step_lengths(tips: Vectors) -> PerStep:
@@ -115,7 +121,7 @@ def step_lengths(tips: Vectors) -> PerStep:
 
 def tip_drifts(
     tips: Vectors,
-    obstacles: ObstacleSpheres,
+    obstacles: ObstacleRows,
     far_clearance: float,
 ) -> PerStep:
     """`stillness` [cm]: distance of the tip from where it was when obstacles got far.
@@ -124,7 +130,7 @@ def tip_drifts(
 
     Args:
         tips: tip positions [m].
-        obstacles: centers and thresholds [m].
+        obstacles: rows (`s2c2a.obstacles`).
         far_clearance: clearance above which an obstacle is far [m].
     """
     far = clearances(tips[:, None], obstacles) > 100.0 * far_clearance
@@ -299,9 +305,20 @@ def _compare_states(
     )
 
 
-def _clearance_of(points: Callable[[Episode], np.ndarray]) -> StepMetric:
-    """Metric of the clearance of some points of the arm."""
-    return lambda episode, task, score: clearances(points(episode), task.obstacles())
+def _clearance_of(
+    points: Callable[[Episode], np.ndarray], of_tip: bool = False
+) -> StepMetric:
+    """Metric of the clearance of the tip, or of the arm, with the body around it."""
+
+    def per_step(episode: Episode, task: Task, _: Score) -> PerStep:
+        seen = points(episode)
+        radii = [module.radius for module in episode.arm.modules]
+        if of_tip:
+            return clearances(seen, task.obstacles(), radii[-1])
+        of_points = np.repeat(radii, seen.shape[-2] // len(radii))
+        return clearances(seen, task.obstacles(), of_points)
+
+    return per_step
 
 
 def _tips(episode: Episode) -> Vectors:
@@ -356,8 +373,12 @@ METRICS = {
     ),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean, rises=True),
-    "clearance": Metric("cm", _clearance_of(_tip_path), _minimum, rises=True),
-    "clearance at steps": Metric("cm", _clearance_of(_tips), _minimum, rises=True),
+    "clearance": Metric(
+        "cm", _clearance_of(_tip_path, of_tip=True), _minimum, rises=True
+    ),
+    "clearance at steps": Metric(
+        "cm", _clearance_of(_tips, of_tip=True), _minimum, rises=True
+    ),
     "clearance of the arm": Metric(
         "cm", _clearance_of(_arm_points), _minimum, rises=True
     ),

@@ -11,6 +11,7 @@ from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.goals import Goal
 from s2c2a.live.request import Request
+from s2c2a.obstacles import CENTER, CORE, ROW, THRESHOLD
 from s2c2a.robots import Robot
 from s2c2a.spaces import Reading
 from s2c2a.viz.mesh import unit
@@ -40,10 +41,11 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
         axis_weights=np.float32(factors.axis) * goal.axis_weights,
         change_weight=np.float32(factors.change) * goal.change_weight,
     )
-    added = [(*obstacle.center, obstacle.threshold) for obstacle in request.obstacles]
-    spheres = np.reshape([*goal.obstacles_in_use(), *added], (-1, 4))
+    added = [obstacle.row for obstacle in request.obstacles]
+    rows = np.reshape([*goal.obstacles_in_use(), *added], (-1, ROW))
+    weight = float(factors.obstacle * goal.obstacle_weight)
     return goal.with_obstacles(
-        spheres[:, :3], spheres[:, 3], float(factors.obstacle * goal.obstacle_weight)
+        rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]
     )
 
 

@@ -26,6 +26,7 @@ from s2c2a.live.scene import REACH_TOLERANCE
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import Window
+from s2c2a.obstacles import ROW
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import POSITION, Stage
 
@@ -233,18 +234,17 @@ class LivePage(Window):
         goal = latest.step.goal
         position = request.target
         axis = request.axis
-        task_spheres = np.zeros((0, 4))
+        of_task = np.zeros((0, ROW))
         if request.task is not None and goal is not None:
             position, axis = _desired(latest)
-            spheres = goal.obstacles_in_use()
+            rows = goal.obstacles_in_use()
             # the driver's obstacles come after the task's
-            count = max(len(spheres) - len(request.obstacles), 0)
-            task_spheres = spheres[:count]
+            of_task = rows[: max(len(rows) - len(request.obstacles), 0)]
         self._gap = 0.0
         if position is not None and np.isfinite(position).all():
             self._gap = self._gap_at(point(position))
         self.scene.draw_target(position, axis, self._gap)
-        self.scene.draw_obstacles(request.obstacles, task_spheres, latest.tip)
+        self.scene.draw_obstacles(request.obstacles, of_task, latest.tip)
 
     def _update_panels(self, latest: Snapshot) -> None:
         """Update what need not change in every frame: plots, status, buttons."""

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime
 from functools import partial
 from typing import Any, cast
 
@@ -37,6 +38,7 @@ from s2c2a.live.session import DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
 from s2c2a.spaces import AXIS
+from s2c2a.tasks.scenes import SOLID, AnySolid, Scene, save_scene, solid_of
 
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # in arm lengths
@@ -56,6 +58,7 @@ TASK_HINTS = {
     "flee": ": an obstacle approaches the arm",
     "follow": ": the tip follows a wandering target",
 }
+KINDS = "sphere", "box", "capsule", "cylinder", "half_space"
 
 
 class Panel:
@@ -225,9 +228,11 @@ class Panel:
                 return self._notify(f"no more than {MAX_OBSTACLES} obstacles")
             distance = NEW_DISTANCE * size * (1 + count // 2) * (-1) ** count
             offset = distance * across_the_screen(control.arm)
-            center = point(self._latest.tip + offset)
-            added = Obstacle(center, checked_value(threshold) / 100)
-            control.ask(obstacles=(*obstacles, added))
+            center = self._latest.tip + offset
+            solid = _new_solid(
+                kind.value, center, checked_value(threshold) / 100, offset
+            )
+            control.ask(obstacles=(*obstacles, Obstacle.of(solid.rows()[0])))
 
         def remove() -> None:
             control.ask(obstacles=control.request.obstacles[:-1])
@@ -238,8 +243,21 @@ class Panel:
                 obstacles[-1] = replace(obstacles[-1], threshold=value / 100)
             control.ask(obstacles=tuple(obstacles))
 
+        def save() -> None:
+            solids = [solid_of(obstacle.row) for obstacle in control.request.obstacles]
+            name = f"scene-{datetime.now():%Y%m%d-%H%M%S}.toml"
+            path = self._recorder.folder / name
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                save_scene(Scene(obstacles=tuple(solids)), path)
+            except (S2C2AError, OSError) as error:
+                return self._notify(str(error))
+            self._notify(f"saved {path}: use it with --scene")
+
+        kind = self._gui.add_dropdown("Kind", KINDS)
         self._button("Add obstacle", add)
         self._button("Remove last obstacle", remove)
+        self._button("Save obstacles as a scene", save)
         threshold = self._gui.add_slider(
             "Threshold r [cm]", min(first, 1.0), 20.0, 0.1, first
         )
@@ -431,3 +449,27 @@ def _task_hint(task: str) -> str:
         if task.startswith(start):
             hint = text
     return f"*{task}*{hint}. The arm goes to the start; press Play to begin."
+
+
+def _new_solid(
+    kind: str, center: np.ndarray, size: float, offset: np.ndarray
+) -> AnySolid:
+    """An obstacle to add.
+
+    Args:
+        kind: of a scene file.
+        center: where it stands [m]; for a wall, a point of its surface.
+        size: its radius, half its edges, or a quarter of its length [m].
+        offset: from the tip to the center; a wall faces the tip.
+    """
+    axis = np.array([0.0, 0.0, 2.0 * size])
+    along = {"start": center - axis, "end": center + axis, "radius": size}
+    keys: dict[str, dict[str, Any]] = {
+        "sphere": {"center": center, "radius": size},
+        "box": {"center": center, "size": np.full(3, 2.0 * size)},
+        "capsule": along,
+        "cylinder": along,
+        "half_space": {"point": center, "normal": -offset},
+    }
+    values = {name: np.asarray(value).tolist() for name, value in keys[kind].items()}
+    return SOLID.validate_python({"kind": kind, **values})

@@ -29,7 +29,7 @@ class Recorder:
     def __init__(self, control: Control, folder: Path):
         """Create a recorder that writes run directories into a folder."""
         self._control = control
-        self._folder = folder
+        self.folder = folder
         self._lock = threading.Lock()
         self._writing: _Writing | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -53,7 +53,7 @@ class Recorder:
         """
         with self._lock:
             if self._writing is None:
-                writing = _Writing(self._control, self._folder)
+                writing = _Writing(self._control, self.folder)
                 self._unsubscribe = self._control.watch(writing.add)
                 self._writing = writing
 

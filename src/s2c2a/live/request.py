@@ -8,20 +8,39 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.obstacles import CENTER, CORE, HALF_EDGES, HALF_SPACE, SKIN, THRESHOLD
 
 Point = tuple[float, float, float]
 
-MAX_OBSTACLES = 8
+MAX_OBSTACLES = 16
 SPEEDS = (0.1, 4.0)
 WEIGHT_FACTORS = (0.0, 10.0)
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A sphere to avoid: center and threshold r [m], base frame."""
+    """An obstacle to avoid.
+
+    Attributes:
+        center: [m], base frame.
+        threshold: r [m], of the distance from its core.
+        core: see `s2c2a.obstacles`; that of a sphere by default.
+    """
 
     center: Point
     threshold: float
+    core: tuple[float, ...] = (0.0,) * 8
+
+    @property
+    def row(self) -> np.ndarray:
+        """The obstacle as a row of the goal."""
+        return np.array([*self.center, self.threshold, *self.core])
+
+    @classmethod
+    def of(cls, row: np.ndarray) -> "Obstacle":
+        """The obstacle of a row of a goal."""
+        core = tuple(row[CORE].tolist())
+        return cls(point(row[CENTER]), float(row[THRESHOLD]), core)
 
 
 class WeightFactors(NamedTuple):
@@ -145,8 +164,14 @@ class RequestLimits:
         return tuple(self._obstacle(value) for value in tuple(values)[:MAX_OBSTACLES])
 
     def _obstacle(self, value: Any) -> Obstacle:
-        threshold = _clip(value.threshold, 0.01, self.reach / 4)
-        return Obstacle(self._clip_point(value.center), threshold)
+        core = tuple(_clip(value.core, shape=(8,)))
+        if max(core[HALF_EDGES]) >= HALF_SPACE:  # its center is beyond any arm
+            return Obstacle(
+                point(_clip(value.center, shape=(3,))), value.threshold, core
+            )
+        least = SKIN if any(core) else 0.01
+        threshold = _clip(value.threshold, least, self.reach / 4)
+        return Obstacle(self._clip_point(value.center), threshold, core)
 
     def _clip_point(self, value: Any) -> Point:
         """The point, projected to the sphere of `reach` if it is outside."""

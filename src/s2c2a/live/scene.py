@@ -23,6 +23,7 @@ from s2c2a.live.request import (
     point,
 )
 from s2c2a.live.snapshot import straight
+from s2c2a.obstacles import CENTER, CORE, HALF_EDGES, HALF_SPACE, distances
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colors import (
     DESIRED,
@@ -38,6 +39,7 @@ from s2c2a.viz.colors import (
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
 from s2c2a.viz.mounting import SUN, Surroundings
+from s2c2a.viz.solids import hull, is_sphere, surface
 from s2c2a.viz.trace import STDS
 
 SHADOW = "#d9dee6"
@@ -56,7 +58,7 @@ TRAIL_RADIUS = 0.004
 
 Desired = Sequence[float] | np.ndarray | None
 """A position or direction; None or NaN where nothing is desired."""
-Spheres = Float[np.ndarray, "obstacles 4"]
+Obstacles = Float[np.ndarray, "obstacles 12"]
 Points = Float[np.ndarray, "points 3"]
 Vector = Point | np.ndarray
 DragHandler = Callable[[int, Point], None]
@@ -120,12 +122,12 @@ class ArmScene:
         self._gap_label = scene.add_label(
             "/far", "", visible=False, anchor="bottom-center"
         )
-        self._driver_spheres = self._add_spheres("/obstacles")
-        self._task_spheres = self._add_spheres("/task_obstacles")
+        self._driver_solids = self._add_solids("/obstacles")
+        self._task_solids = self._add_solids("/task_obstacles")
 
-    def _add_spheres(self, name: str) -> "list[_Sphere]":
-        numbers = range(MAX_OBSTACLES)
-        return [_Sphere(self._scene, f"{name}/{k}", self._ground) for k in numbers]
+    def _add_solids(self, name: str) -> "list[_Solid]":
+        parts = self._scene, self._ground, self._size
+        return [_Solid(f"{name}/{k}", *parts) for k in range(MAX_OBSTACLES)]
 
     def draw_arm(self, states: States) -> None:
         """Draw the arm and its shadow."""
@@ -210,24 +212,21 @@ class ArmScene:
     def draw_obstacles(
         self,
         obstacles: Sequence[Obstacle],
-        task_spheres: Spheres,
+        of_task: Obstacles,
         tip: Vector,
     ) -> None:
         """Draw obstacles, colored by the clearance of the tip.
 
         Args:
             obstacles: the driver's.
-            task_spheres: the task's centers and thresholds [m].
+            of_task: rows (`s2c2a.obstacles`).
             tip: position of the tip [m].
         """
-        task_obstacles = [
-            Obstacle(point(sphere[:3]), float(sphere[3]))
-            for sphere in task_spheres[:MAX_OBSTACLES]
-        ]
-        for sphere, obstacle in zip_longest(self._driver_spheres, obstacles):
-            sphere.draw(obstacle, tip)
-        for sphere, obstacle in zip_longest(self._task_spheres, task_obstacles):
-            sphere.draw(obstacle, tip)
+        task_obstacles = map(Obstacle.of, of_task[:MAX_OBSTACLES])
+        for solid, obstacle in zip_longest(self._driver_solids, obstacles):
+            solid.draw(obstacle, tip)
+        for solid, obstacle in zip_longest(self._task_solids, task_obstacles):
+            solid.draw(obstacle, tip)
 
     def draw_trail(self, name: str, points: Points) -> None:
         """Draw the path of the `real` or `desired` tip, or its `horizon`.
@@ -273,8 +272,8 @@ class ArmScene:
         """
         _add_drag_handler(self._target, target)
         _add_drag_handler(self._pointer, pointer)
-        for number, sphere in enumerate(self._driver_spheres):
-            _add_drag_handler(sphere.threshold, partial(obstacle, number))
+        for number, solid in enumerate(self._driver_solids):
+            solid.on_drag(partial(obstacle, number))
 
     def _draw_line(self, name: str, *points: Vector) -> None:
         """Draw a line through points; hide it with fewer than two."""
@@ -297,31 +296,74 @@ def _finite(desired: Desired) -> np.ndarray | None:
     return np.array(desired)
 
 
-class _Sphere:
-    """An obstacle: a small core in its threshold sphere, and a shadow."""
+class _Solid:
+    """An obstacle, with a small core if it is a sphere, and its shadow."""
 
-    def __init__(self, scene: SceneApi, name: str, ground: float | None):
+    def __init__(self, name: str, scene: SceneApi, ground: float | None, size: float):
+        self._scene, self._name = scene, name
         self._ground = ground
+        self._size = size
         self._core = _add_ball(scene, f"{name}/core", 1.0, INK)
-        self.threshold = _add_ball(
-            scene, f"{name}/threshold", 1.0, OBSTACLE, opacity=0.35
-        )
+        self._ball = _add_ball(scene, f"{name}/threshold", 1.0, OBSTACLE, opacity=0.35)
         # the shadow shows how far away the obstacle is
         self._shadow = _add_ball(scene, f"{name}/shadow", 1.0, SHADOW)
+        self._body: MeshHandle | None = None
+        self._shape: tuple[float, ...] = ()
+        self._drag: DragHandler | None = None
+
+    def on_drag(self, handler: DragHandler) -> None:
+        """Set the handler of drags."""
+        self._drag = handler
+        _add_drag_handler(self._ball, handler)
 
     def draw(self, obstacle: Obstacle | None, tip: Vector) -> None:
-        self._core.visible = self.threshold.visible = obstacle is not None
-        self._shadow.visible = obstacle is not None and self._ground is not None
+        """Show the obstacle, or none."""
+        is_ball = obstacle is not None and is_sphere(obstacle.row)
+        self._core.visible = self._ball.visible = is_ball
+        self._shadow.visible = is_ball and self._ground is not None
+        if self._body is not None:
+            self._body.visible = obstacle is not None and not is_ball
         if obstacle is None:
             return
+        row = obstacle.row
+        gap = distances(np.asarray(tip), row[CENTER], row[CORE])
+        color = rgb(_clearance_color(float(gap) - obstacle.threshold))
+        if not is_ball:
+            self._draw_body(obstacle).color = color
+            return
         radius = obstacle.threshold
-        distance = float(np.linalg.norm(np.subtract(tip, obstacle.center)))
-        self.threshold.color = rgb(_clearance_color(distance - radius))
-        self._core.position = self.threshold.position = obstacle.center
+        self._ball.color = color
+        self._core.position = self._ball.position = obstacle.center
         self._core.scale = 0.3 * radius
-        self.threshold.scale = radius
+        self._ball.scale = radius
         self._shadow.position = (*obstacle.center[:2], self._ground or 0.0)
         self._shadow.scale = (radius, radius, 0.001)
+
+    def _draw_body(self, obstacle: Obstacle) -> MeshHandle:
+        """The mesh of a solid that is no sphere, at its place."""
+        row = obstacle.row
+        shape = (obstacle.threshold, *obstacle.core)
+        is_wall = row[CORE][HALF_EDGES].min() >= HALF_SPACE
+        if is_wall:  # what is shown of it does not move with its center
+            shape = tuple(row)
+        if self._body is None or shape != self._shape:
+            middle = np.zeros(3) if is_wall else row[CENTER]
+            corners, triangles = hull(surface(row, self._size) - middle)
+            self._body = self._scene.add_mesh_simple(
+                f"{self._name}/body",
+                corners.astype(np.float32),
+                triangles,
+                opacity=0.35,
+                flat_shading=True,
+                side="double",
+            )
+            self._shape = shape
+            if self._drag is not None and not is_wall:
+                _add_drag_handler(self._body, self._drag)
+        self._body.visible = True
+        if not is_wall:
+            self._body.position = obstacle.center
+        return self._body
 
 
 def _clearance_color(clearance: float) -> str:
@@ -330,8 +372,10 @@ def _clearance_color(clearance: float) -> str:
     return WARNING if clearance < NEAR_DISTANCE else OBSTACLE
 
 
-def _add_drag_handler(handle: IcosphereHandle, handler: DragHandler) -> None:
-    """Report the dragged center of a ball, which keeps its offset from the mouse."""
+def _add_drag_handler(
+    handle: IcosphereHandle | MeshHandle, handler: DragHandler
+) -> None:
+    """Report the dragged center of a solid, which keeps its offset from the mouse."""
     offsets: dict[int, np.ndarray] = {}
 
     @handle.on_drag

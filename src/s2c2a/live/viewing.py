@@ -196,7 +196,7 @@ def _draw_moment(window: Window, trace: Trace, other: Trace | None, time: float)
     scene.draw_uncertainty(trace.predicted_path[step], trace.predictive_std[step])
     axis = trace.desired_axes[step, trace.pointing_module]
     scene.draw_target(trace.desired_path[step], axis)
-    scene.draw_obstacles((), trace.spheres(step), states[-1, POSITION])
+    scene.draw_obstacles((), trace.standing(step), states[-1, POSITION])
     scene.draw_trail("real", trace.followed_path[: step + 1])
     scene.draw_trail("desired", trace.desired_path)
     error = trace.position_errors[step]

@@ -102,9 +102,7 @@ class BatchPlanner:
         sensed = np.asarray(sensed, np.float32)
         if (np.asarray(goals.thresholds) > 0).any():
             return self._in_chunks(self._next, self._chunk, plans, sensed, goals)
-        unobstructed = goals._replace(
-            obstacles=goals.obstacles[:, :0], thresholds=goals.thresholds[:, :0]
-        )
+        unobstructed = goals.with_rows(slice(0))
         return self._in_chunks(self._next, self._chunk, plans, sensed, unobstructed)
 
     def _in_chunks(self, program: Callable[..., Any], size: int, *inputs: Any) -> Any:

@@ -25,7 +25,7 @@ ADVANCE = 0.5  # of the step limit; chosen: the horizon still has room to correc
 MOVED = 0.03  # of the arm's length: another target or obstacle, which needs another way
 SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait for it
 ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
-OBSTACLES = ("obstacles", "thresholds")
+OBSTACLES = ("obstacles", "thresholds", "cores")
 CLOSEST = 0.25  # of the margin, kept where there is no more room
 
 Shape = Float[np.ndarray, "modules 2"]
@@ -304,7 +304,7 @@ def _aimed_beyond(goal: Goal) -> Goal:
 def _needs_ways(goal: Goal) -> bool:
     """Whether there is an obstacle, and a target of the tip; all finite."""
     has_both = goal.position_weights[-1] > 0.0 and (goal.thresholds > 0.0).any()
-    numbers = goal.positions[-1], goal.obstacles, goal.thresholds
+    numbers = goal.positions[-1], goal.obstacles, goal.thresholds, goal.cores
     return bool(has_both and all(np.isfinite(values).all() for values in numbers))
 
 

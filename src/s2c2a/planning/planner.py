@@ -39,6 +39,7 @@ from s2c2a.planning.terms import (
     Candidate,
     Configurations,
     Guard,
+    GuardedPoints,
     Numbers,
     Situation,
     Term,
@@ -336,6 +337,7 @@ class Step(NamedTuple):
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
             geometry.step_limit,
+            self._guarded.radii,
             self.options.on_sphere,
         )
         load = last.disturbances.payload if last.disturbances else 0.0
@@ -363,12 +365,16 @@ class Step(NamedTuple):
             self.approach.stride,
         )
 
+    @property
+    def _guarded(self) -> GuardedPoints:
+        return GuardedPoints.of(self.arm, self.options.guard)
+
     def _predictor(
         self, last: Plan, engaged: bool
     ) -> Callable[[Configurations, Bends, Memory], Candidate]:
         model = self.model.for_planning() if engaged else self.model
         model = model.near(last.configurations, last.memory)
-        points_of = terms.guarded_points(self.arm, self.options.guard)
+        points_of = self._guarded
 
         def predict(
             configurations: Configurations, bends: Bends, memory: Memory

@@ -5,7 +5,7 @@ of its parts that is nearest to the targets is a start, from which least squares
 forward model lead to the nearest shape.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
@@ -24,9 +24,10 @@ from s2c2a.kinematics import (
 )
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
+from s2c2a.obstacles import distances
 from s2c2a.planning.outcomes import SIGNIFICANT
 from s2c2a.planning.solvers import solve_least_squares
-from s2c2a.planning.terms import Guard, guarded_points
+from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import AXIS, POSITION
 
 # chosen; tests/planning/test_reach.py compares them with a long search
@@ -43,7 +44,6 @@ ALIKE = 2e-3  # of the arm's length: starts that end within it lead as near
 
 Bends = Float[Array, "modules 2"]
 States = Float[Array, "modules 6"]
-PointsOf = Callable[[States], Float[Array, "points 3"]]
 
 
 class Reached(NamedTuple):
@@ -183,7 +183,7 @@ class Reachability:
             payload: at the tip [kg].
             guard: the points that keep clear of obstacles.
         """
-        points_of = guarded_points(arm, guard)
+        points_of = GuardedPoints.of(arm, guard)
         resting = RestingArm.of(arm, model, payload)
         bends = spread_bends(resting.limits, SHAPES)
         states = compiled(_states_of, resting)(bends)
@@ -254,10 +254,7 @@ def _chunks(goals: Goal, size: int = CHUNK) -> Iterator[Goal]:
     used = int((np.asarray(goals.thresholds) > 0.0).any(axis=0).sum())
     padded = obstacle_rows(used) if used else 0
     order = np.argsort(np.asarray(goals.thresholds).max(axis=0) <= 0.0, kind="stable")
-    rows = order[:padded]
-    goals = goals._replace(
-        obstacles=goals.obstacles[:, rows], thresholds=goals.thresholds[:, rows]
-    )
+    goals = goals.with_rows(order[:padded])
     for begin in range(0, count, size):
         numbers = np.minimum(np.arange(begin, begin + size), count - 1)
         yield Goal(*(np.asarray(values)[numbers] for values in goals))
@@ -270,14 +267,14 @@ def _states_of(
 
 
 def _nearest(
-    arm: RestingArm, points_of: PointsOf, shapes: Shapes, goals: Goal
+    arm: RestingArm, points_of: GuardedPoints, shapes: Shapes, goals: Goal
 ) -> dict[str, Array]:
     """The fields of `Reached` for a chunk of goals."""
     return jax.vmap(lambda goal: _nearest_of_one(arm, points_of, shapes, goal))(goals)
 
 
 def _solutions(
-    arm: RestingArm, points_of: PointsOf, shapes: Shapes, count: int, goal: Goal
+    arm: RestingArm, points_of: GuardedPoints, shapes: Shapes, count: int, goal: Goal
 ) -> tuple[Float[Array, "starts modules 2"], Float[Array, " starts"]]:
     """Shapes from several starts, and their distances from the target [m]."""
     length = jnp.sum(jnp.asarray(arm.lengths))
@@ -288,7 +285,7 @@ def _solutions(
 
     def residuals(bends: Bends) -> Float[Array, " residuals"]:
         states = arm.states(bends)
-        depths = jnp.maximum(-_clearances(points_of(states), goal), 0.0) / length
+        depths = jnp.maximum(-_clearances(points_of, states, goal), 0.0) / length
         return jnp.concatenate(
             [
                 _target_errors(states, goal, length),
@@ -307,7 +304,7 @@ def _solutions(
 
 
 def _nearest_of_one(
-    arm: RestingArm, points_of: PointsOf, shapes: Shapes, goal: Goal
+    arm: RestingArm, points_of: GuardedPoints, shapes: Shapes, goal: Goal
 ) -> dict[str, Array]:
     length = jnp.sum(jnp.asarray(arm.lengths))
     found, misses = _solutions(arm, points_of, shapes, STARTS, goal)
@@ -318,7 +315,7 @@ def _nearest_of_one(
     angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
     has_position = jnp.asarray(goal.position_weights) > 0.0
     has_axis = jnp.asarray(goal.axis_weights) > 0.0
-    clearances = _clearances(points_of(states), goal)
+    clearances = _clearances(points_of, states, goal)
     return {
         "bends": bends,
         "states": states,
@@ -341,8 +338,10 @@ def _target_errors(
 
 
 def _clearances(
-    points: Float[Array, "points 3"], goal: Goal
+    points_of: GuardedPoints, states: States, goal: Goal
 ) -> Float[Array, "points obstacles"]:
-    """Distances of points from obstacles [m]; infinite for unused rows."""
-    distances = norm(points[:, None] - goal.obstacles) - goal.thresholds
-    return jnp.where(goal.thresholds > 0.0, distances, jnp.inf)
+    """Distances of the guarded points from obstacles [m]; infinite for unused rows."""
+    points = points_of(states)[:, None]
+    gaps = distances(points, goal.obstacles, goal.cores) - goal.thresholds
+    clear = gaps - points_of.radii[:, None]
+    return jnp.where(goal.thresholds > 0.0, clear, jnp.inf)

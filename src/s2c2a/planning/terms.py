@@ -12,28 +12,29 @@ compute such values where it needs them.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmSpec
 from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
-from s2c2a.kinematics import center_line, norm
+from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import Numbers, squared_norm
+from s2c2a.obstacles import distances
 from s2c2a.paper import obstacle_loss
-from s2c2a.spaces import AXIS, POSITION
+from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
 
 Configurations = Float[Array, "modules 3"]
 Bends = Float[Array, "modules 2"]
 Guard = Literal["tip", "arm"]
 """Points that avoid obstacles: the tip, as in the paper, or the arm.
 
-The arm is five center-line points of every module.
+The arm is five center-line points of every module, or more of a long one.
 """
 OBSTACLES_AT_HAND = 4  # of a guarded point; chosen: more rarely touch it in one step
 FAR = 1e6  # m; as far as goals may be (`goals.LARGEST`)
@@ -68,6 +69,7 @@ class Situation(NamedTuple):
             shape (modules,).
         longest_step: largest change of a module's bend in a control step
             (`ArmGeometry.step_limit`) [rad].
+        radii: of the body around the guarded points [m], shape (points,).
         on_sphere: whether configurations are kept at unit length.
     """
 
@@ -76,20 +78,51 @@ class Situation(NamedTuple):
     length: float
     bend_limits: Float[Array, " modules"]
     longest_step: float
+    radii: Float[Numbers, " points"]
     on_sphere: bool
 
 
-def guarded_points(
-    arm: ArmSpec, guard: Guard
-) -> Callable[[Float[Array, "modules 6"]], Float[Array, "points 3"]]:
-    """Function from states to the positions of the guarded points [m], base frame.
+@dataclass(frozen=True)
+class GuardedPoints:
+    """The points of an arm that avoid obstacles, and its body around them.
 
-    The tip alone (Chen et al. 2025, eq. (5)), or points of the whole center line.
+    They are the tip alone (Chen et al. 2025, eq. (5)), or points of the whole center line.
+
+    Attributes:
+        guard: which of them.
+        lengths: of the modules [m].
+        body_radii: of the modules [m].
     """
-    if guard == "tip":
-        return lambda states: states[-1:, POSITION]
-    lengths = jnp.asarray(ArmGeometry.of(arm).lengths, dtype=jnp.float32)
-    return lambda states: center_line(states, lengths)
+
+    guard: Guard
+    lengths: tuple[float, ...]
+    body_radii: tuple[float, ...]
+
+    @classmethod
+    def of(cls, arm: ArmSpec, guard: Guard) -> "GuardedPoints":
+        """The guarded points of an arm."""
+        lengths = tuple(module.length for module in arm.modules)
+        return cls(guard, lengths, tuple(module.radius for module in arm.modules))
+
+    def __call__(self, states: Float[Array, "modules 6"]) -> Float[Array, "points 3"]:
+        """Their positions [m], base frame, at states."""
+        if self.guard == "tip":
+            return states[-1:, POSITION]
+        lengths = jnp.asarray(self.lengths, dtype=jnp.float32)
+        return center_line(states, lengths, self._of_a_module)
+
+    @property
+    def radii(self) -> Float[np.ndarray, " points"]:
+        """Radii of the body around the points [m]."""
+        if self.guard == "tip":
+            return np.array(self.body_radii[-1:], np.float32)
+        return np.repeat(np.array(self.body_radii, np.float32), self._of_a_module)
+
+    @property
+    def _of_a_module(self) -> int:
+        """Points of a module: as close as on an arm of three, if there are fewer."""
+        share = max(self.lengths) / sum(self.lengths)
+        return max(CENTER_LINE_POINTS, round(3 * CENTER_LINE_POINTS * share))
 
 
 def largest_bend(bends: Bends) -> Float[Array, ""]:
@@ -165,8 +198,9 @@ class Repulsion(Term):
         """For every guarded point and obstacle, shape (points, obstacles, 1)."""
         goal = situation.goal
         unit = self.unit * situation.length
-        distances = norm((goal.obstacles - candidate.points[:, None]) / unit)
-        repulsion = obstacle_loss(distances, goal.thresholds / unit)
+        gaps = distances(candidate.points[:, None], goal.obstacles, goal.cores)
+        gaps = jnp.maximum(gaps - situation.radii[:, None], 0.0)
+        repulsion = obstacle_loss(gaps / unit, goal.thresholds / unit)
         return goal.obstacle_weight, repulsion[..., None]
 
 
@@ -194,12 +228,14 @@ class Obstacles(Term):
         length = situation.length
         distance = goal.thresholds + self.margin * length
         reach = jnp.where(goal.thresholds > 0.0, distance, -FAR)
-        last_distances = norm(situation.last.points[:, None] - goal.obstacles)
+        last_points = situation.last.points[:, None]
+        last_gaps = distances(last_points, goal.obstacles, goal.cores)
         count = min(OBSTACLES_AT_HAND, len(reach))
-        _, nearest = jax.lax.top_k(reach - last_distances, count)
-        centers = jnp.asarray(goal.obstacles)[nearest]
-        distances = norm(candidate.points[:, None] - centers)
-        depths = jnp.maximum(reach[nearest] - distances, 0.0)
+        _, nearest = jax.lax.top_k(reach - last_gaps, count)
+        centers, cores = jnp.asarray(goal.obstacles), jnp.asarray(goal.cores)
+        points = candidate.points[:, None]
+        gaps = distances(points, centers[nearest], cores[nearest])
+        depths = jnp.maximum(reach[nearest] + situation.radii[:, None] - gaps, 0.0)
         scaled = self.weight * depths[..., None] / (self.unit * length)
         return goal.obstacle_weight, scaled
 

@@ -24,15 +24,15 @@ from s2c2a.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths, norm
 from s2c2a.models.forward_model import ForwardModel
+from s2c2a.obstacles import distances
 from s2c2a.planning.reach import (
     BATCH,
-    PointsOf,
     Reachability,
     RestingArm,
     obstacle_rows,
 )
 from s2c2a.planning.solvers import linearize
-from s2c2a.planning.terms import Guard, guarded_points
+from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import POSITION
 
 # chosen; tests/planning/test_detour.py holds ways short and clear
@@ -66,29 +66,35 @@ class Scene(NamedTuple):
 
     Attributes:
         centers: [m], base frame, shape (obstacles, 3).
-        radii: thresholds and margin [m]; zero for unused rows, shape (obstacles,).
+        thresholds: with margin [m]; zero for unused rows, shape (obstacles,).
+        cores: see `s2c2a.obstacles`, shape (obstacles, 8).
+        radii: of the body around the guarded points [m], shape (points,).
     """
 
     centers: Float[np.ndarray, "obstacles 3"]
-    radii: Float[np.ndarray, " obstacles"]
+    thresholds: Float[np.ndarray, " obstacles"]
+    cores: Float[np.ndarray, "obstacles 8"]
+    radii: Float[np.ndarray, " points"]
 
     @classmethod
-    def of(cls, goal: Goal, margin: float) -> "Scene":
+    def of(
+        cls, goal: Goal, margin: float, radii: Float[np.ndarray, " points"]
+    ) -> "Scene":
         """The obstacles of a goal, in one of two numbers of rows."""
-        used = np.flatnonzero(np.asarray(goal.thresholds) > 0.0)
-        rows = obstacle_rows(len(used))
-        centers = np.zeros((rows, 3), np.float32)
-        radii = np.zeros(rows, np.float32)
-        centers[: len(used)] = np.asarray(goal.obstacles)[used]
-        radii[: len(used)] = np.asarray(goal.thresholds)[used] + margin
-        return cls(centers, radii)
+        is_used = np.asarray(goal.thresholds) > 0.0
+        rows = np.argsort(~is_used, kind="stable")[: obstacle_rows(is_used.sum())]
+        used = goal.with_rows(rows)
+        kept = np.where(is_used[rows], used.thresholds + margin, 0.0)
+        thresholds = kept.astype(np.float32)
+        return cls(used.obstacles, thresholds, used.cores, radii)
 
     def clearances(
         self, points: Float[Array, "*batch points 3"]
     ) -> Float[Array, "*batch points obstacles"]:
-        """Distances of points [m]; infinite for unused rows."""
-        distances = norm(points[..., None, :] - self.centers) - self.radii
-        return jnp.where(self.radii > 0.0, distances, jnp.inf)
+        """Distances of the body around points [m]; infinite for unused rows."""
+        gaps = distances(points[..., None, :], self.centers, self.cores)
+        clear = gaps - self.thresholds - self.radii[:, None]
+        return jnp.where(self.thresholds > 0.0, clear, jnp.inf)
 
 
 class Way(NamedTuple):
@@ -144,7 +150,8 @@ class Roadmap:
         resting = RestingArm.of(arm, model)
         self._reach = Reachability(arm, model, guard=guard)
         self._length = arm.length
-        points_of = guarded_points(arm, guard)
+        points_of = GuardedPoints.of(arm, guard)
+        self._radii = points_of.radii
         table = self._reach.shapes
         self._bends = np.asarray(table.bends)
         self._tips = np.asarray(table.states)[:, -1, POSITION]
@@ -168,7 +175,7 @@ class Roadmap:
             goal: where the way ends; its obstacles.
             margin: distance from the obstacles [m].
         """
-        scene = Scene.of(goal, margin)
+        scene = Scene.of(goal, margin, self._radii)
         ends, misses = self._ends(goal, scene, margin)
         if not len(ends):
             return None
@@ -334,7 +341,7 @@ def resampled(corners: ShapesOf, count: int) -> ShapesOf:
 
 
 def _points_of_shapes(
-    arm: RestingArm, points_of: PointsOf, bends: Float[Array, "shapes modules 2"]
+    arm: RestingArm, points_of: GuardedPoints, bends: Float[Array, "shapes modules 2"]
 ) -> Float[Array, "shapes points 3"]:
     return jax.lax.map(
         lambda bends: points_of(arm.states(bends)), bends, batch_size=BATCH
@@ -367,7 +374,7 @@ def _screened(
 
 def _observed(
     arm: RestingArm,
-    points_of: PointsOf,
+    points_of: GuardedPoints,
     bends: Float[Array, "shapes modules 2"],
     scene: Scene,
 ) -> tuple[Float[Array, "shapes 3"], Float[Array, " shapes"]]:
@@ -379,7 +386,7 @@ def _observed(
 
 def _improved(
     arm: RestingArm,
-    points_of: PointsOf,
+    points_of: GuardedPoints,
     knots: Float[Array, "knots modules 2"],
     scene: Scene,
 ) -> Float[Array, "knots modules 2"]:

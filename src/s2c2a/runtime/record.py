@@ -13,6 +13,7 @@ from s2c2a.episodes.episode import SENSOR, sensor_shapes
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
 from s2c2a.immutable import immutable, immutable_table, rebuilt
+from s2c2a.obstacles import CORE
 from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
 
@@ -200,13 +201,19 @@ def _is_numeric(array: np.ndarray) -> bool:
     return array.dtype.kind in "fiub"  # float, integer, or boolean; None is an object
 
 
+def _obstacle_column(goals: Goal) -> np.ndarray:
+    """Rows of the obstacles; without their cores if all are spheres."""
+    rows = goals.obstacles_in_use()
+    return rows if rows[..., CORE].any() else rows[..., : CORE.start]
+
+
 def _goal_columns(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
     """Columns of the goals: only those in which any goal is set."""
     stacked = Goal.stacked(goals)
     columns = {
         "desired_positions": stacked.desired_positions(),
         "desired_axes": stacked.desired_axes(),
-        "obstacles": stacked.obstacles_in_use(),
+        "obstacles": _obstacle_column(stacked),
     }
     return {
         name: values

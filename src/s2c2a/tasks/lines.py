@@ -11,11 +11,13 @@ from itertools import pairwise
 import numpy as np
 
 from s2c2a.arm import ArmSpec
+from s2c2a.errors import TargetError
 from s2c2a.planning import Goal, reach_gaps
-from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
+from s2c2a.tasks.task import MAX_DISTANCE, PAPER_LENGTH, Path, Score, Task
 
 Sphere = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
+Point = tuple[float, float, float]
 
 REACH_TARGET = (0.30, 0.0, 0.49)  # m
 # the protocol (docs/results/protocol.md), as all places and times below
@@ -37,6 +39,8 @@ CLEARANCES = (
 FLEE_STOPS = ((0.25, 0.02, 0.58), (0.08, 0.02, 0.58), (-0.07, 0.02, 0.58))  # m
 FLEE_WAITS = (1.0, 2.0, 2.0)  # s
 
+POINT_TIME = 15.0  # s; chosen: a way around obstacles, and time to settle
+
 FOLLOW_APPROACH = 5.0  # s; `follow` is not scored meanwhile
 OUTSIDE = (0.60, 0.0, 0.45)  # m; out of reach
 
@@ -57,6 +61,42 @@ def reach(arm: ArmSpec, name: str) -> Task:
     if len(obstacles):
         scores += CLEARANCES
     return Task.along(name, path, goal, *scores, Score("path length"))
+
+
+def to_point(arm: ArmSpec, position: Point, axis: Point | None = None) -> Task:
+    """Go to a point, and stay there.
+
+    Args:
+        arm: the arm.
+        position: of the tip [m], base frame.
+        axis: of the tip there, base frame, of any length.
+
+    Raises:
+        TargetError: see `goal_at`.
+    """
+    goal = goal_at(arm, position, axis)
+    steps = round(POINT_TIME * arm.control_rate)
+    scores = Score("end distance"), Score("path length")
+    return Task("point", (goal,) * max(steps, 1), scores)
+
+
+def goal_at(
+    arm: ArmSpec, position: Point, axis: Point | None = None, module: int = -1
+) -> Goal:
+    """The goal of one point of a module's end.
+
+    Raises:
+        TargetError: the point is too far away for meters, or as `Goal.with_position` and
+            `Goal.with_axis`.
+    """
+    goal = Goal.of(arm.module_count).with_position(position, module=module)
+    farthest = np.abs(goal.positions).max()
+    if farthest > MAX_DISTANCE * arm.length:
+        raise TargetError(
+            f"the target has a coordinate of {farthest:g} m, and '{arm.name}' is "
+            f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
+        )
+    return goal if axis is None else goal.with_axis(axis, module=module)
 
 
 def flee(arm: ArmSpec) -> Task:

@@ -12,6 +12,7 @@ from s2c2a.goals import Goal, preview_stride, previewed
 from s2c2a.planning import Detour
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
+MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 Path = Float[np.ndarray, "steps 3"]
 
 
@@ -98,6 +99,6 @@ class Task:
         """Desired end axes, base frame; NaN without a target."""
         return Goal.stacked(self.goals).desired_axes()
 
-    def obstacles(self) -> Float[np.ndarray, "steps obstacles 4"]:
-        """Centers and thresholds of active obstacles [m], base frame."""
+    def obstacles(self) -> Float[np.ndarray, "steps obstacles 12"]:
+        """Active obstacles, as rows (`s2c2a.obstacles`), base frame."""
         return Goal.stacked(self.goals).obstacles_in_use()

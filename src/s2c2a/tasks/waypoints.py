@@ -20,12 +20,11 @@ from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import TargetError
 from s2c2a.files import LARGEST, MAX_BYTES, MAX_COUNT, read_text
 from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
-from s2c2a.tasks.task import Score, Task
+from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
 REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
 ALLOWED = (*REQUIRED, *AXIS, "module")
-MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 
 
 @dataclass(frozen=True)

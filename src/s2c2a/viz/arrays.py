@@ -6,7 +6,7 @@ from jaxtyping import Float
 Point = Float[np.ndarray, "3"]
 Points = Float[np.ndarray, "*batch 3"]
 PlanePoints = Float[np.ndarray, "*batch 2"]
-Spheres = Float[np.ndarray, "*batch 4"]
+Obstacles = Float[np.ndarray, "*batch 12"]
 """Center and radius [m]."""
 Series = Float[np.ndarray, " time"]
 Goals = Float[np.ndarray, "time modules 3"]

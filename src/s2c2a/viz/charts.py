@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.viz.arrays import Points, Series, Spheres
+from s2c2a.obstacles import THRESHOLD
+from s2c2a.viz.arrays import Obstacles, Points, Series
 from s2c2a.viz.colors import (
     DESIRED,
     FAINT,
@@ -27,6 +28,7 @@ from s2c2a.viz.colors import (
     colors_by_label,
 )
 from s2c2a.viz.mounting import View
+from s2c2a.viz.solids import is_sphere, outline, surface
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
@@ -193,24 +195,29 @@ def draw_desired(axes: Axes, path: Points, view: View) -> None:
     axes.plot(*seen(path, view), **style)
 
 
-def draw_obstacles(axes: Axes, spheres: Spheres, view: View, **style) -> None:
-    """Draw obstacles as discs with the radii of `Trace.spheres`."""
+def draw_obstacles(axes: Axes, obstacles: Obstacles, view: View, **style) -> None:
+    """Draw the outlines of obstacles (`Trace.standing`)."""
     look = {
         "facecolor": OBSTACLE + "33",
         "edgecolor": OBSTACLE,
         "linewidth": 1,
         **style,
     }
-    for sphere in spheres:
-        axes.add_patch(Circle(seen(sphere, view), sphere[3], **look))
+    shown = max(map(np.ptp, (axes.get_xlim(), axes.get_ylim())))
+    for row in obstacles:
+        if is_sphere(row):
+            axes.add_patch(Circle(seen(row, view), row[THRESHOLD], **look))
+        else:
+            corners = surface(row, shown)[:, view]
+            axes.add_patch(Polygon(outline(corners), **look))
 
 
 def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
     """Draw every obstacle of a run with the time when it appears or has moved."""
-    for sphere, note in trace.drawn_obstacles():
-        draw_obstacles(axes, sphere[None], view, label="obstacle")
+    for row, note in trace.drawn_obstacles():
+        draw_obstacles(axes, row[None], view, label="obstacle")
         style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
-        axes.text(*seen(sphere, view), note, ha="center", va="center", **style)
+        axes.text(*seen(row, view), note, ha="center", va="center", **style)
 
 
 def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:

@@ -6,7 +6,7 @@ errors of 1 µm or 1 µrad; mean errors are in meters. NaN becomes null.
 
 import html
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -15,10 +15,13 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import write_atomically
+from s2c2a.obstacles import CENTER, CORE
 from s2c2a.viz import colors
+from s2c2a.viz.arrays import Points
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
-from s2c2a.viz.trace import Trace, check_same_arm, modules_with_goal
+from s2c2a.viz.solids import is_sphere, surface
+from s2c2a.viz.trace import Trace, check_same_arm, modules_with_goal, standing
 
 SCRIPTS = (
     "vectors",
@@ -143,13 +146,25 @@ def _trace_data(trace: Trace, color: str) -> dict:
         "axes": _goal_data(trace.desired_axes),
         "tube": _tube_data(trace),
         "horizon": [_rows(tips) for tips in trace.horizon],
-        "obstacles": _integers(obstacles),
+        "obstacles": _integers(obstacles[..., : CORE.start]),
+        "solids": [_integers(offsets) for offsets in _solids(trace)],
         "errors": _integers(trace.position_errors, PER_ERROR),
         "meanError": float(errors.mean()) if errors.size else None,
         "uncounted": np.round(trace.uncounted_spans, 4),
         "axisErrors": _integers(trace.axis_errors, PER_ERROR),
         "plans": _changes(trace.plan_texts),
     }
+
+
+def _solids(trace: Trace) -> Iterator[Points]:
+    """Points of the surface of each obstacle [m], from its center; none of a sphere."""
+    for places in np.swapaxes(trace.obstacles, 0, 1):
+        present = places[standing(places)]
+        if len(present) and not is_sphere(present[0]):
+            points = surface(present[0], trace.episode.arm.length)
+            yield np.unique((points - present[0, CENTER]).round(4), axis=0)
+        else:
+            yield np.zeros((0, 3))
 
 
 def _changes(texts: Sequence[str]) -> list[tuple[int, str]]:

@@ -10,8 +10,9 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
+from s2c2a.obstacles import THRESHOLD, rows_of
 from s2c2a.spaces import AXIS, POSITION, States
-from s2c2a.viz.arrays import Goals, Points, Series, Spheres
+from s2c2a.viz.arrays import Goals, Obstacles, Points, Series
 
 STDS = 2.0  # standard deviations in the band and the tube around a prediction
 
@@ -74,12 +75,12 @@ class Trace:
         return self._column("desired_axes", self.episode.arm.module_count, 3)
 
     @cached_property
-    def obstacles(self) -> Spheres:
-        """Center and radius of spheres [m].
+    def obstacles(self) -> Obstacles:
+        """Rows of obstacles (`s2c2a.obstacles`).
 
-        A sphere is absent where a value is NaN or the radius is not positive.
+        One is absent where a value is NaN or the threshold is not positive.
         """
-        return self._column("obstacles", 0, 4)
+        return rows_of(self._column("obstacles", 0, 4))
 
     @property
     def _rows(self) -> np.ndarray:
@@ -151,7 +152,7 @@ class Trace:
             for step in range(len(self.times))
         )
 
-    def drawn_obstacles(self) -> list[tuple[Spheres, str]]:
+    def drawn_obstacles(self) -> list[tuple[Obstacles, str]]:
         """Obstacles of the whole run for a still drawing, each with a note of its time.
 
         An obstacle is drawn where it first stands. One that moves is drawn where it
@@ -169,8 +170,8 @@ class Trace:
                 drawn.append((places[last], f"at {self.times[last]:.1f} s"))
         return drawn
 
-    def spheres(self, step: int) -> Spheres:
-        """Center and radius of the obstacles present at a step [m]."""
+    def standing(self, step: int) -> Obstacles:
+        """Rows of the obstacles that are present at a step."""
         obstacles = self.obstacles[step]
         return obstacles[standing(obstacles)]
 
@@ -208,9 +209,9 @@ class Trace:
         return np.arctan2(sine, np.sum(actual * desired, axis=-1))
 
 
-def standing(obstacles: Spheres) -> np.ndarray:
-    """Mask of the obstacles that are present: finite, with a positive radius."""
-    return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., 3] > 0)
+def standing(obstacles: Obstacles) -> np.ndarray:
+    """Mask of the obstacles that are present: finite, with a positive threshold."""
+    return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., THRESHOLD] > 0)
 
 
 def modules_with_goal(

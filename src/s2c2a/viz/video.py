@@ -20,7 +20,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.spaces import States
-from s2c2a.viz.arrays import Points, Spheres
+from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import ArmMesh, unit
 from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
@@ -119,7 +119,7 @@ class VideoStage:
         self._draw_line(trace.desired_path, DESIRED)
         self._draw_line(trace.followed_path[: step + 1], REAL)
         self._draw_line(trace.horizon[step], MUTED, zorder=FRONT)
-        self._draw_spheres(trace.spheres(step))
+        self._draw_spheres(trace.standing(step))
         if np.isfinite(trace.states[step]).all():
             self._draw_arm(trace.states[step])
         position = trace.desired_path[step]
@@ -147,7 +147,7 @@ class VideoStage:
             gap = 0.06 * self._length * self._surroundings.mounting.gravity
             self._write(arrow[0] - gap, "gravity")
 
-    def _draw_spheres(self, spheres: Spheres) -> None:
+    def _draw_spheres(self, spheres: Obstacles) -> None:
         """Draw obstacles as discs that face the camera."""
         right = unit(np.cross([0.0, 0.0, 1.0], self._towards_eye))
         up = np.cross(self._towards_eye, right)

@@ -9,12 +9,14 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
+import numpy as np
 import tyro
 
 from s2c2a.cli.console import (
     Arm,
     FidelityName,
     GuardName,
+    SceneFile,
     StrategyNames,
 )
 from s2c2a.cli.dependent_options import effective
@@ -32,6 +34,7 @@ from s2c2a.spaces import Stage
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
     from s2c2a.live.process import ControlProcess
+    from s2c2a.live.request import Obstacle
 
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
@@ -54,6 +57,7 @@ def live(
     tracking: TrackingSource = "",
     fidelity: FidelityName = "fast",
     guard: GuardName = "tip",
+    scene: SceneFile = None,
     seed: int = 0,
     port: Port = 8080,
     host: Host = THIS_MACHINE,
@@ -78,6 +82,8 @@ def live(
             natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
         fidelity: of the simulation.
         guard: what avoids obstacles: the tip, or the whole arm.
+        scene: a file of obstacles that stand there from the start, and can be dragged
+            (docs/guides/obstacles.md).
         seed: random seed of the simulated noise.
         port: port of the page; the next free one if it is taken.
         host: address to listen on. 0.0.0.0 is for a container whose port is published
@@ -103,12 +109,32 @@ def live(
     for session in map(session_of, weights):
         if session is not None:
             print(describe_use(session))
+    obstacles = _obstacles_of(scene) if scene else ()
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
+        control.ask(obstacles=obstacles)
         wait_for_interrupt()
     latest = control.latest
     at_rest = latest and latest.stage is Stage.IDLE
     state = "at rest" if at_rest else "check whether it is at rest"
     print(f"{arm} has stopped; {state}.")
+
+
+def _obstacles_of(scene: Path) -> "tuple[Obstacle, ...]":
+    """Obstacles of a scene file, as they stand at its start.
+
+    Raises:
+        S2C2AError: the file is not valid, or holds more than the page shows.
+    """
+    from s2c2a.live.request import MAX_OBSTACLES, Obstacle
+    from s2c2a.tasks import load_scene
+
+    rows = load_scene(scene).rows_at(np.zeros(1))[0]
+    if len(rows) > MAX_OBSTACLES:
+        raise S2C2AError(
+            f"{scene} holds {len(rows)} obstacles, and the live page shows at most "
+            f"{MAX_OBSTACLES}; leave some out"
+        )
+    return tuple(map(Obstacle.of, rows))
 
 
 def _check_host(host: str, factory: RobotFactory) -> None:

@@ -24,7 +24,11 @@ function readTrace(trace) {
     axes: overModules(trace.axes),
     tube: trace.tube.map((row) => row && readBall(row)),
     horizon: trace.horizon.map((tips) => tips.map(point)),
-    obstacles: trace.obstacles.map((step) => step.filter(isPresent).map(readBall)),
+    obstacles: trace.obstacles.map((step) =>
+      step
+        .map((row, k) => isPresent(row) && { ...readBall(row), surface: trace.solids[k].map(point) })
+        .filter(Boolean),
+    ),
     errors: trace.errors.map(small),
     axisErrors: trace.axisErrors.map(small),
   };
@@ -76,6 +80,7 @@ const mixObstacles = (a, b, share) =>
     : a.map((obstacle, k) => ({
         center: between(obstacle.center, b[k].center, share),
         radius: mixNumbers(obstacle.radius, b[k].radius, share),
+        surface: obstacle.surface,
       }));
 
 // Frames, goals, obstacles and errors of one trace at one time.

@@ -105,13 +105,15 @@ class Scene {
 // Points that a first view must hold: base, module ends, targets, obstacles; thinned to some hundreds.
 function contentOf(run) {
   const points = [[0, 0, 0]];
+  const reach = 1.2 * run.arm.lengths.reduce((sum, size) => sum + size, 0); // a wall goes on beyond
   for (const trace of run.traces) {
     const stride = Math.ceil(trace.frames.length / 150);
     const every = (list) => list.filter((_, k) => k % stride === 0).filter(Boolean);
     for (const frames of every(trace.frames)) points.push(...frames.map((frame) => frame.position));
     for (const { points: path } of trace.desired) points.push(...every(path));
     for (const tips of arrowTips(trace, run.arm)) points.push(...every(tips));
-    for (const step of every(trace.obstacles)) points.push(...step.flatMap(cornersOf));
+    for (const step of every(trace.obstacles))
+      points.push(...step.flatMap(cornersOf).filter((corner) => length(corner) < reach));
   }
   return points;
 }
@@ -129,7 +131,10 @@ function arrowTips(trace, arm) {
   });
 }
 
-const cornersOf = ({ center, radius }) =>
+const cornersOf = ({ center, radius, surface }) =>
+  surface.length ? surface.map((offset) => add(center, offset)) : ballCornersOf(center, radius);
+
+const ballCornersOf = (center, radius) =>
   [0, 1, 2].flatMap((axis) =>
     [1, -1].map((side) => {
       const corner = [...center];

@@ -62,7 +62,17 @@ function paintBall(context, { place, radius, color }) {
   context.stroke();
 }
 
-const PAINTERS = { face: paintFace, line: paintLine, ball: paintBall };
+// The outline of a translucent solid.
+function paintSolid(context, { places, color }) {
+  tracePlaces(context, places, true);
+  context.fillStyle = veil(color, 0.32);
+  context.strokeStyle = veil(color, 0.8);
+  context.lineWidth = 1;
+  context.fill();
+  context.stroke();
+}
+
+const PAINTERS = { face: paintFace, line: paintLine, ball: paintBall, solid: paintSolid };
 
 // Paint a list of objects, each with its kind and depth, the farthest first.
 function paintByDepth(context, things) {

@@ -85,10 +85,30 @@ function pushPath(things, camera, points, stroke, width, closer = 0) {
 }
 
 function pushObstacles(things, camera, obstacles, color) {
-  for (const { center, radius } of obstacles) {
+  for (const { center, radius, surface } of obstacles) {
+    if (surface.length) {
+      const places = surface.map((offset) => camera.project(add(center, offset)));
+      things.push({ kind: "solid", depth: meanDepth(places), places: hullOf(places), color });
+      continue;
+    }
     const place = camera.project(center);
     things.push({ kind: "ball", depth: place.depth, place, radius: radius * place.scale, color });
   }
+}
+
+// Corners of the convex hull of places on the screen (Andrew's monotone chain).
+function hullOf(places) {
+  const sorted = [...places].sort((a, b) => a.x - b.x || a.y - b.y);
+  const turnsLeft = (a, b, c) => (b.x - a.x) * (c.y - a.y) > (b.y - a.y) * (c.x - a.x);
+  const chainOf = (points) => {
+    const chain = [];
+    for (const place of points) {
+      while (chain.length > 1 && !turnsLeft(chain[chain.length - 2], chain[chain.length - 1], place)) chain.pop();
+      chain.push(place);
+    }
+    return chain.slice(0, -1);
+  };
+  return [...chainOf(sorted), ...chainOf(sorted.reverse())];
 }
 
 // The tube around the predicted path: one fill, since overlaps of translucent discs would add up.

@@ -1,0 +1,383 @@
+"""Scenes: obstacles in a TOML file, beside which any task can run.
+
+Each obstacle is a table `[[obstacles]]` with its kind; docs/guides/obstacles.md shows
+them. Files hold lengths in meters, base frame, and name no code.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import tomli_w
+from jaxtyping import Float
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from scipy.spatial.transform import Rotation
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.fields import Free, Frozen, Number, between
+from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.files import check_replaceable, parse_toml, read_text, write_atomically
+from s2c2a.goals import MAX_OBSTACLES, Goal
+from s2c2a.obstacles import (
+    CENTER,
+    CORE,
+    DISC,
+    HALF_EDGES,
+    HALF_SPACE,
+    SKIN,
+    THRESHOLD,
+    TURN,
+)
+from s2c2a.tasks.meshes import Cover, covering_spheres
+from s2c2a.tasks.task import Score, Task
+from s2c2a.validation import explained
+
+ENDING = ".toml"
+CLEARANCES = Score("clearance"), Score("clearance of the arm")
+Point = tuple[Free, Free, Free]
+Row = Float[np.ndarray, "12"]
+
+
+def _size(meaning: str) -> Number:
+    """Declare a size of a solid: from a wire to a building."""
+    return between(1e-4, 100, "m", meaning)
+
+
+class Solid(Frozen):
+    """An obstacle of any kind."""
+
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(
+        ("clearance", "appears", "disappears", "velocity")
+    )
+
+    clearance: Number = between(0, 10, "m", "distance kept from its surface", 0.0)
+    appears: Number = between(0, 1e6, "s", "time when it appears", 0.0)
+    disappears: Number | None = between(0, 1e6, "s", "when it disappears", None)
+    velocity: Point = Field((0.0, 0.0, 0.0), description="constant velocity [m/s]")
+
+    def rows(self) -> Float[np.ndarray, "rows 12"]:
+        """Rows of the goal (`s2c2a.obstacles`), at time zero."""
+        rows = np.array(self._rows(), float)
+        rows[:, THRESHOLD] += self.clearance
+        return rows
+
+    def rows_at(
+        self, times: Float[np.ndarray, " steps"]
+    ) -> Float[np.ndarray, "steps rows 12"]:
+        """Rows at times [s]; with a threshold of zero while it is absent."""
+        rows = np.tile(self.rows(), (len(times), 1, 1))
+        rows[..., CENTER] += times[:, None, None] * np.array(self.velocity)
+        end = np.inf if self.disappears is None else self.disappears
+        is_present = (times >= self.appears) & (times < end)
+        rows[~is_present, :, THRESHOLD] = 0.0
+        return rows
+
+    def _rows(self) -> Sequence[Row]:
+        """Rows without the clearance."""
+        raise NotImplementedError
+
+
+class Sphere(Solid):
+    """All points within a radius of a center."""
+
+    kind: Literal["sphere"] = "sphere"
+    center: Point = Field(description="center [m]")
+    radius: Number = _size("radius")
+
+    def _rows(self) -> Sequence[Row]:
+        return [_row(self.center, self.radius)]
+
+
+class _Rod(Solid):
+    """A solid around the segment from a start to an end."""
+
+    start: Point = Field(description="start of its axis [m]")
+    end: Point = Field(description="end of its axis [m]")
+    radius: Number = _size("radius")
+
+    @model_validator(mode="after")
+    def _validate(self):
+        if self.start == self.end:
+            raise ValueError(
+                "start and end are the same point; give the ends of its axis"
+            )
+        return self
+
+    def _along(self, threshold: float, disc: float) -> Row:
+        """The row of a core around the axis."""
+        axis = np.subtract(self.end, self.start)
+        center = np.add(self.start, self.end) / 2.0
+        half_edges = [0.0, 0.0, np.linalg.norm(axis) / 2.0]
+        return _row(center, threshold, _turn_to(axis), half_edges, disc)
+
+
+class Capsule(_Rod):
+    """All points within a radius of a segment."""
+
+    kind: Literal["capsule"] = "capsule"
+
+    def _rows(self) -> Sequence[Row]:
+        return [self._along(self.radius, 0.0)]
+
+
+class Cylinder(_Rod):
+    """A cylinder with flat ends."""
+
+    kind: Literal["cylinder"] = "cylinder"
+
+    def _rows(self) -> Sequence[Row]:
+        return [self._along(SKIN, self.radius)]
+
+
+class _Turned(Solid):
+    """A solid with an orientation."""
+
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(
+        (*Solid.omitted_defaults, "rotation_deg")
+    )
+
+    rotation_deg: Point = Field(
+        (0.0, 0.0, 0.0), description="rotation about the fixed axes x, y, z [deg]"
+    )
+
+    @property
+    def _turn(self) -> Rotation:
+        return Rotation.from_euler("xyz", self.rotation_deg, degrees=True)
+
+
+class Box(_Turned):
+    """A box with sharp edges."""
+
+    kind: Literal["box"] = "box"
+    center: Point = Field(description="center [m]")
+    size: tuple[Number, Number, Number] = Field(description="lengths of its edges [m]")
+
+    @model_validator(mode="after")
+    def _validate(self):
+        if min(self.size) <= 0.0 or max(self.size) > HALF_SPACE:
+            raise ValueError(
+                f"size {list(self.size)} has an edge that is not between 0 and "
+                f"{HALF_SPACE:g} m; for a wall without end, use the kind half_space"
+            )
+        return self
+
+    def _rows(self) -> Sequence[Row]:
+        half = np.array(self.size) / 2.0
+        return [_row(self.center, SKIN, self._turn.as_quat(), half)]
+
+
+class HalfSpace(Solid):
+    """Everything behind a plane, such as a wall or a table."""
+
+    kind: Literal["half_space"] = "half_space"
+    point: Point = Field(description="a point of the plane [m]")
+    normal: Point = Field(description="direction away from the solid, of any length")
+
+    @model_validator(mode="after")
+    def _validate(self):
+        if not np.any(self.normal):
+            raise ValueError("normal is zero; give a direction such as [0, 0, 1]")
+        return self
+
+    def _rows(self) -> Sequence[Row]:
+        normal = np.array(self.normal) / np.linalg.norm(self.normal)
+        center = self.point - HALF_SPACE * normal
+        return [_row(center, SKIN, _turn_to(normal), np.full(3, HALF_SPACE))]
+
+
+class Mesh(_Turned):
+    """The solid that a file of triangles encloses, covered by spheres."""
+
+    kind: Literal["mesh"] = "mesh"
+    file: str = Field(description="STL, OBJ, PLY, GLB or OFF, beside the scene file")
+    scale: Number = between(1e-6, 1e6, "m", "length of the file's unit", 1.0)
+    position: Point = Field((0.0, 0.0, 0.0), description="of the file's origin [m]")
+    spheres: int = between(1, MAX_OBSTACLES, "1", "most that cover it", 24)
+
+    @property
+    def excess(self) -> float:
+        """By how much the spheres stand out at most [m]."""
+        return self.scale * self._cover.excess
+
+    @property
+    def _cover(self) -> Cover:
+        return covering_spheres(self.file, self.spheres)
+
+    def _rows(self) -> Sequence[Row]:
+        local = self.scale * self._cover.spheres
+        centers = self._turn.apply(local[:, :3]) + self.position
+        return [_row(*sphere) for sphere in zip(centers, local[:, 3], strict=True)]
+
+
+AnySolid = Sphere | Capsule | Cylinder | Box | HalfSpace | Mesh
+Kept = Annotated[AnySolid, Field(discriminator="kind")]
+SOLID: TypeAdapter[AnySolid] = TypeAdapter(Kept)
+
+
+class Scene(Frozen):
+    """Obstacles, at most `MAX_OBSTACLES`."""
+
+    obstacles: tuple[Kept, ...] = Field(description="tables [[obstacles]]")
+
+    def rows_at(
+        self, times: Float[np.ndarray, " steps"]
+    ) -> Float[np.ndarray, "steps rows 12"]:
+        """Rows of all obstacles at times [s].
+
+        Raises:
+            TargetError: there are more than a goal may have.
+        """
+        solids = [solid.rows_at(times) for solid in self.obstacles]
+        rows = np.concatenate([np.zeros((len(times), 0, 12)), *solids], axis=1)
+        _check_count(rows.shape[1], "the scene")
+        return rows
+
+    def remarks(self) -> Iterator[str]:
+        """One sentence about each mesh."""
+        for solid in self.obstacles:
+            if isinstance(solid, Mesh):
+                yield (
+                    f"{solid.file} is covered by {len(solid.rows())} spheres, which "
+                    f"stand out by up to {1000 * solid.excess:.0f} mm"
+                )
+
+    def beside(self, goals: Sequence[Goal], period: float) -> list[Goal]:
+        """Goals of successive control steps with these obstacles, too.
+
+        Args:
+            goals: their own obstacles stay.
+            period: of the control steps [s].
+
+        Raises:
+            TargetError: both together are too many obstacles.
+        """
+        added = self.rows_at(period * np.arange(1, len(goals) + 1))
+        return [goal_beside(goal, row) for goal, row in zip(goals, added, strict=True)]
+
+    def around(self, task: Task, arm: ArmSpec) -> Task:
+        """The task beside these obstacles, whose clearance is scored, too.
+
+        Raises:
+            TargetError: both together have too many obstacles.
+        """
+        goals = self.beside(task.goals, arm.control_period)
+        known = {score.metric for score in task.scores}
+        missing = [score for score in CLEARANCES if score.metric not in known]
+        return replace(task, goals=tuple(goals), scores=(*task.scores, *missing))
+
+
+def goal_beside(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
+    """The goal with further obstacles; with a threshold of zero they are absent.
+
+    Raises:
+        TargetError: too many.
+    """
+    everything = np.concatenate([goal.obstacles_in_use(), rows])
+    _check_count(len(everything), "task and scene together")
+    weight = float(goal.obstacle_weight)
+    return goal.with_obstacles(
+        everything[:, CENTER],
+        everything[:, THRESHOLD],
+        weight,
+        everything[:, CORE],
+    )
+
+
+def load_scene(path: str | os.PathLike) -> Scene:
+    """Read a scene file.
+
+    Raises:
+        TargetError: no file, invalid TOML, an unknown key or kind, an invalid value, a
+            mesh that cannot be read, or too many obstacles.
+    """
+    text = read_text(Path(path), TargetError)
+    try:
+        scene = Scene.model_validate(parse_toml(text))
+    except S2C2AError as error:
+        raise TargetError(f"{path}: {error}") from error
+    except ValidationError as error:
+        raise TargetError(explained(error, f"{path}: {HEADING}", KEYS)) from error
+    folder = Path(path).parent
+    placed = [
+        solid.model_copy(update={"file": str(folder / solid.file)})
+        if isinstance(solid, Mesh)
+        else solid
+        for solid in scene.obstacles
+    ]
+    loaded = Scene(obstacles=tuple(placed))
+    loaded.rows_at(np.zeros(1))  # raises an error before anything moves
+    return loaded
+
+
+def save_scene(scene: Scene, path: str | os.PathLike, overwrite: bool = False) -> None:
+    """Write a scene file; reading it back gives an equal scene.
+
+    Raises:
+        TargetError: the file exists and `overwrite` is false, or it cannot be written.
+    """
+    if Path(path).exists() and not overwrite:
+        raise TargetError(f"{path} exists; choose another name")
+    check_replaceable(path, ENDING, TargetError)
+    values = scene.model_dump(mode="json", exclude_none=True)
+    write_atomically(tomli_w.dumps(values), path, TargetError)
+
+
+def solid_of(row: Row) -> AnySolid:
+    """The solid of a row at rest, with lengths to a micrometer."""
+    threshold, core = float(row[THRESHOLD]), row[CORE]
+    half, disc = core[HALF_EDGES], float(core[DISC])
+    turn = Rotation.from_quat(core[TURN] if core[TURN].any() else [0, 0, 0, 1])
+    axis = turn.apply([0.0, 0.0, half[2]])
+    is_box = disc == 0.0 and half[:2].any()
+    values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
+    if half.min() >= HALF_SPACE:
+        values |= {"kind": "half_space", "point": row[CENTER] + axis, "normal": axis}
+    elif is_box:
+        angles = turn.as_euler("xyz", degrees=True)
+        values |= {"kind": "box", "size": 2.0 * half, "rotation_deg": angles}
+    elif half[2] > 0.0:
+        values |= {"start": row[CENTER] - axis, "end": row[CENTER] + axis}
+        round_ends = {"kind": "capsule", "radius": threshold, "clearance": 0.0}
+        values |= {"kind": "cylinder", "radius": disc} if disc else round_ends
+    else:
+        values = {"kind": "sphere", "radius": threshold}
+    if values["kind"] in ("box", "sphere"):
+        values["center"] = row[CENTER]
+    rounded = {
+        name: value if name == "kind" else (np.round(value, 6) + 0.0).tolist()
+        for name, value in values.items()  # plus zero: no negative zero
+    }
+    return SOLID.validate_python(rounded)
+
+
+def _row(center, threshold: float, turn=0.0, half_edges=0.0, disc=0.0) -> Row:
+    """A row of its parts (`s2c2a.obstacles`)."""
+    row = np.zeros(12)
+    row[CENTER], row[THRESHOLD] = center, threshold
+    core = row[CORE]
+    core[TURN], core[HALF_EDGES], core[DISC] = turn, half_edges, disc
+    return row
+
+
+def _turn_to(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:
+    """Unit quaternion that turns the z axis into a direction."""
+    turn, _ = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])
+    return turn.as_quat()
+
+
+def _check_count(count: int, what: str) -> None:
+    if count > MAX_OBSTACLES:
+        raise TargetError(
+            f"{what} would have {count} obstacles, and at most {MAX_OBSTACLES} are "
+            "allowed; leave some out, or cover meshes by fewer spheres"
+        )
+
+
+KINDS = Sphere, Capsule, Cylinder, Box, HalfSpace, Mesh
+KEYS = tuple(
+    dict.fromkeys(name for table in (Scene, *KINDS) for name in table.model_fields)
+)
+HEADING = "{count} fault(s) in the scene (obstacles count from 0)"

@@ -1,0 +1,79 @@
+"""Surfaces of obstacles, to be drawn: points whose convex hull is the solid."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull, QhullError
+
+from s2c2a.obstacles import (
+    CENTER,
+    CORE,
+    DISC,
+    HALF_EDGES,
+    HALF_SPACE,
+    THRESHOLD,
+    TURN,
+    turned,
+)
+
+AZIMUTHS = np.deg2rad(np.arange(7.5, 360.0, 15.0))  # chosen: circles look round
+ELEVATIONS = np.deg2rad([-89.0, -60.0, -30.0, -1.0, 1.0, 30.0, 60.0, 89.0])
+SLAB = 0.02  # of what is shown of a half-space: its thickness
+Row = Float[np.ndarray, "12"]
+Points = Float[np.ndarray, "points 3"]
+
+
+def is_sphere(row: Row) -> bool:
+    """Whether a row is that of a sphere."""
+    return not row[CORE][HALF_EDGES].any() and row[CORE][DISC] == 0.0
+
+
+def surface(row: Row, shown: float) -> Points:
+    """Points of the surface [m], base frame.
+
+    Args:
+        row: of an obstacle (`s2c2a.obstacles`).
+        shown: half the edge of the part of a half-space that is drawn [m].
+    """
+    center, core = row[CENTER], row[CORE]
+    half_edges = core[HALF_EDGES]
+    turn = core[TURN]
+    if half_edges.min() >= HALF_SPACE:
+        normal = turned(np.array([0.0, 0.0, 1.0]), turn[:3], turn[3:])
+        level = normal @ center + HALF_SPACE
+        half_edges = shown * np.array([1.0, 1.0, SLAB])
+        center = (level - half_edges[2]) * normal
+    directions = _directions()
+    across = directions * [1.0, 1.0, 0.0]
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    corners = np.sign(directions) * half_edges + core[DISC] * across
+    local = corners + row[THRESHOLD] * directions
+    return center + turned(local, turn[:3], turn[3:])
+
+
+def outline(points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "corners 2"]:
+    """Corners of the convex hull of points in a plane; none if they lie on a line."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points[:0]
+
+
+def hull(points: Points) -> tuple[Points, np.ndarray]:
+    """Corners of the convex hull and its triangles, seen from outside against the clock."""
+    found = ConvexHull(points)
+    triangles = found.simplices.copy()
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    is_inward = np.sum(np.cross(b - a, c - a) * found.equations[:, :3], axis=1) < 0.0
+    triangles[is_inward] = triangles[is_inward, ::-1]
+    return points, triangles
+
+
+def _directions() -> Points:
+    """Unit vectors all around, none of them along an axis."""
+    azimuths, elevations = (
+        grid.reshape(-1) for grid in np.meshgrid(AZIMUTHS, ELEVATIONS)
+    )
+    across = np.cos(elevations)
+    return np.column_stack(
+        [across * np.cos(azimuths), across * np.sin(azimuths), np.sin(elevations)]
+    )

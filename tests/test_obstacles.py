@@ -1,0 +1,69 @@
+"""Distances from obstacles: analytic solids, random solids against many points of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from s2c2a.obstacles import distances, rows_of
+
+POINT = np.zeros(8)
+
+
+def core(half_edges=(0.0, 0.0, 0.0), disc=0.0, turn=(0.0, 0.0, 0.0, 0.0)):
+    return np.array([*turn, *half_edges, disc])
+
+
+@pytest.mark.parametrize(
+    ("solid", "point", "expected"),
+    [
+        (core(), [0.3, 0.0, 0.4], 0.5),
+        (core((0, 0, 0.2)), [0.3, 0.0, 0.6], 0.5),
+        (core((0, 0, 0.2)), [0.3, 0.4, 0.1], 0.5),
+        (core((0.1, 0.2, 0.3)), [0.4, 0.2, 0.7], 0.5),
+        (core((0.1, 0.2, 0.3)), [0.0, 0.15, 0.0], -0.05),
+        (core((0, 0, 0.3), 0.1), [0.3, 0.4, 0.0], 0.4),
+        (core((0, 0, 0.3), 0.1), [0.0, 0.05, 0.1], -0.05),
+        (core((0, 0, 0.3), 0.1), [0.0, 0.4, 0.7], 0.5),
+    ],
+)
+def test_distances_of_known_solids(solid, point, expected):
+    found = distances(np.array(point), np.zeros(3), solid)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_distances_of_turned_boxes_agree_with_their_nearest_points():
+    random = np.random.default_rng(3)
+    for _ in range(10):
+        turn = Rotation.random(random_state=random)
+        half, disc = random.uniform(0.05, 0.2, 3), random.uniform(0.0, 0.1)
+        center, point = random.normal(0.0, 0.1, 3), random.normal(0.0, 0.5, 3)
+        angles = np.linspace(0.0, 2.0 * np.pi, 400)
+        across = disc * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+        grid = np.linspace(-1.0, 1.0, 21)
+        inside = half * np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
+        local = turn.inv().apply(point - center)
+        nearest = (
+            np.clip(local - inside[:, None], -np.inf, np.inf) - across[None]
+        ).reshape(-1, 3)
+        filled = np.linalg.norm(nearest, axis=1).min()
+        found = distances(point, center, core(half, disc, turn.as_quat()))
+        if found > 0.01:
+            assert found == pytest.approx(filled, abs=0.02)
+            assert found <= filled + 1e-9
+
+
+def test_gradients_are_finite_everywhere_and_of_length_one_outside():
+    solids = jnp.array([core(), core((0, 0, 0.2)), core((0.1, 0.1, 0.1), 0.05)])
+    slope = jax.vmap(jax.grad(distances), (None, None, 0))
+    center = jnp.zeros(3)
+    assert jnp.isfinite(slope(center, center, solids)).all()
+    outside = slope(jnp.array([0.4, 0.3, 0.5]), center, solids)
+    np.testing.assert_allclose(jnp.linalg.norm(outside, axis=1), 1.0, rtol=1e-5)
+
+
+def test_rows_of_spheres_get_points_as_cores():
+    rows = rows_of(np.ones((5, 2, 4)))
+    assert rows.shape == (5, 2, 12)
+    assert not rows[..., 4:].any()
