@@ -91,7 +91,7 @@ class VideoStage:
         placed = self._surroundings.mounting.placed
         self._center = self._world(arm.length * placed(LOOK_AT))
         self._towards_eye = unit(self._world(placed(eye) - placed(LOOK_AT)))
-        self.figure = Figure(figsize=np.divide(SIZE, 100), dpi=100)
+        self.figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
         FigureCanvasAgg(self.figure)
         square = (0, -0.1, 1, 1.2)
         self._axes = Axes3D(self.figure, square, computed_zorder=False)
