@@ -1,6 +1,6 @@
-"""Make the pictures of docs/guides/live.md and the README; needs Chromium.
+"""Make the pictures of docs/guides/live.md; needs Chromium.
 
-Run `python tools/make_pictures.py`.
+Run `python tools/make_pictures.py`. `tools/front_pictures.py` makes those of the README.
 """
 
 import io
@@ -13,15 +13,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from s2c2a.arm import load_arm
-from s2c2a.evaluation import rollout
 from s2c2a.live.cli.live import running_page
 from s2c2a.live.request import Obstacle
-from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import s2c2a_strategy, shipped_networks
-from s2c2a.tasks import load_task
-from s2c2a.viz import Trace
-from s2c2a.viz.video import save_video
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
 DESKTOP = {"width": 1280, "height": 800}
@@ -87,15 +80,6 @@ def make_live_pictures() -> None:
         save_screenshot(page, "live-telephone")
 
 
-def make_video() -> None:
-    """Make the video of the circle task for the README."""
-    arm = load_arm("twin_arm")
-    strategy = s2c2a_strategy(shipped_networks(arm))
-    run = rollout(SimulatedRobot(arm), strategy, load_task("circle", arm))
-    save_video(Trace(run, "s2c2a"), arm, FOLDER / "circle", "gif")
-
-
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    make_video()
     make_live_pictures()

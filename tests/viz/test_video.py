@@ -84,3 +84,15 @@ def test_a_failing_ffmpeg_is_an_error_that_says_how_to_get_a_gif(
     with pytest.raises(S2C2AError, match=r"cannot make the video.*to get a GIF"):
         save_video(make_trace(), arm, tmp_path / "run", "mp4")
     assert not (tmp_path / "run.mp4").exists()
+
+
+def test_a_ball_hides_the_arm_behind_it_only(arm, straight, drawn):
+    reds = []
+    for side in (-1, 1):  # behind and before the last module, as the camera sees them
+        ball = np.array([0.64 * side, -0.77 * side, 0.55]) * (0.12, 0.12, 1.0)
+        obstacles = np.array([[[*ball, 0.06]]])
+        trace = drawn("s2c2a", [0.0], straight[None], obstacles=obstacles)
+        red, green, blue = np.moveaxis(picture_of(arm, trace), -1, 0)
+        reds.append(np.sum(red - np.maximum(green, blue) > 40))
+    behind, before = reds
+    assert behind > 2 * before

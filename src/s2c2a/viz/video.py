@@ -3,6 +3,7 @@
 Matplotlib paints the frames, without a window, a graphics card or OpenGL.
 """
 
+import itertools
 import shutil
 from pathlib import Path
 from subprocess import CalledProcessError
@@ -19,11 +20,11 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.spaces import States
 from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
-from s2c2a.viz.mesh import ArmMesh, unit
+from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces, unit
 from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
+from s2c2a.viz.solids import hull, is_sphere, surface
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE = (480, 400)  # pixels
@@ -31,7 +32,8 @@ MAX_FRAMES = 120  # so that a GIF remains small enough for a page
 
 VIEW_SIZE = 1.2  # edge of the cube that fills the frame, arm lengths
 AXIS_LENGTH = 0.15  # of the line along the desired axis, arm lengths
-BEHIND, ARM, FRONT = 1, 2, 3  # drawing order
+THREAD_RADIUS = 0.006  # of drawn paths, arm lengths; a look
+BEHIND, SOLID, FRONT = 1, 2, 3  # drawing order
 
 
 def save_video(
@@ -83,16 +85,15 @@ class VideoStage:
         figure: what `draw` has drawn.
     """
 
-    def __init__(self, arm: ArmSpec):
-        """Place the camera so that it sees the whole arm."""
+    def __init__(self, arm: ArmSpec, eye: tuple[float, float, float] = EYE):
+        """Place the camera so that it sees the whole arm from a side, see `Mounting`."""
         self._mesh = ArmMesh(arm)
         self._length = arm.length
         self._surroundings = Surroundings.of(arm)
         placed = self._surroundings.mounting.placed
         self._center = self._world(arm.length * placed(LOOK_AT))
-        self._towards_eye = unit(self._world(placed(EYE) - placed(LOOK_AT)))
-        width, height = SIZE
-        self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+        self._towards_eye = unit(self._world(placed(eye) - placed(LOOK_AT)))
+        self.figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
         FigureCanvasAgg(self.figure)
         square = (0, -0.1, 1, 1.2)
         self._axes = Axes3D(self.figure, square, computed_zorder=False)
@@ -112,16 +113,12 @@ class VideoStage:
         axes.clear()
         axes.set_axis_off()
         half = VIEW_SIZE / 2 * self._length
-        low = self._center - half
-        high = self._center + half
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        x, y, z = self._center[:, None] + (-half, half)
+        axes.set(xlim=x, ylim=y, zlim=z)
         self._draw_ground()
-        self._draw_line(trace.desired_path, DESIRED)
-        self._draw_line(trace.followed_path[: step + 1], REAL)
+        self._draw_walls(trace.standing(step))
+        self._draw_solids(trace, step)
         self._draw_line(trace.horizon[step], MUTED, zorder=FRONT)
-        self._draw_spheres(trace.standing(step))
-        if np.isfinite(trace.states[step]).all():
-            self._draw_arm(trace.states[step])
         position = trace.desired_path[step]
         axis = trace.desired_axes[step, trace.pointing_module]
         tip = position + AXIS_LENGTH * self._length * axis
@@ -147,38 +144,45 @@ class VideoStage:
             gap = 0.06 * self._length * self._surroundings.mounting.gravity
             self._write(arrow[0] - gap, "gravity")
 
-    def _draw_spheres(self, spheres: Obstacles) -> None:
-        """Draw obstacles as discs that face the camera."""
-        right = unit(np.cross([0.0, 0.0, 1.0], self._towards_eye))
-        up = np.cross(self._towards_eye, right)
-        angles = np.linspace(0.0, 2.0 * np.pi, 60)[:, None]
-        circle = np.cos(angles) * right + np.sin(angles) * up
-        for sphere in spheres:
-            disc = self._world(sphere[:3]) + sphere[3] * circle
-            style = {"facecolors": OBSTACLE + "48", "edgecolors": OBSTACLE}
-            self._axes.add_collection3d(
-                Poly3DCollection([disc], zorder=BEHIND, **style)
-            )
+    def _draw_walls(self, obstacles: Obstacles) -> None:
+        """Draw obstacles other than balls as translucent faces behind the arm."""
+        for row in itertools.filterfalse(is_sphere, obstacles):
+            corners, triangles = hull(surface(row, self._length))
+            faces = self._world(corners)[triangles]
+            veil = Poly3DCollection(faces, facecolors=OBSTACLE + "38", zorder=BEHIND)
+            self._axes.add_collection3d(veil)
 
-    def _draw_arm(self, states: States) -> None:
-        """Draw all faces, the farthest first."""
-        faces = []
-        colors = []
-        vertices = self._mesh.vertices(states)
-        for piece, corners in zip(self._mesh.pieces, vertices, strict=True):
-            triangles = self._world(corners)[piece.faces]
-            faces.append(triangles + piece.lift * self._towards_eye)
-            colors.append(_shaded(triangles, piece.color))
-        shades = np.concatenate(colors)
+    def _draw_solids(self, trace: Trace, step: int) -> None:
+        """Draw the faces of arm, obstacles and paths, the farthest first."""
+        balls = filter(is_sphere, trace.standing(step))
+        solids = [(ball[:3] + ball[3] * _BALL, OBSTACLE, 0.0) for ball in balls]
+        solids.append((self._thread(trace.desired_path), DESIRED, 0.0))
+        solids.append((self._thread(trace.followed_path[: step + 1]), REAL, 0.0))
+        if np.isfinite(trace.states[step]).all():
+            vertices = self._mesh.vertices(trace.states[step])
+            for piece, corners in zip(self._mesh.pieces, vertices, strict=True):
+                solids.append((corners[piece.faces], piece.color, piece.lift))
+        placed = [self._world(solid[0]) for solid in solids]
+        colors = [solid[1] for solid in solids]
+        shades = np.concatenate([*map(_shaded, placed, colors)])
+        lifts = [solid[2] * self._towards_eye for solid in solids]
         self._axes.add_collection3d(
             Poly3DCollection(
-                np.concatenate(faces),
+                np.concatenate([*map(np.add, placed, lifts)]),
                 facecolors=shades,
                 edgecolors=shades,  # no seams between the faces
                 linewidths=0.3,
-                zorder=ARM,
+                zorder=SOLID,
             )
         )
+
+    def _thread(self, path: Points) -> Points:
+        """Triangles of a thin tube along a path, shape (faces, 3, 3)."""
+        finite = path[np.isfinite(path).all(axis=-1)]
+        if len(finite) < 2:
+            return np.zeros((0, 3, 3))
+        corners = threads(finite[None], THREAD_RADIUS * self._length)
+        return corners[tube_faces(1, len(finite), THREAD_SIDES)]
 
     def _draw_line(self, points: Points, color: str, zorder=BEHIND, **style) -> None:
         finite = points[np.isfinite(points).all(axis=-1)]
@@ -195,3 +199,16 @@ def _shaded(triangles: Points, color: str) -> np.ndarray:
     normals = unit(np.cross(edges[:, 0], edges[:, 1]))
     brightness = 0.68 + 0.36 * np.clip(normals @ unit(np.array(SUN)), 0.0, 1.0)
     return np.clip(brightness[:, None] * to_rgb(color), 0.0, 1.0)
+
+
+def _ball() -> Points:
+    """Triangles of a ball of radius one, shape (faces, 3, 3)."""
+    polar = np.linspace(0.0, np.pi, 19)[:, None]
+    around = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+    x = np.sin(polar) * np.cos(around)
+    y = np.sin(polar) * np.sin(around)
+    corners = np.stack(np.broadcast_arrays(x, y, -np.cos(polar)), axis=-1)
+    return corners.reshape(-1, 3)[tube_faces(1, *x.shape)]
+
+
+_BALL = _ball()
