@@ -2,6 +2,7 @@
 
 from s2c2a.tasks.circle import circle, tilt
 from s2c2a.tasks.registry import TASKS, load_task, paced_task, split_pace
+from s2c2a.tasks.shapes import load_curve, shape_task, table_tracks
 from s2c2a.tasks.task import Score, Task
 from s2c2a.tasks.waypoints import (
     OutOfReach,
