@@ -245,6 +245,39 @@ def scenes(
 
 
 @beside("random_arms", "strength")
+def shapes(
+    arm: Arm = "twin_arm",
+    random_arms: int = 1,
+    strength: float = 0.5,
+    curves: int = 10,
+    seeds: int = 1,
+    work: Work = ALL_CORES,
+) -> None:
+    """Shapes of the whole arm: distance of the center line from drawn curves.
+
+    Repeat the command to continue an interrupted run.
+
+    Args:
+        arm: a preset or an arm file.
+        random_arms: number of randomized arms beside this arm.
+        strength: magnitude of their mismatch.
+        curves: number of curves that the arm can take, and of those of another arm.
+        seeds: number of seeds, from zero.
+        work: run directory and parallel execution.
+    """
+    from s2c2a_experiments import shapes as study
+    from s2c2a_experiments.sensors import randomized_arms
+
+    arms = [load_arm(arm)]
+    if random_arms:
+        arms += randomized_arms(arms[0], random_arms, strength)
+    taken = study.ShapeStudy(tuple(arms), curves, _seeds(seeds))
+    options = asdict(taken) | {"arms": [one.name for one in arms]}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.shape_rows(taken, results.make))
+
+
+@beside("random_arms", "strength")
 def repetition(
     arm: Arm = "twin_arm",
     random_arms: int = 3,

@@ -5,8 +5,9 @@ cables follow the motors at once. Instead, the range of the motors is reduced by
 most that backlash, friction and homing errors can take.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 
 import mujoco
@@ -21,6 +22,8 @@ from s2c2a.robots.simulation import FIDELITIES
 from s2c2a.robots.simulation.chain import build_model
 from s2c2a.spaces import AXIS, POSITION, States
 
+Residuals = Callable[[States], Float[np.ndarray, "batch residuals"]]
+"""States of a batch -> errors [m]."""
 NormalizedActions = Float[np.ndarray, "*batch modules 2"]
 """Actions as fractions of their range, vectors in the unit disc of each module."""
 
@@ -112,11 +115,22 @@ class TrueReach:
             goal: one goal; its obstacles do not count.
             start: an additional start, such as the shape for the goal before.
         """
-        samples = [self._with_error(shape, goal) for shape in self._samples]
+        return self.least(partial(self._residuals, goal=goal), start)
+
+    def least(
+        self, residuals: Residuals, start: RestingShape | None = None
+    ) -> RestingShape:
+        """The resting shape with the least norm of residuals that a local search finds.
+
+        Args:
+            residuals: of a batch of states [m].
+            start: an additional start.
+        """
+        samples = [_with_error(shape, residuals) for shape in self._samples]
         starts = sorted(samples, key=_by_error)[:STARTS]
         if start:
-            starts.append(self._with_error(start, goal))
-        shapes = [self._descend(shape, goal) for shape in starts]
+            starts.append(_with_error(start, residuals))
+        shapes = [self._descend(shape, residuals) for shape in starts]
         return min(shapes, key=_by_error)
 
     @cached_property
@@ -173,22 +187,16 @@ class TrueReach:
             [positions.reshape(count, -1), axes.reshape(count, -1)], axis=-1
         )
 
-    def _errors(self, states: States, goal: Goal) -> Float[np.ndarray, " batch"]:
-        return np.linalg.norm(self._residuals(states, goal), axis=-1)
-
-    def _with_error(self, shape: RestingShape, goal: Goal) -> RestingShape:
-        return replace(shape, error=float(self._errors(shape.states[None], goal)[0]))
-
-    def _descend(self, start: RestingShape, goal: Goal) -> RestingShape:
+    def _descend(self, start: RestingShape, residuals: Residuals) -> RestingShape:
         """Damped least squares with finite differences, and random steps besides."""
         best = start
         random = np.random.default_rng([self._seed, 4])
         size = start.actions.size
         for _ in range(MAX_ITERATIONS):
-            residuals, jacobian = self._linearize(best, goal)
-            steps = [_damped_step(jacobian, residuals, each) for each in DAMPINGS]
+            errors, jacobian = self._linearize(best, residuals)
+            steps = [_damped_step(jacobian, errors, each) for each in DAMPINGS]
             steps += [length * random.normal(size=size) for length in RANDOM_STEPS]
-            candidate = self._best_step(best, np.array(steps), goal)
+            candidate = self._best_step(best, np.array(steps), residuals)
             gain = best.error - candidate.error
             best = min(best, candidate, key=_by_error)
             if gain < SMALLEST_GAIN:
@@ -196,24 +204,24 @@ class TrueReach:
         return best
 
     def _linearize(
-        self, shape: RestingShape, goal: Goal
+        self, shape: RestingShape, residuals: Residuals
     ) -> tuple[np.ndarray, np.ndarray]:
         """Residuals of a shape, and their Jacobian with respect to the actions."""
         units = np.eye(shape.actions.size).reshape(-1, *shape.actions.shape)
         probes = shape.actions + FINITE_DIFFERENCE * units
-        residuals = self._residuals(shape.states[None], goal)[0]
+        errors = residuals(shape.states[None])[0]
         probe_states, _ = self._settle(probes, shape.physics)
-        differences = self._residuals(probe_states, goal) - residuals
-        return residuals, differences.T / FINITE_DIFFERENCE
+        differences = residuals(probe_states) - errors
+        return errors, differences.T / FINITE_DIFFERENCE
 
     def _best_step(
-        self, shape: RestingShape, steps: np.ndarray, goal: Goal
+        self, shape: RestingShape, steps: np.ndarray, residuals: Residuals
     ) -> RestingShape:
         """The best resting shape among those after steps of shape (steps, actions)."""
         actions = shape.actions + steps.reshape(-1, *shape.actions.shape)
         actions = self._limit(actions)
         states, physics = self._settle(actions, shape.physics)
-        errors = self._errors(states, goal)
+        errors = np.linalg.norm(residuals(states), axis=-1)
         return min(_resting_shapes(actions, states, physics, errors), key=_by_error)
 
     def _limit(self, actions: NormalizedActions) -> NormalizedActions:
@@ -227,6 +235,11 @@ def _resting_shapes(
 ) -> list[RestingShape]:
     rows = zip(actions, states, physics, errors, strict=True)
     return [RestingShape(*row) for row in rows]
+
+
+def _with_error(shape: RestingShape, residuals: Residuals) -> RestingShape:
+    error = float(np.linalg.norm(residuals(shape.states[None])[0]))
+    return replace(shape, error=error)
 
 
 def _damped_step(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.evaluation import position_errors
+from s2c2a.evaluation import curve_distances, position_errors
 from s2c2a.evaluation.metrics import (
     METRICS,
     angles_deg,
@@ -313,3 +313,11 @@ def test_the_last_of_several_re_entries_counts():
     reachable = np.array([True, False, True, True, False, True, True, True])
     errors = np.array([1.0, 9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0])
     assert recovery_time(errors, reachable, near=3.0, period=0.5) == pytest.approx(0.5)
+
+
+def test_distances_from_a_curve_are_from_its_nearest_point():
+    """Beside a side 3 cm, beyond its end 5 cm (3-4-5), and on a corner none."""
+    curve = np.array([[0, 0, 0], [0, 0, 0.5], [0.1, 0, 0.5]])
+    points = np.array([[-0.03, 0, 0.2], [0.14, 0, 0.53], [0, 0, 0.5]])
+    distances = curve_distances(points, curve)
+    np.testing.assert_allclose(distances, [0.03, 0.05, 0.0], atol=1e-12)

@@ -28,6 +28,7 @@ UNITS = {
     "clearance at steps": "cm",
     "clearance of the arm": "cm",
     "path length": "cm",
+    "shape": "cm",
     "stillness": "cm",
     "recovery": "s",
 }

@@ -85,8 +85,9 @@ def run(
 
     Args:
         task: a name (circle, tilt-50, hold-end, reach-2, risk-a, flee, follow, ...), a
-            file of waypoints (columns time, x, y, z; optional axis_x, axis_y, axis_z,
-            module) ending in .csv, or your own file.py:function, called with the arm.
+            file ending in .csv of waypoints (columns time, x, y, z; optional axis_x,
+            axis_y, axis_z, module) or of a curve for the whole arm (x, y, z alone), or
+            your own file.py:function, called with the arm.
         arm: a preset or an arm file.
         target: a point to go to in place of a task [m], base frame.
         axis: end axis there, base frame, of any length.
@@ -316,16 +317,16 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
         S2C2AError: an impossible pace, or no such task.
     """
     from s2c2a.tasks import (
-        load_waypoints,
         paced_task,
         split_pace,
+        table_tracks,
         unreachable_waypoints,
     )
 
     paced = paced_task(task, spec, pace)
     file, _ = split_pace(task)
     if file.endswith(".csv"):
-        tracks = load_waypoints(file)
+        tracks = table_tracks(file, spec)
         unreachable = unreachable_waypoints(tracks, spec)
         for track in tracks:
             far = [point for point in unreachable if point.module == track.module]

@@ -8,6 +8,7 @@ from s2c2a.evaluation.metrics import (
     ScoreResult,
     angles_deg,
     check_scores,
+    curve_distances,
     position_errors,
     score_run,
     tilts_deg,

@@ -105,6 +105,22 @@ def clearances(
     return 100.0 * least
 
 
+def curve_distances(
+    points: Float[np.ndarray, "*points 3"], curve: Float[np.ndarray, "knots 3"]
+) -> Float[np.ndarray, "*points"]:
+    """Distances of points from the nearest point of a curve [m].
+
+    Args:
+        points: of the arm [m].
+        curve: successive points, with straight lines between them [m].
+    """
+    starts, sides = curve[:-1], np.diff(curve, axis=0)
+    offsets = points[..., None, :] - starts
+    shares = np.vecdot(offsets, sides) / np.maximum(np.vecdot(sides, sides), 1e-12)
+    nearest = np.clip(shares, 0.0, 1.0)[..., None] * sides
+    return np.linalg.norm(offsets - nearest, axis=-1).min(axis=-1)
+
+
 def step_lengths(tips: Vectors) -> PerStep:
     """Displacements of the tip since the last step that has one [cm].
 
@@ -357,6 +373,13 @@ def _stillness(episode: Episode, task: Task, _: Score) -> PerStep:
     return tip_drifts(_tips(episode), task.obstacles(), FAR_CLEARANCE)
 
 
+def _shape(episode: Episode, task: Task, _: Score) -> PerStep:
+    """`shape` [cm]: mean distance of the center line from the curve at control steps."""
+    points = _arm_points(episode)[:, -1]
+    curve = np.full((2, 3), np.nan) if task.curve is None else task.curve
+    return 100.0 * curve_distances(points, curve).mean(axis=-1)
+
+
 def _path_length(episode: Episode, _task: Task, _score: Score) -> PerStep:
     return step_lengths(_tips(episode))
 
@@ -383,6 +406,7 @@ METRICS = {
         "cm", _clearance_of(_arm_points), _minimum, rises=True
     ),
     "path length": Metric("cm", _path_length, _sum),
+    "shape": Metric("cm", _shape, _last_mean),
     "stillness": Metric("cm", _stillness, _maximum),
     "recovery": Metric("s", _recovery, _last),
 }

@@ -272,9 +272,9 @@ class Job(Artifact[Run]):
         Raises:
             S2C2AError: it cannot be built.
         """
-        has_obstacles = self.task.obstacles().size > 0
+        has_line = self.task.obstacles().size > 0 or self.task.curve is not None
         return self.conditions.robot.make(
-            self.arm, seed=self.seed, jitter=START_JITTER, center_line=has_obstacles
+            self.arm, seed=self.seed, jitter=START_JITTER, center_line=has_line
         )
 
     def load(self, cache: Cache) -> Run:

@@ -1,9 +1,8 @@
-"""Tasks by name, from a waypoint file, or from a custom function."""
+"""Tasks by name, from a table, or from a custom function."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
@@ -11,8 +10,8 @@ from s2c2a.plugins import resolve, trust_code
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path
+from s2c2a.tasks.shapes import table_task
 from s2c2a.tasks.task import Task
-from s2c2a.tasks.waypoints import load_waypoints, waypoints_task
 
 TILTS = {
     "tilt-40": (40.0, 0.0),
@@ -70,13 +69,13 @@ def load_task(name: str, arm: ArmSpec) -> Task:
     """Return a task for an arm.
 
     Args:
-        name: one of `TASKS`, a waypoint file (.csv), or a custom function
-            (`file.py:function`) that takes the arm; a pace may follow, such as
+        name: one of `TASKS`, a file of waypoints or of a curve (.csv), or a custom
+            function (`file.py:function`) that takes the arm; a pace may follow, such as
             `square@0.5`.
         arm: the arm.
 
     Raises:
-        TargetError: no such task, an invalid waypoint file, or a custom function that
+        TargetError: no such task, an invalid file, or a custom function that
             fails or returns no task.
     """
     if not isinstance(name, str):
@@ -88,7 +87,7 @@ def load_task(name: str, arm: ArmSpec) -> Task:
     if pace is not None:
         return replace(paced_task(base, arm, pace), name=name)
     if name.endswith(".csv"):
-        return waypoints_task(Path(name).stem, load_waypoints(name), arm)
+        return table_task(name, arm)
     trust_code(name)
     try:
         build = resolve("task", name, TASKS)

@@ -43,12 +43,15 @@ class Task:
         scores: metrics of a run.
         foreseen: whether the arm knows its goals ahead; not where they come as the arm
             moves, as the target in a hand.
+        curve: desired center line from base to tip [m], base frame, which the metric
+            `shape` compares; None without one.
     """
 
     name: str
     goals: tuple[Goal, ...]
     scores: tuple[Score, ...] = (Score("position"),)
     foreseen: bool = True
+    curve: Float[np.ndarray, "points 3"] | None = None
 
     def __post_init__(self):
         """Validate that there are goals."""

@@ -24,7 +24,7 @@ from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
 REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
-ALLOWED = (*REQUIRED, *AXIS, "module")
+OPTIONAL = (*AXIS, "module")
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
         TargetError: no file, no waypoints, a missing or unknown column, a value that is
             no number, times that do not increase, or an axis of length zero.
     """
-    table = _read(Path(path))
+    table = read_table(Path(path), REQUIRED, OPTIONAL)
     if not table["time"].size:
         raise TargetError(
             f"{path} holds no waypoints; give at least one line of numbers below the "
@@ -147,18 +147,24 @@ def _step_times(name: str, tracks: Sequence[Waypoints], rate: float) -> np.ndarr
     return np.arange(1, int(steps) + 1) / rate
 
 
-def _read(path: Path) -> dict[str, np.ndarray]:
-    """Columns by name."""
+def read_table(
+    path: Path, required: Sequence[str], optional: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """Read a table of comma-separated numbers: columns by name.
+
+    Raises:
+        TargetError: no file, a missing or unknown column, or a value that is no number.
+    """
     if not path.is_file():
         raise TargetError(
             f"no waypoints at {path}; give a table with the columns "
-            f"{', '.join(REQUIRED)}"
+            f"{', '.join(required)}"
         )
     text = io.StringIO(read_text(path, TargetError, MAX_BYTES), newline="")
     lines = csv.reader(text, skipinitialspace=True)
     try:
         columns = [name.strip() for name in next(lines, ())]
-        _check_columns(path, columns)
+        _check_columns(path, columns, required, optional)
         rows = (_numbers(path, lines.line_num, row, columns) for row in lines if row)
         numbers = np.array(list(islice(rows, MAX_COUNT + 1)))
     except csv.Error as error:
@@ -174,8 +180,10 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(columns, numbers.T, strict=True))
 
 
-def _check_columns(path: Path, columns: Sequence[str]) -> None:
-    has_required = set(REQUIRED) <= set(columns) <= set(ALLOWED)
+def _check_columns(
+    path: Path, columns: Sequence[str], required: Sequence[str], optional: Sequence[str]
+) -> None:
+    has_required = set(required) <= set(columns) <= {*required, *optional}
     has_whole_axis = len(set(AXIS) & set(columns)) in (0, 3)
     has_duplicates = len(set(columns)) < len(columns)
     if has_required and has_whole_axis and not has_duplicates:
@@ -183,7 +191,7 @@ def _check_columns(path: Path, columns: Sequence[str]) -> None:
     raise TargetError(
         f"{path} has the columns {', '.join(columns) or 'none'}; it needs "
         f"{', '.join(REQUIRED)}, and may have {', '.join(AXIS)} (all three) and "
-        "module, each once"
+        "module, each once; a curve for the whole arm has x, y, z and no others"
     )
 
 
