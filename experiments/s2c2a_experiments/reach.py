@@ -186,8 +186,11 @@ class LongSearch:
             self._search(_taken(goals, rows[part]), starts[part])
             for part in np.arange(len(rows)).reshape(-1, SIDE_BY_SIDE)
         ]
-        joined = map(np.concatenate, zip(*found, strict=True))
-        return Reached(*(values[:count] for values in joined))
+        joined = {
+            name: np.concatenate([call[name] for call in found])[:count]
+            for name in Reached._fields
+        }
+        return Reached(**joined)
 
     def misses(
         self, goals: Goal, bends: Float[np.ndarray, "poses modules 2"]
@@ -242,13 +245,15 @@ def _misses(
 
 def _searched(
     arm: RestingArm, points_of: PointsOf, goals: Goal, starts: Array
-) -> Reached:
-    """The best of all starts of each pose."""
+) -> dict[str, Array]:
+    """The fields of `Reached` for the best of all starts of each pose."""
 
     def project(bends: Bends) -> Bends:
         return limit_lengths(bends, arm.limits)
 
-    def searched(goal: Goal, starts: Float[Array, "starts modules 2"]) -> Reached:
+    def searched(
+        goal: Goal, starts: Float[Array, "starts modules 2"]
+    ) -> dict[str, Array]:
         def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
             def residuals(bends: Bends) -> Float[Array, " residuals"]:
                 return _residuals(arm, points_of, goal, bends)
@@ -261,21 +266,23 @@ def _searched(
     return jax.vmap(searched)(goals, starts)
 
 
-def _reached(arm: RestingArm, points_of: PointsOf, goal: Goal, bends: Bends) -> Reached:
+def _reached(
+    arm: RestingArm, points_of: PointsOf, goal: Goal, bends: Bends
+) -> dict[str, Array]:
     """What a shape reaches; the model's deviation and other starts are left out."""
     states = arm.states(bends)
     tip = states[-1]
     cosine = jnp.clip(jnp.sum(tip[AXIS] * goal.axes[-1]), -1.0, 1.0)
     has_axis = goal.axis_weights[-1] > 0.0
-    return Reached(
-        bends,
-        states,
-        norm(tip[POSITION] - goal.positions[-1]),
-        jnp.where(has_axis, jnp.arccos(cosine), 0.0),
-        jnp.min(_clearances(points_of(states), goal)),
-        jnp.zeros(()),
-        jnp.zeros(()),
-    )
+    return {
+        "bends": bends,
+        "states": states,
+        "position_errors": norm(tip[POSITION] - goal.positions[-1]),
+        "axis_errors": jnp.where(has_axis, jnp.arccos(cosine), 0.0),
+        "clearances": jnp.min(_clearances(points_of(states), goal)),
+        "predictive_std": jnp.zeros(()),
+        "agreeing": jnp.zeros(()),
+    }
 
 
 class ReachComparison(NamedTuple):
@@ -346,7 +353,7 @@ def reach_rows(study: ReachStudy, make: jobs.Make) -> list[Row]:
     models: dict[str, ForwardModel] = {
         arm.name: each.c2s for arm, each in zip(trained, networks, strict=True)
     }
-    rows = []
+    rows: list[Row] = []
     for number, arm in enumerate(study.arms):
         model = models.get(arm.name, PCCForwardModel.of(arm))
         # arcs of arms alike would give the same rows
