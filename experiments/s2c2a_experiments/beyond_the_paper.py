@@ -222,10 +222,11 @@ def scenes(
     arm: Arm = "twin_arm",
     drawn: int = 50,
     crossings: int = 20,
+    unsolvable: int = 20,
     seeds: int = 1,
     work: Work = ALL_CORES,
 ) -> None:
-    """Ways of the whole arm past obstacles: turned and drawn scenes, crossing spheres.
+    """Ways of the whole arm past obstacles: turned, drawn and unsolvable scenes, crossings.
 
     Repeat the command to continue an interrupted run.
 
@@ -233,15 +234,51 @@ def scenes(
         arm: a preset or an arm file.
         drawn: number of drawn scenes, each with a way.
         crossings: number of spheres that cross the way.
+        unsolvable: number of drawn scenes that have no way.
         seeds: number of seeds, from zero.
         work: run directory and parallel execution.
     """
     from s2c2a_experiments import scenes as study
 
-    passed = study.SceneStudy(load_arm(arm), drawn, crossings, _seeds(seeds))
+    passed = study.SceneStudy(
+        load_arm(arm), drawn, crossings, unsolvable, _seeds(seeds)
+    )
     options = asdict(passed) | {"arm": passed.arm.name}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.scene_rows(passed, results.make))
+
+
+@beside("random_arms", "strength", "train_random_arms")
+def reach(
+    arm: Arm = "twin_arm",
+    random_arms: int = 2,
+    strength: float = 0.5,
+    train_random_arms: bool = False,
+    poses: int = 500,
+    seed: int = 0,
+    work: Work = ALL_CORES,
+) -> None:
+    """Reachability beside a long search: verdicts, misses, and time.
+
+    Args:
+        arm: a preset or an arm file; its networks are trained.
+        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, beside
+            this arm.
+        strength: magnitude of their mismatch.
+        train_random_arms: train their networks, too; without it they bend as arcs.
+        poses: number of poses of each arm.
+        seed: of data, training, poses and starts.
+        work: run directory and parallel execution.
+    """
+    from s2c2a_experiments import reach as study
+    from s2c2a_experiments.sensors import randomized_arms
+
+    base = load_arm(arm)
+    arms = (base, *(randomized_arms(base, random_arms, strength)[:random_arms]))
+    searched = study.ReachStudy(arms, train_random_arms, poses, seed)
+    options = asdict(searched) | {"arms": [one.name for one in arms]}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.reach_rows(searched, results.make))
 
 
 @beside("random_arms", "strength")

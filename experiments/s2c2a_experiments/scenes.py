@@ -3,9 +3,13 @@
 A drawn scene has a way by construction: obstacles keep away from an arm of arcs that goes
 from rest over a drawn shape to the shape that has the target at its tip. They are put on
 the way that goes there straight on.
+
+An unsolvable scene has no way by construction: its target is in a closed cage of spheres
+that the arm is outside of, deep in one sphere, or farther away than the arm is long. All
+clear tips stay more than 3 cm away from it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -17,7 +21,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line
 from s2c2a.evaluation import Row
 from s2c2a.kinematics import states_from_bends
-from s2c2a.planning import Goal
+from s2c2a.planning import Goal, Outcome
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task, load_task
@@ -34,11 +38,25 @@ CROSSING_SPEED = 0.1  # m/s
 CROSSING_TIME = 12.0  # s
 TOUCHED = -0.2  # cm
 NEAR = 1.0  # cm
+UNSOLVABLE = ("caged", "covered", "too far")
+CAGE_SPHERES = 48
+CAGE = 0.14  # of the arm's length: from the target to the spheres' centers
+CAGE_RADIUS = (
+    0.6  # of that: neighbors overlap, and points 4 cm apart do not step across
+)
+COVER = (0.12, 0.2)  # of the arm's length, radius of the sphere with the target
+DEEP = 0.07  # of the arm's length, of that target; 4 cm for one of 0.6 m
+TOO_FAR = (1.1, 1.4)  # of the arm's length, from the base
+TOLD_TIME = 2.0  # s from the start, in which a plan is to tell that there is no way
+NO_WAY = (Outcome.BLOCKED, Outcome.OUT_OF_REACH)
 SCORES = (
     Score("end distance"),
     Score("clearance of the arm"),
     Score("path length"),
 )
+
+Around = Callable[[np.ndarray, ArmSpec, np.random.Generator], np.ndarray]
+"""(target [m], arm, random) -> centers and radii of spheres [m], shape (spheres, 4)."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +67,14 @@ class SceneStudy:
         arm: that goes past obstacles, all of it guarded.
         drawn: number of drawn scenes.
         crossings: number of spheres that cross the way.
+        unsolvable: number of drawn scenes without a way.
         seeds: of data, training and start.
     """
 
     arm: ArmSpec
     drawn: int = 50
     crossings: int = 20
+    unsolvable: int = 20
     seeds: tuple[int, ...] = (0,)
 
 
@@ -83,17 +103,82 @@ def turned_task(name: str, arm: ArmSpec, degrees: float) -> Task:
 def drawn_task(arm: ArmSpec, seed: int) -> Task:
     """A still target past drawn obstacles."""
     random = np.random.default_rng(seed)
+    target, spheres = _drawn_scene(arm, random)
+    return _still_task(f"drawn scene {seed}", target, spheres, arm)
+
+
+def unsolvable_task(arm: ArmSpec, seed: int) -> Task:
+    """A still target that no way leads to, of one of the kinds `UNSOLVABLE`."""
+    random = np.random.default_rng([seed, 1])
+    kind = UNSOLVABLE[seed % len(UNSOLVABLE)]
+    if kind == "too far":
+        target, spheres = _drawn_scene(arm, random)
+        distance = random.uniform(*TOO_FAR) * arm.length
+        target = target * distance / np.linalg.norm(target)
+    else:
+        around = _caging if kind == "caged" else _covering
+        target, spheres = _closed_scene(arm, random, around)
+    return _still_task(f"{kind} {seed}", target, spheres, arm)
+
+
+def _still_task(
+    name: str, target: np.ndarray, spheres: np.ndarray, arm: ArmSpec
+) -> Task:
+    goal = Goal.of(arm.module_count).with_obstacles(spheres[:, :3], spheres[:, 3])
+    steps = round(SCENE_TIME * arm.control_rate)
+    return Task(name, (goal.with_position(target),) * steps, SCORES)
+
+
+def _drawn_scene(
+    arm: ArmSpec, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """A target with a way past spheres; centers and radii [m], shape (spheres, 4)."""
     shapes = _drawn_bends(arm, random, 2)
     rest = np.zeros_like(shapes[0])
     free = _lines(arm, np.array([rest, *shapes]))
     straight = _lines(arm, np.array([rest, shapes[-1]]))
     count = int(random.integers(1, MOST_OBSTACLES + 1))
     spheres = list(_spheres_between(arm, free, straight, count, random))
-    table = np.reshape(spheres, (-1, 4))
-    goal = Goal.of(arm.module_count).with_obstacles(table[:, :3], table[:, 3])
-    target = goal.with_position(free[-1, -1])
-    steps = round(SCENE_TIME * arm.control_rate)
-    return Task(f"drawn scene {seed}", (target,) * steps, SCORES)
+    return free[-1, -1], np.reshape(spheres, (-1, 4))
+
+
+def _closed_scene(
+    arm: ArmSpec, random: np.random.Generator, around: Around
+) -> tuple[np.ndarray, np.ndarray]:
+    """A target within reach that spheres enclose; the arm at rest is clear of them."""
+    while True:
+        (shape,) = _drawn_bends(arm, random, 1)
+        lines = _lines(arm, np.array([np.zeros_like(shape), shape]))
+        target, resting = lines[-1, -1], np.append(lines[0], np.zeros((1, 3)), axis=0)
+        spheres = around(target, arm, random)
+        gaps = np.linalg.norm(resting[:, None] - spheres[:, :3], axis=-1)
+        if (gaps - spheres[:, 3]).min() > ROOM * arm.length:
+            return target, spheres
+
+
+def _caging(
+    target: np.ndarray, arm: ArmSpec, random: np.random.Generator
+) -> np.ndarray:
+    """Overlapping spheres around a target, evenly on a spiral."""
+    heights = 1.0 - (2.0 * np.arange(CAGE_SPHERES) + 1.0) / CAGE_SPHERES
+    angles = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(CAGE_SPHERES)
+    angles = angles + random.uniform(0.0, 2.0 * np.pi)
+    widths = np.sqrt(1.0 - heights**2)
+    sides = [widths * np.cos(angles), widths * np.sin(angles), heights]
+    distance = CAGE * arm.length
+    centers = target + distance * np.stack(sides, axis=1)
+    return np.insert(centers, 3, CAGE_RADIUS * distance, axis=1)
+
+
+def _covering(
+    target: np.ndarray, arm: ArmSpec, random: np.random.Generator
+) -> np.ndarray:
+    """A sphere in which the target is deep."""
+    radius = random.uniform(*COVER) * arm.length
+    direction = random.normal(size=3)
+    aside = random.uniform(0.0, radius - DEEP * arm.length)
+    center = target + aside * direction / np.linalg.norm(direction)
+    return np.append(center, radius)[None]
 
 
 def crossing_task(arm: ArmSpec, seed: int) -> Task:
@@ -115,7 +200,7 @@ def crossing_task(arm: ArmSpec, seed: int) -> Task:
 
 
 def scene_rows(study: SceneStudy, make: jobs.Make) -> list[Row]:
-    """Rows of all scenes; of the drawn ones and of the crossing spheres, shares.
+    """Rows of the turned scenes; of those drawn, and of the crossing spheres, shares.
 
     Args:
         study: what is run.
@@ -128,12 +213,19 @@ def scene_rows(study: SceneStudy, make: jobs.Make) -> list[Row]:
     ]
     drawn = [drawn_task(study.arm, seed) for seed in range(study.drawn)]
     crossing = [crossing_task(study.arm, seed) for seed in range(study.crossings)]
+    unsolvable = [unsolvable_task(study.arm, seed) for seed in range(study.unsolvable)]
     groups = [_jobs([task], study) for task in turned]
-    groups += [_jobs(drawn, study), _jobs(crossing, study)]
-    *single, past, crossed = jobs.in_groups(make, groups)
+    groups += [_jobs(tasks, study) for tasks in (drawn, crossing, unsolvable)]
+    *single, past, crossed, stopped = jobs.in_groups(make, groups)
     rows = [row for runs in single for row in jobs.score_rows(EXPERIMENT, runs)]
     for name, runs in (("drawn scenes", past), ("crossing spheres", crossed)):
         rows += _shares(name, runs)
+    rows += _shares_told("drawn scenes", past)
+    rows += _shares("unsolvable scenes", stopped)
+    rows += _shares_told("unsolvable scenes", stopped)
+    for kind in UNSOLVABLE:
+        of_kind = [run for run in stopped if run.task.startswith(kind)]
+        rows += _shares_told(f"unsolvable scenes, {kind}", of_kind)
     return rows
 
 
@@ -157,6 +249,24 @@ def _shares(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
         ("reached", "of runs"): [float(np.mean(ends < NEAR))],
         ("untouched", "of runs"): [float(np.mean(clearances > TOUCHED))],
         ("smallest clearance of the arm", "cm"): [float(clearances.min())],
+    }
+    rows = metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics)
+    return [replace(row, task=name) for row in rows]
+
+
+def _shares_told(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
+    """Shares of runs whose plan tells that there is no way: soon, and at the end."""
+    if not runs:
+        return []
+    tells = [np.isin(run.episode.ran("outcome"), NO_WAY) for run in runs]
+    soon = round(TOLD_TIME * runs[0].job.arm.control_rate)
+    metrics = {
+        ("said unreachable within 2 s", "of runs"): [
+            float(np.mean([told[:soon].any() for told in tells]))
+        ],
+        ("said unreachable at the end", "of runs"): [
+            float(np.mean([told[-1] for told in tells]))
+        ],
     }
     rows = metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics)
     return [replace(row, task=name) for row in rows]
