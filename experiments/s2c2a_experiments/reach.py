@@ -28,13 +28,12 @@ from s2c2a.planning.reach import (
     AXIS_LENGTH,
     DEPTH_WEIGHT,
     EVENNESS,
-    PointsOf,
     Reachability,
     Reached,
     RestingArm,
 )
 from s2c2a.planning.solvers import solve_least_squares
-from s2c2a.planning.terms import Bends, guarded_points
+from s2c2a.planning.terms import Bends, GuardedPoints
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.strategies import recipe_named
 
@@ -172,7 +171,7 @@ class LongSearch:
         """
         self._resting = RestingArm.of(arm, model)
         self._random = np.random.default_rng([seed, 1])
-        parts = self._resting, guarded_points(arm, "arm")
+        parts = self._resting, GuardedPoints.of(arm, "arm")
         self._search = compiled(_searched, *parts)
         self._misses = compiled(_misses, *parts)
 
@@ -208,7 +207,7 @@ def _states_of(arm: RestingArm, bends: Array) -> Array:
 
 
 def _residuals(
-    arm: RestingArm, points_of: PointsOf, goal: Goal, bends: Bends
+    arm: RestingArm, points_of: GuardedPoints, goal: Goal, bends: Bends
 ) -> Float[Array, " residuals"]:
     """What both searches minimize, in parts of the arm's length."""
     length = jnp.sum(jnp.asarray(arm.lengths))
@@ -235,7 +234,7 @@ def _clearances(
 
 
 def _misses(
-    arm: RestingArm, points_of: PointsOf, goals: Goal, bends: Array
+    arm: RestingArm, points_of: GuardedPoints, goals: Goal, bends: Array
 ) -> Float[Array, " poses"]:
     def miss(goal: Goal, shape: Bends) -> Float[Array, ""]:
         return norm(_residuals(arm, points_of, goal, shape)) * jnp.sum(arm.lengths)
@@ -244,7 +243,7 @@ def _misses(
 
 
 def _searched(
-    arm: RestingArm, points_of: PointsOf, goals: Goal, starts: Array
+    arm: RestingArm, points_of: GuardedPoints, goals: Goal, starts: Array
 ) -> dict[str, Array]:
     """The fields of `Reached` for the best of all starts of each pose."""
 
@@ -267,7 +266,7 @@ def _searched(
 
 
 def _reached(
-    arm: RestingArm, points_of: PointsOf, goal: Goal, bends: Bends
+    arm: RestingArm, points_of: GuardedPoints, goal: Goal, bends: Bends
 ) -> dict[str, Array]:
     """What a shape reaches; the model's deviation and other starts are left out."""
     states = arm.states(bends)
