@@ -611,6 +611,50 @@ def scene_shares_table() -> str:
     return table([*header, "smallest clearance [cm]"], lines)
 
 
+@shown_as("no-way")
+def no_way_table() -> str:
+    """Shares of runs whose plan says that there is no way."""
+    file = "scenes/results.json"
+    lines = []
+    for row in find_rows(file, metric="said unreachable within 2 s"):
+        end = find_row(file, task=row["task"], metric="said unreachable at the end")
+        shares = [f"{100 * value['mean']:.0f}%" for value in (row, end)]
+        lines.append([row["task"], *shares])
+    return table(["scenes", "said within 2 s", "said at the end"], lines)
+
+
+@shown_as("reach")
+def reach_table() -> str:
+    """Reachability beside a long search."""
+    file = "reach/results.json"
+    lines = []
+    for row in find_rows(file, metric="verdicts agree"):
+        match = {name: row[name] for name in ("arm", "task", "strategy")}
+        cells = [
+            number(find_row(file, metric=metric, **match)["mean"], 2)
+            for metric in ("farther, 99th percentile", "farther, largest")
+        ]
+        arm = f"`{row['arm']}`, {row['strategy']}"
+        lines.append([arm, row["task"], f"{100 * row['mean']:.1f}%", *cells])
+    header = ["arm", "poses", "verdicts agree"]
+    return table([*header, "farther, 99th percentile [cm]", "largest [cm]"], lines)
+
+
+@shown_as("shapes")
+def shapes_table() -> str:
+    """Distances of the center line from curves for the whole arm."""
+    file = "shapes/results.json"
+    metrics = ("shape", "shape, largest", "end distance", "best fit")
+    lines = []
+    for row in find_rows(file, metric="shape"):
+        match = {name: row[name] for name in ("arm", "task", "strategy")}
+        rows = [find_row(file, metric=metric, **match) for metric in metrics]
+        heading = [f"`{row['arm']}`", row["task"], f"`{row['strategy']}`"]
+        lines.append([*heading, *(number(one["mean"], 2) for one in rows)])
+    header = ["arm", "curves", "strategy", "distance [cm]", "largest [cm]"]
+    return table([*header, "tip [cm]", "best fit [cm]"], lines)
+
+
 @shown_as("open-loop")
 def open_loop_table() -> str:
     """Errors of predictions over a second on a real arm."""

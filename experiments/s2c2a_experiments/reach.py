@@ -106,11 +106,7 @@ class Poses(NamedTuple):
                 goal = goal.with_obstacles(spheres[:, :3], spheres[:, 3])
             goals.append(goal)
         stacked = Goal.stacked(goals)
-        few = {
-            name: getattr(stacked, name)[:, :MOST_OBSTACLES]
-            for name in ("obstacles", "thresholds")
-        }
-        return cls(stacked._replace(**few), kinds, are_beside)
+        return cls(stacked.with_rows(slice(MOST_OBSTACLES)), kinds, are_beside)
 
 
 def drawn_bends(

@@ -15,16 +15,19 @@ from itertools import pairwise
 
 import jax
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2c2a import jobs
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line
 from s2c2a.evaluation import Row
 from s2c2a.kinematics import states_from_bends
+from s2c2a.obstacles import CENTER, CORE, ROW, THRESHOLD, distances, rows_of
 from s2c2a.planning import Goal, Outcome
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task, load_task
+from s2c2a.tasks.scenes import SOLID, goal_beside
 from s2c2a_experiments.run_rows import metric_rows
 
 EXPERIMENT = "scenes"
@@ -33,6 +36,9 @@ TURNS_DEG = (40.0, 160.0, 275.0)
 SCENE_TIME = 15.0  # s
 MOST_OBSTACLES = 8
 RADII = (0.04, 0.12)  # of the arm's length
+KINDS = "sphere", "capsule", "cylinder", "box", "half_space"
+TRIES = 20  # of each solid
+SHRINKING = (1.0, 0.7, 0.5, 0.35)  # of a drawn size
 ROOM = 0.06  # of the arm's length, between obstacles and the way that exists
 CROSSING_SPEED = 0.1  # m/s
 CROSSING_TIME = 12.0  # s
@@ -121,10 +127,8 @@ def unsolvable_task(arm: ArmSpec, seed: int) -> Task:
     return _still_task(f"{kind} {seed}", target, spheres, arm)
 
 
-def _still_task(
-    name: str, target: np.ndarray, spheres: np.ndarray, arm: ArmSpec
-) -> Task:
-    goal = Goal.of(arm.module_count).with_obstacles(spheres[:, :3], spheres[:, 3])
+def _still_task(name: str, target: np.ndarray, rows: np.ndarray, arm: ArmSpec) -> Task:
+    goal = goal_beside(Goal.of(arm.module_count), rows_of(rows))
     steps = round(SCENE_TIME * arm.control_rate)
     return Task(name, (goal.with_position(target),) * steps, SCORES)
 
@@ -132,14 +136,14 @@ def _still_task(
 def _drawn_scene(
     arm: ArmSpec, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A target with a way past spheres; centers and radii [m], shape (spheres, 4)."""
+    """A target with a way past solids of all kinds; their rows, shape (solids, 12)."""
     shapes = _drawn_bends(arm, random, 2)
     rest = np.zeros_like(shapes[0])
     free = _lines(arm, np.array([rest, *shapes]))
     straight = _lines(arm, np.array([rest, shapes[-1]]))
     count = int(random.integers(1, MOST_OBSTACLES + 1))
-    spheres = list(_spheres_between(arm, free, straight, count, random))
-    return free[-1, -1], np.reshape(spheres, (-1, 4))
+    solids = list(_solids_between(arm, free, straight, count, random))
+    return free[-1, -1], np.reshape(solids, (-1, ROW))
 
 
 def _closed_scene(
@@ -290,22 +294,49 @@ def _lines(arm: ArmSpec, corners: np.ndarray, steps: int = 12) -> np.ndarray:
     return center_line(np.asarray(_states(bends, lengths)), lengths)
 
 
-def _spheres_between(
+def _solids_between(
     arm: ArmSpec,
     free: np.ndarray,
     straight: np.ndarray,
     count: int,
     random: np.random.Generator,
 ) -> Iterator[np.ndarray]:
-    """Spheres on the straight way that leave room for the free one; fewer, if need be."""
+    """Solids on the straight way that leave room for the free one; fewer, if need be."""
     room = ROOM * arm.length
     tips = straight[:, -1]
-    for _ in range(count):
+    left = count
+    for _ in range(TRIES * count):
         radius = random.uniform(*RADII) * arm.length
         near = tips[random.integers(1, len(tips))] + random.normal(0.0, radius, 3)
-        gap = np.linalg.norm(free - near, axis=-1).min() - room
-        if gap > 0.2 * radius:
-            yield np.append(near, min(gap, radius))
+        kind = KINDS[random.integers(len(KINDS))]
+        turn = Rotation.random(random_state=random)
+        for share in SHRINKING:  # until it leaves room
+            row = _solid(kind, near, share * radius, turn)
+            gaps = distances(free, row[CENTER], row[CORE]) - row[THRESHOLD]
+            if gaps.min() > room and left:
+                left -= 1
+                yield row
+                break
+
+
+def _solid(kind: str, center: np.ndarray, size: float, turn: Rotation) -> np.ndarray:
+    """The row of a solid of a size: its radius, or half of its edges."""
+    axis = turn.apply([0.0, 0.0, 2.0 * size])
+    rod = {"start": center - axis, "end": center + axis, "radius": 0.6 * size}
+    angles = turn.as_euler("xyz", degrees=True)
+    keys = {
+        "sphere": {"center": center, "radius": size},
+        "capsule": rod,
+        "cylinder": rod,
+        "box": {
+            "center": center,
+            "size": np.full(3, 1.6 * size),
+            "rotation_deg": angles,
+        },
+        "half_space": {"point": center, "normal": -center},
+    }[kind]
+    values = {name: np.asarray(value).tolist() for name, value in keys.items()}
+    return SOLID.validate_python({"kind": kind, **values}).rows()[0]
 
 
 _states = jax.jit(jax.vmap(states_from_bends, in_axes=(0, None)))

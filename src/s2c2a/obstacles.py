@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-CENTER, THRESHOLD = slice(0, 3), 3
-CORE = slice(4, 12)
 ROW = 12
 """Numbers of an obstacle: its center, its threshold and its core."""
+CENTER, THRESHOLD, CORE = slice(0, 3), 3, slice(4, ROW)
 TURN, HALF_EDGES, DISC = slice(0, 4), slice(4, 7), 7
 """Numbers of a core: a unit quaternion (x, y, z, w; zeros: not turned), half the edges of
 the box and the radius of the disc [m]."""
@@ -60,9 +59,51 @@ def turned(
 ) -> Float[Any, "*batch 3"]:
     """Vectors turned by unit quaternions, given as their first three numbers and their last."""
     xp = vectors.__array_namespace__()
-    half = xp.cross(*xp.broadcast_arrays(xp.asarray(axes), vectors))
-    return vectors + 2.0 * (
-        last * half + xp.cross(*xp.broadcast_arrays(xp.asarray(axes), half))
+    half = xp.cross(axes, vectors)
+    return vectors + 2.0 * (last * half + xp.cross(axes, half))
+
+
+def normal_of(half_space: Float[np.ndarray, "12"]) -> Float[np.ndarray, "3"]:
+    """Unit vector out of a half-space, given as the row of its large cube."""
+    turn = half_space[CORE][TURN]
+    axis = turned(np.array([0.0, 0.0, 1.0]), turn[:3], turn[3:])
+    return axis if axis @ half_space[CENTER] < 0.0 else -axis
+
+
+def turns_to(directions: Float[Any, "*batch 3"]) -> Float[Any, "*batch 4"]:
+    """Unit quaternions that turn the z axis into directions, or opposite to them."""
+    xp = directions.__array_namespace__()
+    upward = xp.where(directions[..., 2:] < 0.0, -directions, directions)
+    lengths = xp.linalg.vector_norm(upward, axis=-1, keepdims=True)
+    x, y, z = xp.moveaxis(upward, -1, 0)
+    least = np.finfo(np.float32).tiny
+    turns = xp.stack([-y, x, xp.zeros_like(z), z + lengths[..., 0] + least], axis=-1)
+    return turns / xp.linalg.vector_norm(turns, axis=-1, keepdims=True)
+
+
+def swept(
+    thresholds: Float[Any, "*batch"],
+    cores: Float[Any, "*batch 8"],
+    ways: Float[Any, "*batch 3"],
+) -> tuple[Float[Any, "*batch"], Float[Any, "*batch 8"]]:
+    """Thresholds [m] and cores of obstacles that cover their ways, from the middles of these.
+
+    Spheres become capsules. Other solids are larger by half of their ways.
+
+    Args:
+        thresholds: [m]; NumPy or JAX, as all.
+        cores: see `TURN`.
+        ways: [m].
+    """
+    xp = ways.__array_namespace__()
+    halves = xp.linalg.vector_norm(ways, axis=-1) / 2.0
+    is_sphere = ~xp.any(cores != 0.0, axis=-1)
+    sizes = xp.stack([0.0 * halves, 0.0 * halves, halves, 0.0 * halves], axis=-1)
+    rods = xp.concat([turns_to(ways), sizes], axis=-1)
+    is_rod = is_sphere & (halves > 0.0)
+    return (
+        xp.where(is_sphere, thresholds, thresholds + halves),
+        xp.where(is_rod[..., None], rods, cores),
     )
 
 

@@ -23,6 +23,8 @@ REFUSED = {
     ],
     "reach --csv path.csv --axis 0 0 1 --module 2": ["axis", "module"],
     "reach --target 0 0 0.5 --payload-g 50": ["payload_g"],
+    "run circle --axis 0 0 1": ["axis"],
+    "run --target 0.1 0 0.5 --pace 0.5": ["pace"],
     "run circle --strategy lstm --recipe paper": ["recipe"],
     "run circle --session none": ["session"],
     "run circle --weights shipped --session mine.session.json": ["session"],
@@ -39,6 +41,11 @@ REFUSED = {
     "reproduce sensors --strength 0.9": ["strength"],
     "reproduce motion --strength 0.9": ["strength"],
     "reproduce stability --random-arms 0 --strengths 2.0": ["strengths"],
+    "reproduce reach --random-arms 0 --strength 0.3 --train-random-arms": [
+        "strength",
+        "train_random_arms",
+    ],
+    "reproduce shapes --random-arms 0 --strength 0.3": ["strength"],
     "reproduce repetition --random-arms 0 --strength 0.5": ["strength"],
     "reproduce calibration --out x.toml --overwrite": ["out", "overwrite"],
     "emulate servos --mocap-rate 60 --mocap-latency 0.1 --mocap-noise 0.1": [

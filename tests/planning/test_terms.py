@@ -73,7 +73,8 @@ def target_cost(positions, desired=DESIRED, weights=WEIGHTS):
 
 
 def obstacle_cost(points, centers=CENTERS, thresholds=THRESHOLDS):
-    goal = Goal.of(3)._replace(obstacles=centers, thresholds=thresholds)
+    spheres = jnp.zeros((len(thresholds), 8))
+    goal = Goal.of(3)._replace(obstacles=centers, thresholds=thresholds, cores=spheres)
     return cost_of(terms.Repulsion(unit=1.0), candidate(points=points), situation(goal))
 
 
@@ -330,9 +331,7 @@ def test_terms_of_both_recipes_work_with_both_solvers(options):
 def test_unused_rows_of_obstacles_change_nothing(goal):
     """Batches leave out unused rows."""
     room = int((goal.thresholds > 0).sum())
-    small = goal._replace(
-        obstacles=goal.obstacles[:room], thresholds=goal.thresholds[:room]
-    )
+    small = goal.with_rows(slice(room))
     for options in (PAPER, BEST):
         step = Step.of(TWIN, MODEL, options)
         costs = [

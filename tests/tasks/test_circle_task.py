@@ -111,7 +111,7 @@ def test_the_circle_has_a_target_for_the_tip_position_only():
     assert np.isnan(task.desired_positions()[:, :2]).all()
     assert np.isfinite(task.desired_positions()[:, 2]).all()
     assert np.isnan(task.desired_axes()).all()
-    assert task.obstacles().shape == (200, 0, 4)
+    assert task.obstacles()[..., :4].shape == (200, 0, 4)
 
 
 def test_the_weights_are_the_protocol_s():

@@ -89,7 +89,7 @@ def reach(
         from s2c2a.viz.charts import figure_format
 
         figure_format(figure)  # raises an error before the search
-    model = _model(weights, spec, payload_g)
+    model = forward_model_of(weights, spec, payload_g)
     reachability = Reachability(spec, model, payload_g / 1000.0)
     reached = reachability.nearest(goals)
     if path:
@@ -188,7 +188,9 @@ def _obstacle_rows(spheres: Obstacles, scene: Path | None) -> np.ndarray:
     return np.concatenate([rows, load_scene(scene).rows_at(np.zeros(1))[0]])
 
 
-def _model(weights: Path | None, arm: "ArmSpec", payload_g: float) -> "ForwardModel":
+def forward_model_of(
+    weights: Path | None, arm: "ArmSpec", payload_g: float = 0.0
+) -> "ForwardModel":
     """The forward model of weights; arcs without.
 
     Raises:

@@ -6,6 +6,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 
 from s2c2a.cli.console import (
@@ -58,6 +59,7 @@ def run(
     target: Vector = None,
     axis: Vector = None,
     scene: SceneFile = None,
+    project: bool = False,
     strategy: StrategyNames = ("s2c2a",),
     recipe: OptionalRecipe = None,
     weights: Path | None = None,
@@ -92,6 +94,8 @@ def run(
         target: a point to go to in place of a task [m], base frame.
         axis: end axis there, base frame, of any length.
         scene: a file of obstacles beside which the task runs (docs/guides/obstacles.md).
+        project: move targets that are out of reach to the nearest that are within, by
+            the model of --weights, or by arcs without.
         strategy: one or several, by name or your own file.py:Class; compared in one
             figure.
         recipe: how networks are trained and plans made; `best` by default. A weight file
@@ -140,6 +144,8 @@ def run(
     given = _given_networks(weights, spec, chosen, session) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _task(task, target, axis, spec, pace, scene)
+    if project:
+        paced = _projected(paced, spec, weights, known_payload, guard)
     job_list = jobs.jobs_for(
         [paced],
         spec,
@@ -159,6 +165,7 @@ def run(
         "task": task,
         "target": target,
         "axis": axis,
+        "project": project,
         "scene": scene and scene.read_text("utf-8"),
         "arm": spec.model_dump(mode="json"),
         "strategy": strategy,
@@ -338,6 +345,34 @@ def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
                 "toward the tip at rest, also on a hanging arm"
             )
     return paced
+
+
+def _projected(
+    task: "tasks.Task",
+    spec: "arm.ArmSpec",
+    weights: Path | None,
+    payload: float,
+    guard: GuardName,
+) -> "tasks.Task":
+    """The task with targets out of reach moved within it; say which part moves."""
+    from s2c2a.cli.reach import forward_model_of
+    from s2c2a.planning.reach import Reachability
+    from s2c2a.tasks.projection import projected
+
+    model = forward_model_of(weights, spec, 1000.0 * payload)
+    found = projected(task, spec.length, Reachability(spec, model, payload, guard))
+    steps = found.is_moved
+    if not steps.any():
+        print("all targets are within reach")
+        return task
+    times = (np.arange(len(steps)) + 1) / spec.control_rate
+    spans = _time_spans(times[steps].tolist(), times.tolist())
+    print(
+        f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to "
+        f"{100 * found.gaps[steps].max():.1f} cm, and moved within it: "
+        f"{', '.join(spans)} s"
+    )
+    return found.task
 
 
 def _describe_unreachable(

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError, TargetError, did_you_mean
-from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
+from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, rows_of
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
 
@@ -26,7 +26,7 @@ States = Float[np.ndarray, "steps modules 6"]
 Desired = Float[np.ndarray, "steps modules 3"]
 PerStep = Float[np.ndarray, " steps"]
 Vectors = Float[np.ndarray, "steps 3"]
-ObstacleRows = Float[np.ndarray, "steps obstacles 12"]
+ObstacleRows = Float[np.ndarray, "steps obstacles columns"]
 StepMetric = Callable[[Episode, Task, Score], PerStep]
 
 
@@ -88,7 +88,8 @@ def clearances(
 
     Args:
         points: points of the arm in each step [m], shape (steps, ..., 3).
-        obstacles: rows (`s2c2a.obstacles`); one with a threshold of zero is absent.
+        obstacles: rows (`s2c2a.obstacles`), or centers and thresholds alone [m]; one
+            with a threshold of zero is absent.
         radii: of the body around the points [m]; one for all, or for each of the last axis.
 
     Returns:
@@ -96,7 +97,7 @@ def clearances(
     """
     least = np.full(len(points), np.inf)
     steps = (len(points), *(1,) * (points.ndim - 2))
-    for rows in np.moveaxis(obstacles, 1, 0):
+    for rows in np.moveaxis(rows_of(obstacles), 1, 0):
         row = rows.reshape(*steps, -1)
         gaps = distances(points, row[..., CENTER], row[..., CORE])
         clear = gaps - row[..., THRESHOLD] - radii

@@ -56,12 +56,12 @@ class Leader(ABC):
     """A guide of one arm, with what it remembers from step to step.
 
     Attributes:
-        is_blocked: whether it knows that no way leads to the goal.
+        verdict: why no way leads to the goal, as far as it knows; None without a reason.
         waits: whether `lead` waits for a search that takes long; a simulation does, so
             that its results do not depend on the computer.
     """
 
-    is_blocked = False
+    verdict: Outcome | None = None
     waits = True
 
     @abstractmethod
@@ -157,7 +157,7 @@ class WayLeader(Leader):
     def reset(self) -> None:
         if self._search is not None:
             self._search.result.cancel()
-        self.is_blocked = False
+        self.verdict = None
         self._way: Way | None = None
         self._progress = 0.0
         self._speed = 0.0
@@ -189,9 +189,9 @@ class WayLeader(Leader):
             goal = _aimed_beyond(goal)
         self._take_result(knows_beyond)
         known = self._known
-        if known is not None and self._differs(goal, known, OBSTACLES):
+        if known is not None and self._have_moved(goal, known):
             # obstacles that are faster than searches are left to the horizon
-            self._way, self.is_blocked = None, False
+            self._way, self.verdict = None, None
         is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
         needs = knows_beyond or outcome is not Outcome.SOLVED or self._way is not None
         if self._search is None and needs and (is_new or self._is_elsewhere(bends)):
@@ -236,12 +236,24 @@ class WayLeader(Leader):
         self._search = None
         self._known = search.goal
         way = search.result.result()
-        self.is_blocked = way is None or way.detained > self._nearly
+        self.verdict = self._verdict_on(way)
         if self._way is None:
             self._speed = 0.0
         is_straight = way is not None and way.is_straight
-        self._way = None if is_straight and not (is_led or self.is_blocked) else way
+        self._way = None if is_straight and not (is_led or self.verdict) else way
         self._progress = 0.0
+
+    def _verdict_on(self, way: Way | None) -> Outcome | None:
+        """Why a way does not end at the goal; None if it does."""
+        if way is None or way.detained > self._nearly:
+            return Outcome.BLOCKED
+        return Outcome.OUT_OF_REACH if way.miss > self._nearly else None
+
+    def _have_moved(self, goal: Goal, known: Goal) -> bool:
+        """Whether obstacles have moved; others may have appeared or gone."""
+        are_both = (goal.thresholds > 0.0) & (known.thresholds > 0.0)
+        ways = np.abs(goal.obstacles - known.obstacles).max(axis=-1)
+        return bool((are_both & (ways > MOVED * self._length)).any())
 
     def _differs(self, goal: Goal, known: Goal, fields: tuple[str, ...]) -> bool:
         """Whether a field has moved by more than is negligible."""
@@ -262,7 +274,7 @@ class WayLeader(Leader):
         near, _ = way.at(np.minimum(window, end))
         distances = np.linalg.norm(near - bends, axis=(1, 2))
         self._progress = float(window[np.argmin(distances)])
-        if self._progress >= end and not (stays or self.is_blocked):
+        if self._progress >= end and not (stays or self.verdict):
             self._way = None
             return None
         self._progress = min(self._progress, end)

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
+from s2c2a.obstacles import swept
 
 DECAY = 0.6
 """Of offsets, over the frequency of the slowest mode; measured in
@@ -102,7 +103,8 @@ class GoalMotion(NamedTuple):
         """The motion after another goal, and the goals of the next moments.
 
         What no preview tells goes on with constant velocity: in each direction with the
-        smaller of its last two steps, and not where these differ in sign.
+        smaller of its last two steps, and not where these differ in sign. Obstacles that
+        move cover where they will be as far as a plan sees.
 
         Args:
             goal: for the next state.
@@ -142,7 +144,12 @@ class GoalMotion(NamedTuple):
             is_desired,
             offset,
         )
-        return motion, _goals(goal, foreseen.at[:, :targets].add(offsets))
+        # an arm that is to be clear of obstacles only then leaves late, fast, and vibrates
+        ways = velocity[targets:] * approach.stride * PREVIEW
+        thresholds, cores = swept(goal.thresholds, goal.cores, ways)
+        covering = goal._replace(thresholds=thresholds, cores=cores)
+        rows = foreseen.at[:, :targets].add(offsets).at[:, targets:].add(ways / 2.0)
+        return motion, _goals(covering, rows)
 
 
 def _steady(step: Rows, before: Rows) -> Rows:

@@ -337,8 +337,8 @@ class Step(NamedTuple):
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
             geometry.step_limit,
-            self._guarded.radii,
             self.options.on_sphere,
+            self._guarded.radii,
         )
         load = last.disturbances.payload if last.disturbances else 0.0
         # from targets far beyond the arm, a plan would swing from side to side
@@ -450,9 +450,9 @@ class Planner:
         lead = self._lead(plan, goal) if self._leaders else self._no_lead
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
         planned = self._next(plan, configuration, goal, disturbances, hysteresis, lead)
-        is_blocked = any(leader.is_blocked for leader in self._leaders)
-        if is_blocked and planned.outcome is not Outcome.SOLVED:
-            return planned._replace(judged=np.asarray(Outcome.BLOCKED, np.int32))
+        verdicts = [leader.verdict for leader in self._leaders if leader.verdict]
+        if verdicts and planned.outcome is not Outcome.SOLVED:
+            return planned._replace(judged=np.asarray(verdicts[0], np.int32))
         return planned
 
     def set_real_time(self, is_real: bool) -> None:

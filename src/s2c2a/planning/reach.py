@@ -33,6 +33,7 @@ from s2c2a.spaces import AXIS, POSITION
 # chosen; tests/planning/test_reach.py compares them with a long search
 SHAPES = 2**13  # of the table
 STARTS = 8
+BESIDE = 16  # shapes of each part that may be a start beside obstacles
 ITERATIONS = 20
 CHUNK = 32  # targets in a call
 BATCH = 256  # shapes predicted at once: more take memory, not less time
@@ -278,21 +279,26 @@ def _solutions(
 ) -> tuple[Float[Array, "starts modules 2"], Float[Array, " starts"]]:
     """Shapes from several starts, and their distances from the target [m]."""
     length = jnp.sum(jnp.asarray(arm.lengths))
-    errors = jax.vmap(lambda states: _target_errors(states, goal, length))
-    costs = jnp.sum(errors(shapes.states) ** 2, axis=-1).reshape(count, -1)
-    first = jnp.arange(count) * costs.shape[1]
-    starts = shapes.bends[first + jnp.argmin(costs, axis=1)]
+
+    def errors(states: States) -> Float[Array, " residuals"]:
+        """Of the target and of the obstacles, in parts of the arm's length."""
+        depths = jnp.maximum(-_clearances(points_of, states, goal), 0.0) / length
+        aims = _target_errors(states, goal, length)
+        return jnp.concatenate([aims, DEPTH_WEIGHT * depths.reshape(-1)])
+
+    def cost(states: States) -> Float[Array, ""]:
+        return jnp.sum(errors(states) ** 2)
+
+    aims = jax.vmap(lambda states: _target_errors(states, goal, length))
+    misses = jnp.sum(aims(shapes.states) ** 2, axis=-1).reshape(count, -1)
+    _, nearest = jax.lax.top_k(-misses, BESIDE if goal.thresholds.size else 1)
+    rows = (jnp.arange(count) * misses.shape[1])[:, None] + nearest
+    costs = jax.vmap(jax.vmap(cost))(shapes.states[rows])
+    starts = shapes.bends[rows[jnp.arange(count), jnp.argmin(costs, axis=1)]]
 
     def residuals(bends: Bends) -> Float[Array, " residuals"]:
-        states = arm.states(bends)
-        depths = jnp.maximum(-_clearances(points_of, states, goal), 0.0) / length
-        return jnp.concatenate(
-            [
-                _target_errors(states, goal, length),
-                DEPTH_WEIGHT * depths.reshape(-1),
-                EVENNESS * jnp.diff(bends, axis=0).reshape(-1),
-            ]
-        )
+        even = EVENNESS * jnp.diff(bends, axis=0).reshape(-1)
+        return jnp.concatenate([errors(arm.states(bends)), even])
 
     def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
         return solve_least_squares(

@@ -69,8 +69,8 @@ class Situation(NamedTuple):
             shape (modules,).
         longest_step: largest change of a module's bend in a control step
             (`ArmGeometry.step_limit`) [rad].
-        radii: of the body around the guarded points [m], shape (points,).
         on_sphere: whether configurations are kept at unit length.
+        radii: of the body around the guarded points [m], shape (points,), or one.
     """
 
     goal: Goal
@@ -78,8 +78,8 @@ class Situation(NamedTuple):
     length: float
     bend_limits: Float[Array, " modules"]
     longest_step: float
-    radii: Float[Numbers, " points"]
     on_sphere: bool
+    radii: Float[Numbers, " points"] = np.zeros(1, np.float32)
 
 
 @dataclass(frozen=True)

@@ -61,8 +61,8 @@ Shape = Float[np.ndarray, "modules 2"]
 ShapesOf = Float[np.ndarray, "shapes modules 2"]
 
 
-class Scene(NamedTuple):
-    """Obstacles with the distance to be kept.
+class FreeSpace(NamedTuple):
+    """The space around obstacles, with the distance to be kept.
 
     Attributes:
         centers: [m], base frame, shape (obstacles, 3).
@@ -79,7 +79,7 @@ class Scene(NamedTuple):
     @classmethod
     def of(
         cls, goal: Goal, margin: float, radii: Float[np.ndarray, " points"]
-    ) -> "Scene":
+    ) -> "FreeSpace":
         """The obstacles of a goal, in one of two numbers of rows."""
         is_used = np.asarray(goal.thresholds) > 0.0
         rows = np.argsort(~is_used, kind="stable")[: obstacle_rows(is_used.sum())]
@@ -175,30 +175,32 @@ class Roadmap:
             goal: where the way ends; its obstacles.
             margin: distance from the obstacles [m].
         """
-        scene = Scene.of(goal, margin, self._radii)
-        ends, misses = self._ends(goal, scene, margin)
+        space = FreeSpace.of(goal, margin, self._radii)
+        ends, misses = self._ends(goal, space, margin)
         if not len(ends):
             return None
-        is_free, may_connect = map(np.asarray, self._screened(scene))
+        is_free, may_connect = map(np.asarray, self._screened(space))
         bends = np.concatenate([self._bends, np.asarray(start, np.float32)[None], ends])
-        outer_tips, _ = self._observe(bends[len(self._bends) :], scene)
+        outer_tips, clear = self._observe(bends[len(self._bends) :], space)
+        floor = min(float(clear[0]), 0.0)
         tips = np.concatenate([self._tips, outer_tips])
         edges = self._edges[may_connect]
         entries = self._entries(bends, is_free)
-        entries = entries[self._free_connections(bends[entries], scene)]
-        path = self._search(bends, tips, edges, entries, scene, misses)
+        floors = np.where((entries == len(self._bends)).any(axis=1), floor, 0.0)
+        entries = entries[self._free_connections(bends[entries], space, floors)]
+        path = self._search(bends, tips, edges, entries, space, misses)
         if path is None:
             return None
-        corners = self._cut_short(bends[path], tips[path], scene)
-        knots = self._smoothed(corners, scene)
-        way_tips, _ = self._observe(knots, scene)
+        corners = self._cut_short(bends[path], tips[path], space, floor)
+        knots = self._smoothed(corners, space)
+        way_tips, _ = self._observe(knots, space)
         miss = float(misses[path[-1] - len(bends)])
         without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
         detained = miss - float(self._reach.solutions(without).misses.min())
         return Way(knots, way_tips, miss, detained, len(corners) == 2)
 
     def _ends(
-        self, goal: Goal, scene: Scene, margin: float
+        self, goal: Goal, space: FreeSpace, margin: float
     ) -> tuple[ShapesOf, Float[np.ndarray, " ends"]]:
         """Free shapes near the goal, the nearest first, and their distances from it [m]."""
         exists = np.asarray(goal.thresholds) > 0.0
@@ -206,7 +208,7 @@ class Roadmap:
         found = self._reach.solutions(
             goal._replace(thresholds=radii.astype(np.float32))
         )
-        _, clearances = self._observe(found.bends, scene)
+        _, clearances = self._observe(found.bends, space)
         is_free = clearances > 0.0
         ends, misses = found.bends[is_free], found.misses[is_free]
         order = np.argsort(misses + 1e-3 * np.linalg.norm(ends, axis=(1, 2)))[:ENDS]
@@ -230,7 +232,7 @@ class Roadmap:
         tips: np.ndarray,
         edges: Edges,
         entries: Edges,
-        scene: Scene,
+        space: FreeSpace,
         misses: Float[np.ndarray, " ends"],
     ) -> Int[np.ndarray, " nodes"] | None:
         """Numbers of the shapes on the shortest free way.
@@ -253,43 +255,62 @@ class Roadmap:
             unknown = on_way[~is_checked[on_way]]
             if not len(unknown):
                 return np.array(nodes)
-            is_free = self._free_connections(bends[edges[unknown]], scene)
+            is_free = self._free_connections(bends[edges[unknown]], space)
             is_checked[unknown] = True
             costs[unknown[~is_free]] = np.inf
         return None
 
     def _free_connections(
-        self, pairs: Float[np.ndarray, "pairs 2 modules 2"], scene: Scene
+        self,
+        pairs: Float[np.ndarray, "pairs 2 modules 2"],
+        space: FreeSpace,
+        floors: Float[np.ndarray, " pairs"] | float = 0.0,
     ) -> np.ndarray:
-        """Whether each straight connection is free, between its ends too."""
+        """Whether each straight connection is free, between its ends too.
+
+        Args:
+            pairs: shapes at their ends.
+            space: what is free.
+            floors: least clearances [m]; below zero where an arm leaves an obstacle.
+        """
         largest = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=-1).max(axis=-1)
         counts = np.maximum(np.ceil(largest / CHECKED).astype(int), 2)
         shares = [np.arange(1, count) / count for count in counts]
         rows = np.repeat(np.arange(len(pairs)), counts - 1)
         share = np.concatenate(shares)[:, None, None]
         shapes = pairs[rows, 0] + share * (pairs[rows, 1] - pairs[rows, 0])
-        _, clearances = self._observe(shapes, scene)
+        _, clearances = self._observe(shapes, space)
         smallest = np.full(len(pairs), np.inf)
         np.minimum.at(smallest, rows, clearances)
-        return smallest > 0.0
+        return smallest >= floors
 
     def _observe(
-        self, bends: ShapesOf, scene: Scene
+        self, bends: ShapesOf, space: FreeSpace
     ) -> tuple[Float[np.ndarray, "shapes 3"], Float[np.ndarray, " shapes"]]:
         """Tips, and clearances of the guarded points, of any number of shapes [m]."""
         count = len(bends)
         rows = np.minimum(np.arange(-(-count // BATCH) * BATCH), count - 1)
         calls = np.asarray(bends, np.float32)[rows].reshape(-1, BATCH, *bends.shape[1:])
-        found = [self._observed(call, scene) for call in calls]
+        found = [self._observed(call, space) for call in calls]
         tips = [np.zeros((0, 3)), *(np.asarray(seen[0]) for seen in found)]
         clearances = [np.zeros(0), *(np.asarray(seen[1]) for seen in found)]
         return np.concatenate(tips)[:count], np.concatenate(clearances)[:count]
 
-    def _cut_short(self, bends: ShapesOf, tips: np.ndarray, scene: Scene) -> ShapesOf:
-        """The corners of the shortest way over any of these shapes."""
+    def _cut_short(
+        self, bends: ShapesOf, tips: np.ndarray, space: FreeSpace, floor: float
+    ) -> ShapesOf:
+        """The corners of the shortest way over any of these shapes.
+
+        Args:
+            bends: of shapes on a free way.
+            tips: of these shapes [m].
+            space: what is free.
+            floor: least clearance of connections from the start [m].
+        """
         count = len(bends)
         pairs = np.stack(np.triu_indices(count, 1), axis=1)
-        free = self._free_connections(bends[pairs], scene)
+        floors = np.where(pairs[:, 0] == 0, floor, 0.0)
+        free = self._free_connections(bends[pairs], space, floors)
         free |= np.diff(pairs, axis=1)[:, 0] == 1
         pairs = pairs[free]
         costs = self._costs(bends, tips, pairs)
@@ -305,12 +326,12 @@ class Roadmap:
         ways = np.linalg.norm(np.diff(tips[edges], axis=1), axis=(1, 2))
         return ways + TURN_LENGTH * self._length * turns + np.finfo(np.float32).eps
 
-    def _smoothed(self, corners: ShapesOf, scene: Scene) -> ShapesOf:
+    def _smoothed(self, corners: ShapesOf, space: FreeSpace) -> ShapesOf:
         """Knots of the improved way, or of that over the corners if it is not free."""
         dense = resampled(corners, KNOTS)
-        improved = np.asarray(self._improved(jnp.asarray(dense, jnp.float32), scene))
+        improved = np.asarray(self._improved(jnp.asarray(dense, jnp.float32), space))
         pairs = np.stack([improved[:-1], improved[1:]], axis=1)
-        return improved if self._free_connections(pairs, scene).all() else dense
+        return improved if self._free_connections(pairs, space).all() else dense
 
 
 def _shortest(
@@ -352,13 +373,13 @@ def _screened(
     points: Float[Array, "nodes points 3"],
     middles: Float[Array, "edges points 3"],
     edges: Int[Array, "edges 2"],
-    scene: Scene,
+    space: FreeSpace,
 ) -> tuple[Array, Array]:
     """Nodes that are free, and edges that seem free at three places.
 
     Between its ends and its middle, points move along parabolas.
     """
-    is_free = scene.clearances(points).min(axis=(-2, -1)) > 0.0
+    is_free = space.clearances(points).min(axis=(-2, -1)) > 0.0
 
     def seems_free(edge: tuple[Array, Array]) -> Bool[Array, ""]:
         (a, b), middle = edge
@@ -367,7 +388,7 @@ def _screened(
             3, -1
         )
         between = quarters.reshape(-1, *middle.shape)
-        return is_free[a] & is_free[b] & (scene.clearances(between) > 0.0).all()
+        return is_free[a] & is_free[b] & (space.clearances(between) > 0.0).all()
 
     return is_free, jax.lax.map(seems_free, (edges, middles), batch_size=EDGES_AT_ONCE)
 
@@ -376,11 +397,11 @@ def _observed(
     arm: RestingArm,
     points_of: GuardedPoints,
     bends: Float[Array, "shapes modules 2"],
-    scene: Scene,
+    space: FreeSpace,
 ) -> tuple[Float[Array, "shapes 3"], Float[Array, " shapes"]]:
     """Tips of shapes [m], and the smallest clearances of their guarded points [m]."""
     states = jax.vmap(arm.states)(bends)
-    clearances = scene.clearances(jax.vmap(points_of)(states))
+    clearances = space.clearances(jax.vmap(points_of)(states))
     return states[:, -1, POSITION], clearances.min(axis=(-2, -1))
 
 
@@ -388,7 +409,7 @@ def _improved(
     arm: RestingArm,
     points_of: GuardedPoints,
     knots: Float[Array, "knots modules 2"],
-    scene: Scene,
+    space: FreeSpace,
 ) -> Float[Array, "knots modules 2"]:
     """The knots after some steps of Gauss-Newton; both ends stay."""
     count, size = len(knots), knots[0].size
@@ -404,7 +425,7 @@ def _improved(
     def seen(bends: Bends) -> Float[Array, " values"]:
         """Tip, and depths of points in the surroundings of obstacles."""
         states = arm.states(bends)
-        gaps = scene.clearances(points_of(states)) - AROUND * length
+        gaps = space.clearances(points_of(states)) - AROUND * length
         depths = DEPTH * jnp.minimum(gaps, 0.0) / length
         return jnp.concatenate([states[-1, POSITION] / length, depths.reshape(-1)])
 

@@ -30,6 +30,8 @@ from s2c2a.obstacles import (
     SKIN,
     THRESHOLD,
     TURN,
+    normal_of,
+    turns_to,
 )
 from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import Score, Task
@@ -111,7 +113,7 @@ class _Rod(Solid):
         axis = np.subtract(self.end, self.start)
         center = np.add(self.start, self.end) / 2.0
         half_edges = [0.0, 0.0, np.linalg.norm(axis) / 2.0]
-        return _row(center, threshold, _turn_to(axis), half_edges, disc)
+        return _row(center, threshold, turns_to(axis), half_edges, disc)
 
 
 class Capsule(_Rod):
@@ -185,7 +187,7 @@ class HalfSpace(Solid):
     def _rows(self) -> Sequence[Row]:
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         center = self.point - HALF_SPACE * normal
-        return [_row(center, SKIN, _turn_to(normal), np.full(3, HALF_SPACE))]
+        return [_row(center, SKIN, turns_to(normal), np.full(3, HALF_SPACE))]
 
 
 class Mesh(_Turned):
@@ -334,7 +336,9 @@ def solid_of(row: Row) -> AnySolid:
     is_box = disc == 0.0 and half[:2].any()
     values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
     if half.min() >= HALF_SPACE:
-        values |= {"kind": "half_space", "point": row[CENTER] + axis, "normal": axis}
+        normal = normal_of(row)
+        point = row[CENTER] + HALF_SPACE * normal
+        values |= {"kind": "half_space", "point": point, "normal": normal}
     elif is_box:
         angles = turn.as_euler("xyz", degrees=True)
         values |= {"kind": "box", "size": 2.0 * half, "rotation_deg": angles}
@@ -360,12 +364,6 @@ def _row(center, threshold: float, turn=0.0, half_edges=0.0, disc=0.0) -> Row:
     core = row[CORE]
     core[TURN], core[HALF_EDGES], core[DISC] = turn, half_edges, disc
     return row
-
-
-def _turn_to(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:
-    """Unit quaternion that turns the z axis into a direction."""
-    turn, _ = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])
-    return turn.as_quat()
 
 
 def _check_count(count: int, what: str) -> None:

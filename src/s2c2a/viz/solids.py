@@ -12,10 +12,12 @@ from s2c2a.obstacles import (
     HALF_SPACE,
     THRESHOLD,
     TURN,
+    normal_of,
     turned,
 )
 
-AZIMUTHS = np.deg2rad(np.arange(7.5, 360.0, 15.0))  # chosen: circles look round
+# chosen: circles look round; none is along an axis, where a box has no one corner
+AZIMUTHS = np.deg2rad(np.arange(7.5, 360.0, 15.0))
 ELEVATIONS = np.deg2rad([-89.0, -60.0, -30.0, -1.0, 1.0, 30.0, 60.0, 89.0])
 SLAB = 0.02  # of what is shown of a half-space: its thickness
 Row = Float[np.ndarray, "12"]
@@ -38,7 +40,7 @@ def surface(row: Row, shown: float) -> Points:
     half_edges = core[HALF_EDGES]
     turn = core[TURN]
     if half_edges.min() >= HALF_SPACE:
-        normal = turned(np.array([0.0, 0.0, 1.0]), turn[:3], turn[3:])
+        normal = normal_of(row)
         level = normal @ center + HALF_SPACE
         half_edges = shown * np.array([1.0, 1.0, SLAB])
         center = (level - half_edges[2]) * normal

@@ -111,7 +111,8 @@ def live(
             print(describe_use(session))
     obstacles = _obstacles_of(scene) if scene else ()
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
-        control.ask(obstacles=obstacles)
+        if obstacles:
+            control.ask(obstacles=obstacles)
         wait_for_interrupt()
     latest = control.latest
     at_rest = latest and latest.stage is Stage.IDLE

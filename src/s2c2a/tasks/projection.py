@@ -1,0 +1,55 @@
+"""Projection: targets that an arm does not reach are moved to where it does."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from s2c2a.goals import Goal
+from s2c2a.planning.reach import Reachability
+from s2c2a.spaces import AXIS, POSITION
+from s2c2a.tasks.task import Task
+
+
+class Projection(NamedTuple):
+    """A task within reach.
+
+    Attributes:
+        task: with the targets that are missed moved to the nearest that are reached.
+        is_moved: steps whose targets are moved.
+        gaps: by how much they were missed [m].
+    """
+
+    task: Task
+    is_moved: Bool[np.ndarray, " steps"]
+    gaps: Float[np.ndarray, " steps"]
+
+
+def projected(task: Task, length: float, reachability: Reachability) -> Projection:
+    """The task within reach of an arm at rest.
+
+    Steps without a target stay as they are.
+
+    Args:
+        task: any.
+        length: of the arm [m].
+        reachability: of the arm, with its guard and payload.
+    """
+    goals = Goal.stacked(task.goals)
+    numbers = np.flatnonzero(goals.has_target)
+    is_moved = np.zeros(len(task.goals), bool)
+    gaps = np.zeros(len(task.goals))
+    if not len(numbers):
+        return Projection(task, is_moved, gaps)
+    aimed = Goal(*(values[numbers] for values in goals))
+    reached = reachability.nearest(aimed)
+    is_missed = ~reached.within(length)
+    is_moved[numbers] = is_missed
+    gaps[numbers] = reached.position_errors
+    changed = list(task.goals)
+    for row in np.flatnonzero(is_missed):
+        states = np.asarray(reached.states[row], np.float32)
+        near = {"positions": states[:, POSITION], "axes": states[:, AXIS]}
+        changed[numbers[row]] = task.goals[numbers[row]]._replace(**near).frozen()
+    return Projection(replace(task, goals=tuple(changed)), is_moved, gaps)

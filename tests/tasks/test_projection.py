@@ -1,0 +1,25 @@
+"""Targets out of reach are moved to the nearest within; others stay."""
+
+import numpy as np
+
+from s2c2a.arm import load_arm
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning.reach import Reachability
+from s2c2a.tasks import Task
+from s2c2a.tasks.lines import goal_at
+from s2c2a.tasks.projection import projected
+
+
+def test_only_targets_out_of_reach_are_moved():
+    arm = load_arm("twin_arm")
+    reachability = Reachability(arm, PCCForwardModel.of(arm))
+    near, far = goal_at(arm, (0.2, 0.0, 0.5)), goal_at(arm, (0.9, 0.0, 0.3))
+    free = near._replace(position_weights=np.zeros(3, np.float32))
+    found = projected(Task("path", (near, far, free)), arm.length, reachability)
+    np.testing.assert_array_equal(found.is_moved, [False, True, False])
+    assert found.task.goals[0] is near
+    assert found.task.goals[2] is free
+    moved = found.task.goals[1].positions[-1]
+    assert found.gaps[1] == np.float32(np.linalg.norm(moved - far.positions[-1]))
+    again = projected(found.task, arm.length, reachability)
+    assert not again.is_moved.any()
