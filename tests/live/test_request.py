@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from s2c2a.live.goals import goal_of
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
+from s2c2a.tasks.scenes import HalfSpace, solid_of
 
 LIMITS = RequestLimits(reach=1.2, payload=0.24, force=2.0, noise=0.1, tasks=("circle",))
 ANYTHING = st.one_of(
@@ -71,3 +72,13 @@ def test_the_number_and_size_of_obstacles_are_limited():
     assert len(obstacles) == MAX_OBSTACLES
     assert obstacles[0].center == pytest.approx((1.2, 0, 0))
     assert obstacles[0].threshold == pytest.approx(0.3)
+
+
+def test_a_wall_is_moved_by_a_point_of_its_surface_and_stays_within_reach():
+    wall = HalfSpace(point=(0.0, -0.3, 0.0), normal=(0.0, 1.0, 0.0))
+    obstacle = Obstacle.of(wall.rows()[0])
+    np.testing.assert_allclose(obstacle.place, [0.0, -0.3, 0.0], atol=1e-9)
+    request = LIMITS.changed(Request(), obstacles=(obstacle.at((0.0, -9.0, 0.0)),))
+    (kept,) = request.obstacles
+    np.testing.assert_allclose(kept.place, [0.0, -LIMITS.reach, 0.0], atol=1e-9)
+    assert solid_of(kept.row).kind == "half_space"

@@ -271,7 +271,7 @@ class Panel:
 
         def center(number: int, request: Request) -> Point | None:
             obstacles = request.obstacles
-            return obstacles[number].center if number < len(obstacles) else None
+            return obstacles[number].place if number < len(obstacles) else None
 
         fields = [
             self._point_field(f"Obstacle {number + 1} [cm]", partial(center, number))
@@ -281,7 +281,7 @@ class Panel:
         def set_obstacles() -> None:
             obstacles = control.request.obstacles
             moved = [
-                replace(obstacle, center=_edited(field, obstacle.center))
+                obstacle.at(_edited(field, obstacle.place))
                 for field, obstacle in zip(fields, obstacles, strict=False)
             ]
             control.ask(obstacles=tuple(moved))

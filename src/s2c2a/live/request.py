@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.obstacles import CENTER, CORE, HALF_EDGES, HALF_SPACE, SKIN, THRESHOLD
+from s2c2a.obstacles import (
+    CENTER,
+    CORE,
+    HALF_EDGES,
+    HALF_SPACE,
+    SKIN,
+    THRESHOLD,
+    normal_of,
+)
 
 Point = tuple[float, float, float]
 
@@ -30,6 +38,24 @@ class Obstacle:
     center: Point
     threshold: float
     core: tuple[float, ...] = (0.0,) * 8
+
+    @property
+    def is_wall(self) -> bool:
+        """Whether it is a half-space, whose center is beyond any arm."""
+        return min(self.core[HALF_EDGES]) >= HALF_SPACE
+
+    @property
+    def place(self) -> Point:
+        """The point by which it is moved [m]: its center, or one of a wall's surface."""
+        return point(np.add(self.center, self._to_place))
+
+    def at(self, place: Point) -> "Obstacle":
+        """The obstacle moved to a place [m]."""
+        return replace(self, center=point(np.subtract(place, self._to_place)))
+
+    @property
+    def _to_place(self) -> np.ndarray:
+        return HALF_SPACE * normal_of(self.row) if self.is_wall else np.zeros(3)
 
     @property
     def row(self) -> np.ndarray:
@@ -165,13 +191,10 @@ class RequestLimits:
 
     def _obstacle(self, value: Any) -> Obstacle:
         core = tuple(_clip(value.core, shape=(8,)))
-        if max(core[HALF_EDGES]) >= HALF_SPACE:  # its center is beyond any arm
-            return Obstacle(
-                point(_clip(value.center, shape=(3,))), value.threshold, core
-            )
         least = SKIN if any(core) else 0.01
         threshold = _clip(value.threshold, least, self.reach / 4)
-        return Obstacle(self._clip_point(value.center), threshold, core)
+        clipped = Obstacle(point(value.center), threshold, core)
+        return clipped.at(self._clip_point(clipped.place))
 
     def _clip_point(self, value: Any) -> Point:
         """The point, projected to the sphere of `reach` if it is outside."""

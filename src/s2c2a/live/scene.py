@@ -23,7 +23,7 @@ from s2c2a.live.request import (
     point,
 )
 from s2c2a.live.snapshot import straight
-from s2c2a.obstacles import CENTER, CORE, HALF_EDGES, HALF_SPACE, distances
+from s2c2a.obstacles import CENTER, CORE, distances
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colors import (
     DESIRED,
@@ -55,6 +55,7 @@ BALL_RADIUS = 0.042  # of the target
 AXIS_LENGTH = 0.22  # of the target's axis
 GRID_HALF_WIDTH = 0.0012
 TRAIL_RADIUS = 0.004
+WALL = 0.7  # half the edge of what is shown of a wall
 
 Desired = Sequence[float] | np.ndarray | None
 """A position or direction; None or NaN where nothing is desired."""
@@ -309,6 +310,7 @@ class _Solid:
         self._shadow = _add_ball(scene, f"{name}/shadow", 1.0, SHADOW)
         self._body: MeshHandle | None = None
         self._shape: tuple[float, ...] = ()
+        self._middle = np.zeros(3)
         self._drag: DragHandler | None = None
 
     def on_drag(self, handler: DragHandler) -> None:
@@ -343,26 +345,26 @@ class _Solid:
         """The mesh of a solid that is no sphere, at its place."""
         row = obstacle.row
         shape = (obstacle.threshold, *obstacle.core)
-        is_wall = row[CORE][HALF_EDGES].min() >= HALF_SPACE
-        if is_wall:  # what is shown of it does not move with its center
+        if obstacle.is_wall:  # what is shown of it does not move with its center
             shape = tuple(row)
         if self._body is None or shape != self._shape:
-            middle = np.zeros(3) if is_wall else row[CENTER]
-            corners, triangles = hull(surface(row, self._size) - middle)
+            points = surface(row, WALL * self._size)
+            # browsers sort what is translucent by these places
+            self._middle = points.mean(axis=0) - row[CENTER]
+            corners, triangles = hull(points - points.mean(axis=0))
             self._body = self._scene.add_mesh_simple(
                 f"{self._name}/body",
                 corners.astype(np.float32),
                 triangles,
-                opacity=0.35,
+                opacity=0.15 if obstacle.is_wall else 0.35,
                 flat_shading=True,
                 side="double",
             )
             self._shape = shape
-            if self._drag is not None and not is_wall:
+            if self._drag is not None and not obstacle.is_wall:
                 _add_drag_handler(self._body, self._drag)
         self._body.visible = True
-        if not is_wall:
-            self._body.position = obstacle.center
+        self._body.position = point(row[CENTER] + self._middle)
         return self._body
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-import numpy as np
 import tyro
 
 from s2c2a.cli.console import (
@@ -121,7 +120,7 @@ def live(
 
 
 def _obstacles_of(scene: Path) -> "tuple[Obstacle, ...]":
-    """Obstacles of a scene file, as they stand at its start.
+    """Obstacles of a scene file, where they first stand; the page has no time of its own.
 
     Raises:
         S2C2AError: the file is not valid, or holds more than the page shows.
@@ -129,7 +128,7 @@ def _obstacles_of(scene: Path) -> "tuple[Obstacle, ...]":
     from s2c2a.live.request import MAX_OBSTACLES, Obstacle
     from s2c2a.tasks import load_scene
 
-    rows = load_scene(scene).rows_at(np.zeros(1))[0]
+    rows = [row for solid in load_scene(scene).obstacles for row in solid.rows()]
     if len(rows) > MAX_OBSTACLES:
         raise S2C2AError(
             f"{scene} holds {len(rows)} obstacles, and the live page shows at most "
