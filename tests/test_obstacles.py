@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from s2c2a.obstacles import distances, rows_of
+from s2c2a.obstacles import (
+    CENTER,
+    CORE,
+    THRESHOLD,
+    distances,
+    normal_of,
+    rows_of,
+    swept,
+)
+from s2c2a.tasks.scenes import HalfSpace
 
 POINT = np.zeros(8)
 
@@ -67,3 +76,35 @@ def test_rows_of_spheres_get_points_as_cores():
     rows = rows_of(np.ones((5, 2, 4)))
     assert rows.shape == (5, 2, 12)
     assert not rows[..., 4:].any()
+
+
+@pytest.mark.parametrize("library", [np, jnp])
+def test_what_moves_covers_its_way_and_what_is_absent_stays_absent(library):
+    box = core((0.1, 0.1, 0.1))
+    cores = library.asarray(np.array([POINT, box, box]))
+    thresholds = library.asarray(np.array([0.1, 0.1, 0.0]))
+    ways = library.asarray(np.tile([0.0, 0.4, 0.0], (3, 1)))
+    larger, covering = swept(thresholds, cores, ways)
+    np.testing.assert_allclose(larger, [0.1, 0.3, 0.0], rtol=1e-6)
+    ends = library.asarray(np.array([[0.0, 0.2, 0.0], [0.0, -0.2, 0.0]]))
+    gaps = distances(ends, library.zeros((2, 3)), covering[:1])
+    np.testing.assert_allclose(gaps, 0.0, atol=1e-6)
+    np.testing.assert_array_equal(covering[1:], cores[1:])
+
+
+def test_what_stands_still_covers_no_way_and_has_a_gradient():
+    still = swept(jnp.ones(1), jnp.zeros((1, 8)), jnp.zeros((1, 3)))
+    np.testing.assert_array_equal(still[0], [1.0])
+    np.testing.assert_array_equal(still[1], np.zeros((1, 8)))
+
+
+@pytest.mark.parametrize("normal", [[0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 2, -0.5]])
+def test_a_half_space_is_flat_wherever_its_point_is(normal):
+    direction = np.divide(normal, np.linalg.norm(normal))
+    along = np.cross(direction, [0.3, -0.2, 0.9])
+    wall = HalfSpace(point=tuple(0.2 * direction + 20.0 * along), normal=normal)
+    row = wall.rows()[0]
+    np.testing.assert_allclose(normal_of(row), direction, atol=1e-9)
+    place = 0.5 * direction - 0.4 * along
+    gap = distances(place, row[CENTER], row[CORE]) - row[THRESHOLD]
+    assert gap == pytest.approx(0.3, abs=1e-3)

@@ -71,13 +71,17 @@ def normal_of(half_space: Float[np.ndarray, "12"]) -> Float[np.ndarray, "3"]:
 
 
 def turns_to(directions: Float[Any, "*batch 3"]) -> Float[Any, "*batch 4"]:
-    """Unit quaternions that turn the z axis into directions, or opposite to them."""
+    """Unit quaternions that turn the z axis into directions, or opposite to them.
+
+    A zero vector is taken as the z axis.
+    """
     xp = directions.__array_namespace__()
-    upward = xp.where(directions[..., 2:] < 0.0, -directions, directions)
-    lengths = xp.linalg.vector_norm(upward, axis=-1, keepdims=True)
+    is_zero = xp.all(directions == 0.0, axis=-1, keepdims=True)
+    given = xp.where(is_zero, xp.asarray([0.0, 0.0, 1.0]), directions)
+    upward = xp.where(given[..., 2:] < 0.0, -given, given)
+    lengths = xp.linalg.vector_norm(upward, axis=-1)
     x, y, z = xp.moveaxis(upward, -1, 0)
-    least = np.finfo(np.float32).tiny
-    turns = xp.stack([-y, x, xp.zeros_like(z), z + lengths[..., 0] + least], axis=-1)
+    turns = xp.stack([-y, x, 0.0 * z, z + lengths], axis=-1)
     return turns / xp.linalg.vector_norm(turns, axis=-1, keepdims=True)
 
 
@@ -88,7 +92,8 @@ def swept(
 ) -> tuple[Float[Any, "*batch"], Float[Any, "*batch 8"]]:
     """Thresholds [m] and cores of obstacles that cover their ways, from the middles of these.
 
-    Spheres become capsules. Other solids are larger by half of their ways.
+    Spheres become capsules. Other solids are larger by half of their ways, all around.
+    A threshold of zero stays: nothing is there.
 
     Args:
         thresholds: [m]; NumPy or JAX, as all.
@@ -98,11 +103,12 @@ def swept(
     xp = ways.__array_namespace__()
     halves = xp.linalg.vector_norm(ways, axis=-1) / 2.0
     is_sphere = ~xp.any(cores != 0.0, axis=-1)
+    grows = (thresholds > 0.0) & ~is_sphere
     sizes = xp.stack([0.0 * halves, 0.0 * halves, halves, 0.0 * halves], axis=-1)
     rods = xp.concat([turns_to(ways), sizes], axis=-1)
     is_rod = is_sphere & (halves > 0.0)
     return (
-        xp.where(is_sphere, thresholds, thresholds + halves),
+        xp.where(grows, thresholds + halves, thresholds),
         xp.where(is_rod[..., None], rods, cores),
     )
 

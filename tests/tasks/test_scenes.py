@@ -7,14 +7,15 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
+from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import Task
 from s2c2a.tasks.scenes import Scene, Sphere, load_scene, save_scene, solid_of
 
 SOLIDS = {
     "sphere": ("center = [0.1, 0, 0.5]\nradius = 0.05", [0.1, 0.0, 0.55]),
     "capsule": (
-        "start = [0, 0, 0]\nend = [0.2, 0, 0]\nradius = 0.02",
-        [0.22, 0.0, 0.0],
+        "start = [0.1, 0, 0]\nend = [0.3, 0, 0]\nradius = 0.02",
+        [0.32, 0.0, 0.0],
     ),
     "cylinder": (
         "start = [0, 0, 0]\nend = [0, 0.2, 0]\nradius = 0.03",
@@ -125,6 +126,11 @@ def test_a_task_runs_beside_a_scene_and_its_own_obstacles():
             '[[obstacles]]\nkind = "half_space"\npoint = [0, 0, 0]\nnormal = [0, 0, 0]',
             "direction",
         ),
+        ('[[obstacles]]\nkind = "mesh"\nfile = "../a.stl"\n', "beside the scene file"),
+        (
+            '[[obstacles]]\nkind = "half_space"\npoint = [0, 0, 0.1]\nnormal = [0, 0, 1]',
+            "contains the base",
+        ),
         ("obstacles = 3\n", "list"),
         ("[[obstacles\n", "scene.toml"),
     ],
@@ -138,3 +144,33 @@ def test_too_many_obstacles_are_refused(tmp_path):
     one = '[[obstacles]]\nkind = "sphere"\ncenter = [0, 0, 1]\nradius = 0.1\n'
     with pytest.raises(TargetError, match=f"at most {MAX_OBSTACLES}"):
         scene_of(tmp_path, one * (MAX_OBSTACLES + 1))
+
+
+def test_obstacles_of_a_scene_keep_their_rows_when_those_of_the_task_appear():
+    rest = Goal.of(3)
+    later = rest.with_obstacles([[0.3, 0, 0.2]], [0.04])
+    scene = Scene(obstacles=(Sphere(center=(0, 0.3, 0.4), radius=0.05),))
+    task = scene.around(Task("later", (rest, later)), load_arm("twin_arm"))
+    np.testing.assert_allclose(task.obstacles()[:, 1, :3], [[0, 0.3, 0.4]] * 2)
+
+
+def test_a_body_does_not_touch_what_its_arm_is_mounted_on():
+    arm = load_arm("twin_arm")
+    modules = tuple(one.model_copy(update={"radius": 0.05}) for one in arm.modules)
+    guarded = GuardedPoints.of(arm.model_copy(update={"modules": modules}), "arm")
+    heights = arm.length * np.arange(1, 16) / 15
+    assert (heights - guarded.radii > 0.0).all()
+    assert guarded.radii[-1] == np.float32(0.05)
+
+
+def test_a_scene_in_millimeters_is_refused():
+    scene = Scene(obstacles=(Sphere(center=(200, 150, 500), radius=30),))
+    with pytest.raises(TargetError, match="write lengths in meters"):
+        scene.around(Task("point", (Goal.of(3),)), load_arm("twin_arm"))
+
+
+def test_an_arm_may_stand_on_a_half_space(tmp_path):
+    floor = (
+        'kind = "half_space"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\nclearance = 0.01'
+    )
+    scene_of(tmp_path, f"[[obstacles]]\n{floor}\n")

@@ -1,5 +1,6 @@
 """Geometry of an arm: arrays over its modules, and its center line."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -196,6 +197,29 @@ def hermite_weights(
     s = shares
     return np.stack(
         [2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, 3 * s**2 - 2 * s**3, s**3 - s**2]
+    )
+
+
+def body_radii(
+    lengths: Sequence[float], radii: Sequence[float], points: int
+) -> Float[np.ndarray, " points"]:
+    """Return the radius of the body around each point of the center line [m].
+
+    Near the base it is at most half of the way there: what the arm is mounted on is no
+    obstacle to it.
+
+    Args:
+        lengths: of the modules [m].
+        radii: of the modules [m].
+        points: number of points of each module.
+    """
+    starts = np.cumsum(lengths) - lengths
+    shares = np.arange(1, points + 1) / points
+    from_base = starts[:, None] + np.multiply.outer(lengths, shares)
+    return (
+        np.minimum(np.reshape(radii, (-1, 1)), from_base / 2.0)
+        .reshape(-1)
+        .astype(np.float32)
     )
 
 

@@ -361,17 +361,22 @@ def _projected(
 
     model = forward_model_of(weights, spec, 1000.0 * payload)
     found = projected(task, spec.length, Reachability(spec, model, payload, guard))
-    steps = found.is_moved
-    if not steps.any():
+    steps, reached = found.is_moved, found.reached
+    if reached is None or not steps.any():
         print("all targets are within reach")
         return task
+    missed = ~reached.within(spec.length)
     times = (np.arange(len(steps)) + 1) / spec.control_rate
     spans = _time_spans(times[steps].tolist(), times.tolist())
     print(
         f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to "
-        f"{100 * found.gaps[steps].max():.1f} cm, and moved within it: "
-        f"{', '.join(spans)} s"
+        f"{100 * reached.position_errors[missed].max():.1f} cm or "
+        f"{np.rad2deg(reached.axis_errors[missed].max()):.1f} deg, and moved to the "
+        f"nearest shapes: {', '.join(spans)} s"
     )
+    depth = -100 * reached.clearances[missed].min()
+    if depth > 0.0:
+        print(f"these shapes are up to {depth:.1f} cm within obstacles: none is clear")
     return found.task
 
 

@@ -127,14 +127,14 @@ def _plan_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> s
     outcomes, counts = np.unique(episode["outcome"][steps], return_counts=True)
     outcome = Outcome(int(outcomes[np.argmax(counts)]))  # type: ignore[call-arg]
     distance = f"{100 * distances.plan:.1f} cm"
+    if outcome is Outcome.OUT_OF_REACH:
+        return _reach_cause(episode, steps, distance)
     obstacles = episode.get("obstacles")
     if obstacles is not None and (obstacles[steps][..., 3] > 0.0).any():
         return (
             f"the plan stays {distance} from its goal beside obstacles (outcome "
             f"{outcome.name}); move the obstacles or the goal"
         )
-    if outcome is Outcome.OUT_OF_REACH:
-        return _reach_cause(episode, steps, distance)
     if outcome is Outcome.MOVING:
         return f"the plan is {distance} behind its goal; try a slower --pace"
     sentence = outcome.sentence.removesuffix(".")

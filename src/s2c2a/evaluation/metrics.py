@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import body_radii
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError, TargetError, did_you_mean
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, rows_of
@@ -332,7 +333,9 @@ def _clearance_of(
         radii = [module.radius for module in episode.arm.modules]
         if of_tip:
             return clearances(seen, task.obstacles(), radii[-1])
-        of_points = np.repeat(radii, seen.shape[-2] // len(radii))
+        count = seen.shape[-2] // len(radii)
+        lengths = [module.length for module in episode.arm.modules]
+        of_points = body_radii(lengths, radii, count)
         return clearances(seen, task.obstacles(), of_points)
 
     return per_step

@@ -259,7 +259,9 @@ class ArmControl(Control):
             states = self._predicted
         active = step.stage in (Stage.RUN, Stage.HOLD)
         goal = self._last_goal if active else self._no_goal
-        error, clearance = tip_errors(goal, states[-1, POSITION])
+        error, clearance = tip_errors(
+            goal, states[-1, POSITION], self.arm.modules[-1].radius
+        )
         self._last_goal = self._goal_after(step)
         self._predicted = step.diagnostics.get(
             "predicted", self._predicted if step.diagnostics else states

@@ -49,13 +49,15 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     )
 
 
-def tip_errors(goal: Goal, tip: Float[np.ndarray, "3"]) -> tuple[float, float]:
-    """Distance of the tip from its target and from the nearest threshold [m].
+def tip_errors(
+    goal: Goal, tip: Float[np.ndarray, "3"], radius: float = 0.0
+) -> tuple[float, float]:
+    """Distance of the tip from its target, and of its body from the obstacles [m].
 
     They are NaN without a target and infinite without obstacles.
     """
     error = float(np.linalg.norm(tip - goal.desired_positions()[-1]))
-    clearance_cm = clearances(tip[None, None], goal.obstacles_in_use()[None])[0]
+    clearance_cm = clearances(tip[None, None], goal.obstacles_in_use()[None], radius)[0]
     return error, float(clearance_cm) / 100.0
 
 

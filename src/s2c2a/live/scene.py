@@ -74,6 +74,7 @@ class ArmScene:
         self._scene = scene
         self._mesh = ArmMesh(arm)
         self._size = arm.length
+        self._radius = arm.modules[-1].radius
         surroundings = _add_surroundings(scene, arm)
         self._up = surroundings.mounting.turn[2]
         self._ground = surroundings.level if surroundings.arrow is None else None
@@ -127,7 +128,7 @@ class ArmScene:
         self._task_solids = self._add_solids("/task_obstacles")
 
     def _add_solids(self, name: str) -> "list[_Solid]":
-        parts = self._scene, self._ground, self._size
+        parts = self._scene, self._ground, self._size, self._radius
         return [_Solid(f"{name}/{k}", *parts) for k in range(MAX_OBSTACLES)]
 
     def draw_arm(self, states: States) -> None:
@@ -300,8 +301,16 @@ def _finite(desired: Desired) -> np.ndarray | None:
 class _Solid:
     """An obstacle, with a small core if it is a sphere, and its shadow."""
 
-    def __init__(self, name: str, scene: SceneApi, ground: float | None, size: float):
+    def __init__(
+        self,
+        name: str,
+        scene: SceneApi,
+        ground: float | None,
+        size: float,
+        radius: float,
+    ):
         self._scene, self._name = scene, name
+        self._radius = radius
         self._ground = ground
         self._size = size
         self._core = _add_ball(scene, f"{name}/core", 1.0, INK)
@@ -329,7 +338,7 @@ class _Solid:
             return
         row = obstacle.row
         gap = distances(np.asarray(tip), row[CENTER], row[CORE])
-        color = rgb(_clearance_color(float(gap) - obstacle.threshold))
+        color = rgb(_clearance_color(float(gap) - obstacle.threshold - self._radius))
         if not is_ball:
             self._draw_body(obstacle).color = color
             return

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import body_radii
 from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
@@ -116,7 +117,7 @@ class GuardedPoints:
         """Radii of the body around the points [m]."""
         if self.guard == "tip":
             return np.array(self.body_radii[-1:], np.float32)
-        return np.repeat(np.array(self.body_radii, np.float32), self._of_a_module)
+        return body_radii(self.lengths, self.body_radii, self._of_a_module)
 
     @property
     def _of_a_module(self) -> int:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt
 
 from s2c2a.errors import TargetError
+from s2c2a.files import MAX_BYTES
 
 RESOLUTION = 32  # voxels along the longest edge; chosen: a sphere of them takes 0.3 s
 BISECTIONS = 10  # of how far spheres stand out: to a thousandth of the solid
@@ -34,7 +35,7 @@ class Cover(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def covering_spheres(file: str, most: int) -> Cover:
+def covering_spheres(file: Path, most: int) -> Cover:
     """Spheres that cover the solid of a mesh, in the unit of the file.
 
     They stand out as little as so many spheres allow.
@@ -60,7 +61,7 @@ def covering_spheres(file: str, most: int) -> Cover:
     return Cover(best, high + pitch)
 
 
-def _voxels(file: str) -> tuple[np.ndarray, np.ndarray, float]:
+def _voxels(file: Path) -> tuple[np.ndarray, np.ndarray, float]:
     """Centers of the voxels within the solid, their distances from outside, and their edge."""
     mesh = _read(file)
     pitch = float(mesh.extents.max()) / RESOLUTION
@@ -70,16 +71,21 @@ def _voxels(file: str) -> tuple[np.ndarray, np.ndarray, float]:
     return grid.points, pitch * (depths[grid.matrix] - 0.5), pitch
 
 
-def _read(file: str):
+def _read(file: Path):
     """The mesh of a file.
 
     Raises:
         TargetError: see `covering_spheres`.
     """
-    if not Path(file).is_file() or not file.lower().endswith(FORMATS):
+    if not file.is_file() or file.suffix.lower() not in FORMATS:
         raise TargetError(
             f"no mesh {file}; give a file of triangles ({', '.join(FORMATS)}) beside the "
             "scene file"
+        )
+    if file.stat().st_size > MAX_BYTES:
+        raise TargetError(
+            f"{file} has more than {MAX_BYTES} bytes; simplify the mesh: spheres cover "
+            "it coarsely anyway"
         )
     try:
         import trimesh  # noqa: PLC0415  # an extra
@@ -89,7 +95,7 @@ def _read(file: str):
         ) from error
     try:
         mesh = trimesh.load_mesh(file)
-        has_triangles = len(mesh.faces) > 0 and float(mesh.extents.max()) > 0.0
+        has_triangles = len(mesh.faces) > 0 and 0.0 < mesh.extents.max() < np.inf
     except Exception as error:  # a reader of a dozen formats may raise anything
         raise TargetError(f"{file} cannot be read as a mesh: {error}") from error
     if not has_triangles:

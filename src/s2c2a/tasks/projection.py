@@ -4,10 +4,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from s2c2a.goals import Goal
-from s2c2a.planning.reach import Reachability
+from s2c2a.planning.reach import Reachability, Reached
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks.task import Task
 
@@ -18,12 +18,12 @@ class Projection(NamedTuple):
     Attributes:
         task: with the targets that are missed moved to the nearest that are reached.
         is_moved: steps whose targets are moved.
-        gaps: by how much they were missed [m].
+        reached: the nearest shapes to all targets; None without any.
     """
 
     task: Task
     is_moved: Bool[np.ndarray, " steps"]
-    gaps: Float[np.ndarray, " steps"]
+    reached: Reached | None
 
 
 def projected(task: Task, length: float, reachability: Reachability) -> Projection:
@@ -39,17 +39,15 @@ def projected(task: Task, length: float, reachability: Reachability) -> Projecti
     goals = Goal.stacked(task.goals)
     numbers = np.flatnonzero(goals.has_target)
     is_moved = np.zeros(len(task.goals), bool)
-    gaps = np.zeros(len(task.goals))
     if not len(numbers):
-        return Projection(task, is_moved, gaps)
+        return Projection(task, is_moved, None)
     aimed = Goal(*(values[numbers] for values in goals))
     reached = reachability.nearest(aimed)
     is_missed = ~reached.within(length)
     is_moved[numbers] = is_missed
-    gaps[numbers] = reached.position_errors
     changed = list(task.goals)
     for row in np.flatnonzero(is_missed):
         states = np.asarray(reached.states[row], np.float32)
         near = {"positions": states[:, POSITION], "axes": states[:, AXIS]}
         changed[numbers[row]] = task.goals[numbers[row]]._replace(**near).frozen()
-    return Projection(replace(task, goals=tuple(changed)), is_moved, gaps)
+    return Projection(replace(task, goals=tuple(changed)), is_moved, reached)

@@ -7,13 +7,13 @@ them. Files hold lengths in meters, base frame, and name no code.
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import tomli_w
 from jaxtyping import Float
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
@@ -30,11 +30,12 @@ from s2c2a.obstacles import (
     SKIN,
     THRESHOLD,
     TURN,
+    distances,
     normal_of,
     turns_to,
 )
 from s2c2a.tasks.meshes import Cover, covering_spheres
-from s2c2a.tasks.task import Score, Task
+from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 from s2c2a.validation import explained
 
 ENDING = ".toml"
@@ -76,6 +77,12 @@ class Solid(Frozen):
         is_present = (times >= self.appears) & (times < end)
         rows[~is_present, :, THRESHOLD] = 0.0
         return rows
+
+    def gap_of_base(self) -> float:
+        """Distance of the base from where it first appears [m], negative within it."""
+        rows = self.rows_at(np.array([self.appears]))[0]
+        gaps = distances(np.zeros(3), rows[:, CENTER], rows[:, CORE])
+        return float((gaps - rows[:, THRESHOLD]).min()) + self.clearance
 
     def _rows(self) -> Sequence[Row]:
         """Rows without the clearance."""
@@ -159,9 +166,9 @@ class Box(_Turned):
 
     @model_validator(mode="after")
     def _validate(self):
-        if min(self.size) <= 0.0 or max(self.size) > HALF_SPACE:
+        if min(self.size) < SKIN or max(self.size) > HALF_SPACE:
             raise ValueError(
-                f"size {list(self.size)} has an edge that is not between 0 and "
+                f"size {list(self.size)} has an edge that is not between {SKIN:g} and "
                 f"{HALF_SPACE:g} m; for a wall without end, use the kind half_space"
             )
         return self
@@ -180,13 +187,18 @@ class HalfSpace(Solid):
 
     @model_validator(mode="after")
     def _validate(self):
-        if not np.any(self.normal):
+        if np.linalg.norm(self.normal) < SKIN:
             raise ValueError("normal is zero; give a direction such as [0, 0, 1]")
+        if np.linalg.norm(self.point) > HALF_SPACE / 2.0:
+            raise ValueError(
+                f"point {list(self.point)} is more than {HALF_SPACE / 2.0:g} m from the "
+                "base; lengths are in meters"
+            )
         return self
 
     def _rows(self) -> Sequence[Row]:
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
-        center = self.point - HALF_SPACE * normal
+        center = (normal @ self.point - HALF_SPACE) * normal
         return [_row(center, SKIN, turns_to(normal), np.full(3, HALF_SPACE))]
 
 
@@ -197,7 +209,17 @@ class Mesh(_Turned):
     file: str = Field(description="STL, OBJ, PLY, GLB or OFF, beside the scene file")
     scale: Number = between(1e-6, 1e6, "m", "length of the file's unit", 1.0)
     position: Point = Field((0.0, 0.0, 0.0), description="of the file's origin [m]")
-    spheres: int = between(1, MAX_OBSTACLES, "1", "most that cover it", 24)
+    spheres: int = between(1, MAX_OBSTACLES, "1", "most that cover it", 16)
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _validate(self):
+        path = PurePath(self.file)
+        if path.is_absolute() or ".." in path.parts:
+            raise ValueError(
+                f"file {self.file} is not beside the scene file; write a path from there"
+            )
+        return self
 
     @property
     def excess(self) -> float:
@@ -206,7 +228,7 @@ class Mesh(_Turned):
 
     @property
     def _cover(self) -> Cover:
-        return covering_spheres(self.file, self.spheres)
+        return covering_spheres(self._folder / self.file, self.spheres)
 
     def _rows(self) -> Sequence[Row]:
         local = self.scale * self._cover.spheres
@@ -256,15 +278,27 @@ class Scene(Frozen):
         Raises:
             TargetError: both together are too many obstacles.
         """
+        own = Goal.stacked(goals).obstacles_in_use()
         added = self.rows_at(period * np.arange(1, len(goals) + 1))
-        return [goal_beside(goal, row) for goal, row in zip(goals, added, strict=True)]
+        rows = np.concatenate([own, added], axis=1)
+        _check_count(rows.shape[1], "task and scene together")
+        return [_with_rows(*each) for each in zip(goals, rows, strict=True)]
 
     def around(self, task: Task, arm: ArmSpec) -> Task:
         """The task beside these obstacles, whose clearance is scored, too.
 
         Raises:
-            TargetError: both together have too many obstacles.
+            TargetError: both together have too many obstacles, or one is too far away
+                for meters.
         """
+        for number, solid in enumerate(self.obstacles):
+            gap = solid.gap_of_base()
+            if gap > MAX_DISTANCE * arm.length and not any(solid.velocity):
+                raise TargetError(
+                    f"obstacle {number} of the scene (counted from 0) is {gap:.3g} m from "
+                    f"the base, and '{arm.name}' is {arm.length:.3g} m long; write lengths "
+                    "in meters: 0.1, not 100"
+                )
         goals = self.beside(task.goals, arm.control_period)
         known = {score.metric for score in task.scores}
         missing = [score for score in CLEARANCES if score.metric not in known]
@@ -279,13 +313,14 @@ def goal_beside(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
     """
     everything = np.concatenate([goal.obstacles_in_use(), rows])
     _check_count(len(everything), "task and scene together")
+    return _with_rows(goal, everything)
+
+
+def _with_rows(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
+    """The goal with these obstacles."""
     weight = float(goal.obstacle_weight)
-    return goal.with_obstacles(
-        everything[:, CENTER],
-        everything[:, THRESHOLD],
-        weight,
-        everything[:, CORE],
-    )
+    parts = rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]
+    return goal.with_obstacles(*parts)
 
 
 def load_scene(path: str | os.PathLike) -> Scene:
@@ -295,23 +330,26 @@ def load_scene(path: str | os.PathLike) -> Scene:
         TargetError: no file, invalid TOML, an unknown key or kind, an invalid value, a
             mesh that cannot be read, or too many obstacles.
     """
-    text = read_text(Path(path), TargetError)
+    if not Path(path).is_file():
+        raise TargetError(f"no scene file {path}; docs/guides/obstacles.md shows one")
+    text = read_text(path, TargetError)
     try:
         scene = Scene.model_validate(parse_toml(text))
     except S2C2AError as error:
         raise TargetError(f"{path}: {error}") from error
     except ValidationError as error:
         raise TargetError(explained(error, f"{path}: {HEADING}", KEYS)) from error
-    folder = Path(path).parent
-    placed = [
-        solid.model_copy(update={"file": str(folder / solid.file)})
-        if isinstance(solid, Mesh)
-        else solid
-        for solid in scene.obstacles
-    ]
-    loaded = Scene(obstacles=tuple(placed))
-    loaded.rows_at(np.zeros(1))  # raises an error before anything moves
-    return loaded
+    for solid in scene.obstacles:
+        if isinstance(solid, Mesh):
+            solid._folder = Path(path).parent
+    _check_count(sum(len(solid.rows()) for solid in scene.obstacles), str(path))
+    for number, solid in enumerate(scene.obstacles):
+        if solid.gap_of_base() < -2 * SKIN:  # the arm may stand on it
+            raise TargetError(
+                f"{path}: the {solid.kind} of obstacle {number} (counted from 0) contains "
+                "the base of the arm at 0, 0, 0; no shape is clear of it"
+            )
+    return scene
 
 
 def save_scene(scene: Scene, path: str | os.PathLike, overwrite: bool = False) -> None:

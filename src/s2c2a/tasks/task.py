@@ -90,7 +90,7 @@ class Task:
             self.goals,
             arm.control_period,
             turn * arm.length,
-            Detour.margin * arm.length,
+            Detour.margin * arm.length + arm.modules[-1].radius,
         )
         return shown if self.foreseen else self.goals
 

@@ -28,7 +28,7 @@ from s2c2a.viz.colors import (
     colors_by_label,
 )
 from s2c2a.viz.mounting import View
-from s2c2a.viz.solids import is_sphere, outline, surface
+from s2c2a.viz.solids import is_sphere, is_wall, outline, surface
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
@@ -197,27 +197,32 @@ def draw_desired(axes: Axes, path: Points, view: View) -> None:
 
 def draw_obstacles(axes: Axes, obstacles: Obstacles, view: View, **style) -> None:
     """Draw the outlines of obstacles (`Trace.standing`)."""
-    look = {
+    look: dict[str, Any] = {
         "facecolor": OBSTACLE + "33",
         "edgecolor": OBSTACLE,
         "linewidth": 1,
-        **style,
     }
-    shown = max(map(np.ptp, (axes.get_xlim(), axes.get_ylim())))
+    shown = max(map(np.ptp, (axes.get_xlim(), axes.get_ylim()))) / 2.0
     for row in obstacles:
         if is_sphere(row):
-            axes.add_patch(Circle(seen(row, view), row[THRESHOLD], **look))
-        else:
-            corners = surface(row, shown)[:, view]
-            axes.add_patch(Polygon(outline(corners), **look))
+            circle = Circle(seen(row, view), row[THRESHOLD], **(look | style))
+            axes.add_patch(circle)
+            continue
+        # a wall may cover the whole picture
+        behind = {"facecolor": OBSTACLE + "18", "zorder": 0.5} if is_wall(row) else {}
+        corners = outline(surface(row, shown)[:, view])
+        axes.add_patch(Polygon(corners, **(look | style | behind)))
 
 
 def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
     """Draw every obstacle of a run with the time when it appears or has moved."""
+    before = ""
     for row, note in trace.drawn_obstacles():
         draw_obstacles(axes, row[None], view, label="obstacle")
         style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
-        axes.text(*seen(row, view), note, ha="center", va="center", **style)
+        if note != before:  # the spheres of a mesh have one note
+            axes.text(*seen(row, view), note, ha="center", va="center", **style)
+        before = note
 
 
 def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:

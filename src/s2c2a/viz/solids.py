@@ -29,6 +29,11 @@ def is_sphere(row: Row) -> bool:
     return not row[CORE][HALF_EDGES].any() and row[CORE][DISC] == 0.0
 
 
+def is_wall(row: Row) -> bool:
+    """Whether a row is that of a half-space."""
+    return bool(row[CORE][HALF_EDGES].min() >= HALF_SPACE)
+
+
 def surface(row: Row, shown: float) -> Points:
     """Points of the surface [m], base frame.
 
@@ -39,7 +44,7 @@ def surface(row: Row, shown: float) -> Points:
     center, core = row[CENTER], row[CORE]
     half_edges = core[HALF_EDGES]
     turn = core[TURN]
-    if half_edges.min() >= HALF_SPACE:
+    if is_wall(row):
         normal = normal_of(row)
         level = normal @ center + HALF_SPACE
         half_edges = shown * np.array([1.0, 1.0, SLAB])
