@@ -623,23 +623,6 @@ def no_way_table() -> str:
     return table(["scenes", "said within 2 s", "said at the end"], lines)
 
 
-@shown_as("reach")
-def reach_table() -> str:
-    """Reachability beside a long search."""
-    file = "reach/results.json"
-    lines = []
-    for row in find_rows(file, metric="verdicts agree"):
-        match = {name: row[name] for name in ("arm", "task", "strategy")}
-        cells = [
-            number(find_row(file, metric=metric, **match)["mean"], 2)
-            for metric in ("farther, 99th percentile", "farther, largest")
-        ]
-        arm = f"`{row['arm']}`, {row['strategy']}"
-        lines.append([arm, row["task"], f"{100 * row['mean']:.1f}%", *cells])
-    header = ["arm", "poses", "verdicts agree"]
-    return table([*header, "farther, 99th percentile [cm]", "largest [cm]"], lines)
-
-
 @shown_as("shapes")
 def shapes_table() -> str:
     """Distances of the center line from curves for the whole arm."""
