@@ -51,7 +51,8 @@ def test_a_cage_is_closed_and_thicker_than_points_are_apart(seed):
 
 @pytest.mark.parametrize("seed", range(1, 20, 3))
 def test_a_covered_target_is_deep_in_its_sphere(seed):
-    name, target, ((*center, radius),) = scene(seed)
+    name, target, (sphere,) = scene(seed)
+    center, radius = sphere[:3], sphere[3]
     assert name.startswith("covered")
     assert radius - np.linalg.norm(target - center) > CERTIFIED
 
