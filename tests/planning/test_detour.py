@@ -81,8 +81,15 @@ def test_a_target_in_an_obstacle_is_approached_to_its_border(roadmap):
     assert clearance(way, [(*TARGET, 0.08)]) > 0.0
 
 
-def test_an_arm_that_is_within_an_obstacle_finds_no_way(roadmap):
-    assert roadmap.find(STRAIGHT, goal_with((0.0, 0.0, 0.55, 0.1)), MARGIN) is None
+def test_an_arm_that_is_within_an_obstacle_leaves_it(roadmap):
+    sphere = (0.02, 0.0, 0.55, 0.05)
+    way = roadmap.find(STRAIGHT, goal_with(sphere), MARGIN)
+    lines = center_line(np.asarray(states_of(way.bends)), LENGTHS)
+    gaps = np.linalg.norm(lines - sphere[:3], axis=-1).min(axis=-1) - sphere[3]
+    assert gaps[0] < 0.0
+    assert gaps.min() > gaps[0] - 5e-3  # checked every 3 deg
+    assert gaps[-1] > 0.0
+    assert way.miss < 0.006
 
 
 def test_a_guarded_tip_may_pass_where_the_arm_may_not(roadmap):

@@ -11,6 +11,7 @@ from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.goals import PREVIEW, preview_stride, previewed
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
+from s2c2a.obstacles import HALF_EDGES
 from s2c2a.planning import BEST, Goal, Horizon, LeastSquares, Planner
 from s2c2a.planning.horizon import minimum
 from s2c2a.planning.motion import Approach, GoalMotion
@@ -65,7 +66,10 @@ def test_a_goal_without_preview_moves_on_as_it_moved(xs, expected):
         motion, ahead = motion.after(goal, at(xs[0]), APPROACH)
     later = xs[-1] + expected * np.arange(PREVIEW)
     np.testing.assert_allclose(ahead.positions[:, -1, 0], later, atol=1e-5)
-    np.testing.assert_allclose(ahead.obstacles[:, 0, 0], later, atol=1e-5)
+    # an obstacle covers its way to come, and has its center in the middle of it
+    half = expected * PREVIEW / 2
+    np.testing.assert_allclose(ahead.obstacles[:, 0, 0], later + half, atol=1e-5)
+    np.testing.assert_allclose(ahead.cores[:, 0, HALF_EDGES][:, 2], half, atol=1e-5)
     assert np.isfinite(ahead.axes).all()
 
 

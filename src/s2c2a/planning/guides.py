@@ -240,8 +240,13 @@ class WayLeader(Leader):
         if self._way is None:
             self._speed = 0.0
         is_straight = way is not None and way.is_straight
-        self._way = None if is_straight and not (is_led or self.verdict) else way
+        self._way = None if is_straight and not (is_led or self._is_blocked) else way
         self._progress = 0.0
+
+    @property
+    def _is_blocked(self) -> bool:
+        """Whether the arm stays at the end of its way, which obstacles keep off its goal."""
+        return self.verdict is Outcome.BLOCKED
 
     def _verdict_on(self, way: Way | None) -> Outcome | None:
         """Why a way does not end at the goal; None if it does."""
@@ -274,7 +279,7 @@ class WayLeader(Leader):
         near, _ = way.at(np.minimum(window, end))
         distances = np.linalg.norm(near - bends, axis=(1, 2))
         self._progress = float(window[np.argmin(distances)])
-        if self._progress >= end and not (stays or self.verdict):
+        if self._progress >= end and not (stays or self._is_blocked):
             self._way = None
             return None
         self._progress = min(self._progress, end)
