@@ -63,6 +63,16 @@ def turned(
     return vectors + 2.0 * (last * half + xp.cross(axes, half))
 
 
+def is_sphere(row: Float[np.ndarray, "12"]) -> bool:
+    """Whether a row is that of a sphere."""
+    return not row[CORE][HALF_EDGES].any() and row[CORE][DISC] == 0.0
+
+
+def is_half_space(row: Float[np.ndarray, "12"]) -> bool:
+    """Whether a row is that of a half-space."""
+    return bool(row[CORE][HALF_EDGES].min() >= HALF_SPACE)
+
+
 def normal_of(half_space: Float[np.ndarray, "12"]) -> Float[np.ndarray, "3"]:
     """Unit vector out of a half-space, given as the row of its large cube."""
     turn = half_space[CORE][TURN]

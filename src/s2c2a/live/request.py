@@ -11,10 +11,10 @@ from s2c2a.arm import ArmSpec
 from s2c2a.obstacles import (
     CENTER,
     CORE,
-    HALF_EDGES,
     HALF_SPACE,
     SKIN,
     THRESHOLD,
+    is_half_space,
     normal_of,
 )
 
@@ -42,7 +42,7 @@ class Obstacle:
     @property
     def is_wall(self) -> bool:
         """Whether it is a half-space, whose center is beyond any arm."""
-        return min(self.core[HALF_EDGES]) >= HALF_SPACE
+        return is_half_space(self.row)
 
     @property
     def place(self) -> Point:

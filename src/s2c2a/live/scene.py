@@ -23,7 +23,7 @@ from s2c2a.live.request import (
     point,
 )
 from s2c2a.live.snapshot import straight
-from s2c2a.obstacles import CENTER, CORE, distances
+from s2c2a.obstacles import CENTER, CORE, distances, is_sphere
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colors import (
     DESIRED,
@@ -39,7 +39,7 @@ from s2c2a.viz.colors import (
 )
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces
 from s2c2a.viz.mounting import SUN, Surroundings
-from s2c2a.viz.solids import hull, is_sphere, surface
+from s2c2a.viz.solids import hull, surface
 from s2c2a.viz.trace import STDS
 
 SHADOW = "#d9dee6"

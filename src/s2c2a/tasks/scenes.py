@@ -31,6 +31,7 @@ from s2c2a.obstacles import (
     THRESHOLD,
     TURN,
     distances,
+    is_half_space,
     normal_of,
     turns_to,
 )
@@ -46,7 +47,7 @@ Row = Float[np.ndarray, "12"]
 
 def _size(meaning: str) -> Number:
     """Declare a size of a solid: from a wire to a building."""
-    return between(1e-4, 100, "m", meaning)
+    return between(SKIN, 100, "m", meaning)
 
 
 class Solid(Frozen):
@@ -371,13 +372,12 @@ def solid_of(row: Row) -> AnySolid:
     half, disc = core[HALF_EDGES], float(core[DISC])
     turn = Rotation.from_quat(core[TURN] if core[TURN].any() else [0, 0, 0, 1])
     axis = turn.apply([0.0, 0.0, half[2]])
-    is_box = disc == 0.0 and half[:2].any()
     values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
-    if half.min() >= HALF_SPACE:
+    if is_half_space(row):
         normal = normal_of(row)
-        point = row[CENTER] + HALF_SPACE * normal
-        values |= {"kind": "half_space", "point": point, "normal": normal}
-    elif is_box:
+        values |= {"kind": "half_space", "normal": normal}
+        values["point"] = row[CENTER] + HALF_SPACE * normal
+    elif half[:2].any():
         angles = turn.as_euler("xyz", degrees=True)
         values |= {"kind": "box", "size": 2.0 * half, "rotation_deg": angles}
     elif half[2] > 0.0:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
-from s2c2a.files import MAX_BYTES, read_text
+from s2c2a.files import MAX_TEXT
 from s2c2a.spaces import CENTER_LINE_POINTS
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
@@ -24,9 +24,7 @@ from s2c2a.tasks.waypoints import (
 )
 
 COLUMNS = ("x", "y", "z")
-TOLERANCE = (
-    0.05  # chosen: of the arm's length; a drawn curve may miss base or tip by it
-)
+TOLERANCE = 0.05  # of the arm's length; chosen: a drawn curve misses base or tip by it
 
 Curve = Float[np.ndarray, "points 3"]
 """Points of a center line from base to tip [m], base frame, straight between them."""
@@ -59,8 +57,9 @@ def is_curve(path: str | os.PathLike) -> bool:
     """Whether the header of a table has the columns of a curve, and no others."""
     if not Path(path).is_file():
         return False
-    header = read_text(path, TargetError, MAX_BYTES).partition("\n")[0]
-    return sorted(name.strip(' "\r') for name in header.split(",")) == [*COLUMNS]
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        header = file.readline(MAX_TEXT)
+    return sorted(name.strip(' "\r\n') for name in header.split(",")) == [*COLUMNS]
 
 
 def load_curve(path: str | os.PathLike) -> Curve:

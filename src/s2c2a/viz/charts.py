@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
-from s2c2a.obstacles import THRESHOLD
+from s2c2a.obstacles import THRESHOLD, is_half_space, is_sphere
 from s2c2a.viz.arrays import Obstacles, Points, Series
 from s2c2a.viz.colors import (
     DESIRED,
@@ -28,7 +28,7 @@ from s2c2a.viz.colors import (
     colors_by_label,
 )
 from s2c2a.viz.mounting import View
-from s2c2a.viz.solids import is_sphere, is_wall, outline, surface
+from s2c2a.viz.solids import outline, surface
 from s2c2a.viz.trace import Trace
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
@@ -209,7 +209,9 @@ def draw_obstacles(axes: Axes, obstacles: Obstacles, view: View, **style) -> Non
             axes.add_patch(circle)
             continue
         # a wall may cover the whole picture
-        behind = {"facecolor": OBSTACLE + "18", "zorder": 0.5} if is_wall(row) else {}
+        behind = (
+            {"facecolor": OBSTACLE + "18", "zorder": 0.5} if is_half_space(row) else {}
+        )
         corners = outline(surface(row, shown)[:, view])
         axes.add_patch(Polygon(corners, **(look | style | behind)))
 

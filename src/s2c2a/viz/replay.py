@@ -15,12 +15,12 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files import write_atomically
-from s2c2a.obstacles import CENTER, CORE
+from s2c2a.obstacles import CENTER, CORE, is_sphere
 from s2c2a.viz import colors
 from s2c2a.viz.arrays import Points
 from s2c2a.viz.mesh import BODY_ROWS, ArmMesh, frames_of
 from s2c2a.viz.mounting import Surroundings
-from s2c2a.viz.solids import is_sphere, surface
+from s2c2a.viz.solids import surface
 from s2c2a.viz.trace import Trace, check_same_arm, modules_with_goal, standing
 
 SCRIPTS = (

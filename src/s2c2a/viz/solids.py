@@ -12,6 +12,7 @@ from s2c2a.obstacles import (
     HALF_SPACE,
     THRESHOLD,
     TURN,
+    is_half_space,
     normal_of,
     turned,
 )
@@ -24,16 +25,6 @@ Row = Float[np.ndarray, "12"]
 Points = Float[np.ndarray, "points 3"]
 
 
-def is_sphere(row: Row) -> bool:
-    """Whether a row is that of a sphere."""
-    return not row[CORE][HALF_EDGES].any() and row[CORE][DISC] == 0.0
-
-
-def is_wall(row: Row) -> bool:
-    """Whether a row is that of a half-space."""
-    return bool(row[CORE][HALF_EDGES].min() >= HALF_SPACE)
-
-
 def surface(row: Row, shown: float) -> Points:
     """Points of the surface [m], base frame.
 
@@ -44,7 +35,7 @@ def surface(row: Row, shown: float) -> Points:
     center, core = row[CENTER], row[CORE]
     half_edges = core[HALF_EDGES]
     turn = core[TURN]
-    if is_wall(row):
+    if is_half_space(row):
         normal = normal_of(row)
         level = normal @ center + HALF_SPACE
         half_edges = shown * np.array([1.0, 1.0, SLAB])
@@ -66,7 +57,7 @@ def outline(points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "corners
 
 
 def hull(points: Points) -> tuple[Points, np.ndarray]:
-    """Corners of the convex hull and its triangles, seen from outside against the clock."""
+    """The points, and the triangles of their convex hull, seen from outside against the clock."""
     found = ConvexHull(points)
     triangles = found.simplices.copy()
     a, b, c = np.moveaxis(points[triangles], 1, 0)

@@ -20,11 +20,12 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
+from s2c2a.obstacles import is_sphere
 from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces, unit
 from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
-from s2c2a.viz.solids import hull, is_sphere, surface
+from s2c2a.viz.solids import hull, surface
 from s2c2a.viz.trace import Trace, check_same_arm
 
 SIZE = (480, 400)  # pixels
