@@ -4,7 +4,7 @@ All goals have the same array shapes, so that a new goal causes no compilation.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -143,7 +143,7 @@ class Goal(NamedTuple):
         used = self.thresholds.reshape(-1, MAX_OBSTACLES).max(axis=0) > 0
         return rows[..., used, :]
 
-    def with_rows(self, rows: Int[np.ndarray, " rows"] | slice) -> "Goal":
+    def with_rows(self, rows: Int[Any, " rows"] | slice) -> "Goal":
         """Return the goal, or stacked goals, with these rows of obstacles alone."""
         return self._replace(
             obstacles=self.obstacles[..., rows, :],

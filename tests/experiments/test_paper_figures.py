@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
+from s2c2a.obstacles import HALF_SPACE
 from s2c2a.viz import Trace
 from s2c2a.viz.charts import legend, new_axes, new_figure
 from s2c2a_experiments.figures.space import (
@@ -103,6 +104,18 @@ def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_pat
     assert is_sensible_png(
         draw({"task": make_trace(obstacles=absent)}, tmp_path / "figure.png")
     )
+
+
+@every_figure
+def test_a_box_and_a_wall_are_drawn(draw, make_trace, tmp_path):
+    unturned = [0.0, 0.0, 0.0, 1.0]
+    box = [0.3, 0.0, 0.5, 0.01, *unturned, 0.1, 0.05, 0.05, 0.0]
+    edges = [HALF_SPACE, HALF_SPACE, HALF_SPACE]
+    wall = [-0.5 - HALF_SPACE, 0.0, 0.0, 1e-4, *unturned, *edges, 0.0]
+    trace = make_trace(obstacles=np.tile([box, wall], (200, 1, 1)))
+    assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
+    distances, _ = _nearest_obstacle(trace)
+    assert np.isfinite(distances).all()
 
 
 @pytest.mark.parametrize("draw", [plan_view_figure, poses_figure, obstacles_figure])

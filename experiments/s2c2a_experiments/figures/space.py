@@ -9,11 +9,13 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from s2c2a.kinematics import center_line
+from s2c2a.obstacles import is_half_space
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.viz import charts
 from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colors import DESIRED, INK, POINTING, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
+from s2c2a.viz.solids import surface
 from s2c2a.viz.trace import Trace, check_not_empty, check_unique_labels
 from s2c2a_experiments.figures.paths import draw_ring, draw_run, label_path_ends
 
@@ -187,7 +189,7 @@ def obstacles_figure(
 ) -> Path:
     """Draw paths around obstacles from above and the side (figs. 12 and 13).
 
-    A disc around an obstacle is its threshold at the start; all panels show the same
+    An obstacle is drawn as of the start, with its threshold; all panels show the same
     part of space.
 
     Args:
@@ -207,11 +209,10 @@ def obstacles_figure(
         check_unique_labels(runs)
     traces = [trace for runs in tasks.values() for trace in runs]
     colors = colors_by_label(trace.label for trace in traces)
-    shown = []
+    shown: list[Float[np.ndarray, "points 3"]] = []
     for trace in traces:
-        spheres = trace.standing(0)
-        shown.append(spheres[:, POSITION] - spheres[:, 3:])
-        shown.append(spheres[:, POSITION] + spheres[:, 3:])
+        obstacles = trace.standing(0)
+        shown.extend(surface(row, 0.0) for row in obstacles if not is_half_space(row))
         shown.append(trace.followed_path)
         shown.append(trace.desired_path)
 

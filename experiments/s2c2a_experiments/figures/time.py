@@ -11,7 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import tilts_deg
-from s2c2a.spaces import AXIS, POSITION
+from s2c2a.obstacles import CENTER, CORE, ROW, THRESHOLD, distances
+from s2c2a.spaces import AXIS
 from s2c2a.viz import charts
 from s2c2a.viz.charts import (
     FRONT,
@@ -197,7 +198,7 @@ def interaction_figure(flee: Trace, follow: Trace, path: str | Path) -> Path:
     )
     charts.draw_obstacles(views[0], flee.standing(-1), ABOVE)
     centers = np.where(
-        standing(flee.obstacles)[..., None], flee.obstacles[..., POSITION], np.nan
+        standing(flee.obstacles)[..., None], flee.obstacles[..., CENTER], np.nan
     )
     for center in np.moveaxis(centers, 1, 0):
         views[0].plot(
@@ -238,16 +239,16 @@ def _nearest_obstacle(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
     Both are NaN at times without an obstacle.
     """
     count = len(trace.times)
-    no_obstacle = np.full((count, 1, 4), np.nan)
+    no_obstacle = np.full((count, 1, ROW), np.nan)
     obstacles = np.concatenate([no_obstacle, trace.obstacles], axis=1)
-    offsets = trace.followed_path[:, None] - obstacles[..., POSITION]
-    distances = np.linalg.norm(offsets, axis=-1)
-    thresholds = obstacles[..., 3]
-    known = standing(obstacles) & np.isfinite(distances)
-    clearances = np.where(known, distances - thresholds, np.inf)
+    path = trace.followed_path[:, None]
+    away = distances(path, obstacles[..., CENTER], obstacles[..., CORE])
+    thresholds = obstacles[..., THRESHOLD]
+    known = standing(obstacles) & np.isfinite(away)
+    clearances = np.where(known, away - thresholds, np.inf)
     nearest = (np.arange(count), np.argmin(clearances, axis=1))
     known = known[nearest]
     return (
-        np.where(known, distances[nearest], np.nan),
+        np.where(known, away[nearest], np.nan),
         np.where(known, thresholds[nearest], np.nan),
     )

@@ -6,6 +6,7 @@ forward model lead to the nearest shape.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -207,13 +208,10 @@ class Reachability:
             raise TargetError(
                 "a goal without a position or an axis is always reached; give one"
             )
-        chunks = [self._nearest(chunk) for chunk in _chunks(goals)]
-        joined = {
-            name: np.concatenate([chunk[name] for chunk in chunks])
-            for name in Reached._fields
-        }
         count = len(goals.positions)
-        return Reached(**{name: values[:count] for name, values in joined.items()})
+        chunks = map(self._nearest, _chunks(goals))
+        joined = jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *chunks)
+        return Reached(**joined)
 
     def solutions(self, goal: Goal) -> Solutions:
         """The shapes to which several starts lead, for one goal."""
@@ -284,26 +282,23 @@ def _solutions(
         """Of the target and of the obstacles, in parts of the arm's length."""
         depths = jnp.maximum(-_clearances(points_of, states, goal), 0.0) / length
         aims = _target_errors(states, goal, length)
-        return jnp.concatenate([aims, DEPTH_WEIGHT * depths.reshape(-1)])
-
-    def cost(states: States) -> Float[Array, ""]:
-        return jnp.sum(errors(states) ** 2)
+        return jnp.concatenate([aims, DEPTH_WEIGHT * depths])
 
     aims = jax.vmap(lambda states: _target_errors(states, goal, length))
     misses = jnp.sum(aims(shapes.states) ** 2, axis=-1).reshape(count, -1)
     _, nearest = jax.lax.top_k(-misses, BESIDE if goal.thresholds.size else 1)
     rows = (jnp.arange(count) * misses.shape[1])[:, None] + nearest
-    costs = jax.vmap(jax.vmap(cost))(shapes.states[rows])
+    costs = jnp.sum(jax.vmap(jax.vmap(errors))(shapes.states[rows]) ** 2, axis=-1)
     starts = shapes.bends[rows[jnp.arange(count), jnp.argmin(costs, axis=1)]]
 
     def residuals(bends: Bends) -> Float[Array, " residuals"]:
         even = EVENNESS * jnp.diff(bends, axis=0).reshape(-1)
         return jnp.concatenate([errors(arm.states(bends)), even])
 
+    project = partial(limit_lengths, limits=arm.limits)
+
     def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
-        return solve_least_squares(
-            residuals, start, lambda bends: limit_lengths(bends, arm.limits), ITERATIONS
-        )
+        return solve_least_squares(residuals, start, project, ITERATIONS)
 
     found, costs = jax.vmap(solved)(starts)
     return found, jnp.sqrt(costs) * length
@@ -345,9 +340,20 @@ def _target_errors(
 
 def _clearances(
     points_of: GuardedPoints, states: States, goal: Goal
-) -> Float[Array, "points obstacles"]:
-    """Distances of the guarded points from obstacles [m]; infinite for unused rows."""
-    points = points_of(states)[:, None]
+) -> Float[Array, " points"]:
+    """Distances of the guarded points from the union of the obstacles [m].
+
+    They are infinite without obstacles. Only the obstacle that is nearest to a point is
+    differentiated.
+    """
+    points = points_of(states)
+    if not goal.thresholds.size:
+        return jnp.full(len(points), jnp.inf)
+    nearest = jnp.argmin(_gaps(jax.lax.stop_gradient(points)[:, None], goal), axis=1)
+    return _gaps(points, goal.with_rows(nearest)) - points_of.radii
+
+
+def _gaps(points: Float[Array, "*batch 3"], goal: Goal) -> Float[Array, "*batch"]:
+    """Distances from obstacles [m]; infinite from unused rows."""
     gaps = distances(points, goal.obstacles, goal.cores) - goal.thresholds
-    clear = gaps - points_of.radii[:, None]
-    return jnp.where(goal.thresholds > 0.0, clear, jnp.inf)
+    return jnp.where(goal.thresholds > 0.0, gaps, jnp.inf)

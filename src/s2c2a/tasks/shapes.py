@@ -12,11 +12,12 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
-from s2c2a.files import MAX_TEXT
+from s2c2a.files import read_text
 from s2c2a.spaces import CENTER_LINE_POINTS
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 from s2c2a.tasks.waypoints import (
+    MAX_BYTES,
     Waypoints,
     load_waypoints,
     read_table,
@@ -54,12 +55,15 @@ def table_tracks(path: str | os.PathLike, arm: ArmSpec) -> list[Waypoints]:
 
 
 def is_curve(path: str | os.PathLike) -> bool:
-    """Whether the header of a table has the columns of a curve, and no others."""
+    """Whether the header of a table has the columns of a curve, and no others.
+
+    Raises:
+        TargetError: the file cannot be read.
+    """
     if not Path(path).is_file():
-        return False
-    with open(path, encoding="utf-8-sig", errors="replace") as file:
-        header = file.readline(MAX_TEXT)
-    return sorted(name.strip(' "\r\n') for name in header.split(",")) == [*COLUMNS]
+        return False  # the reader of waypoints says what is missing
+    header = read_text(path, TargetError, MAX_BYTES).partition("\n")[0]
+    return sorted(name.strip(' "\r') for name in header.split(",")) == [*COLUMNS]
 
 
 def load_curve(path: str | os.PathLike) -> Curve:
