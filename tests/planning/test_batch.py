@@ -1,4 +1,6 @@
-"""Batches give the plans of the planner, in any chunks and on any threads."""
+"""Batches give the plans of the planner without guides, in any chunks and on any threads."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,7 +66,7 @@ def goals(**obstacles):
 def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
     """Five plans in chunks of four: the last chunk is padded."""
     batch = batch_of(options)
-    planner = Planner(*PARTS, options)
+    planner = Planner(*PARTS, replace(options, guides=()))
     desired = goals(**obstacles)
     sensed = somewhere(5)
     many = batch.plan(batch.start(sensed), sensed, Goal.stacked(desired))

@@ -127,6 +127,38 @@ def test_plans_are_led_past_spheres_and_come_to_rest():
     assert ways[-20:].max() < 1e-3
 
 
+def test_an_arm_waits_for_the_way_to_a_target_that_jumps():
+    first, second = goal_with(*SPHERES, target=[-0.1, 0.0, 0.58]), goal_with(*SPHERES)
+    shapes, _ = drive(Planner(TWIN, MODEL, BEST), [first] * 40 + [second] * 40)
+    waits = np.abs(shapes[40:43] - shapes[39]).max()
+    assert waits < np.deg2rad(0.5)
+    assert np.abs(shapes[-1] - shapes[39]).max() > np.deg2rad(10.0)
+
+
+def test_an_arm_does_not_wait_while_obstacles_or_targets_move():
+    moving = [goal_with((0.5 - 0.01 * k, 0.3, 0.3, 0.05)) for k in range(40)]
+    shapes, _ = drive(Planner(TWIN, MODEL, BEST), moving)
+    tip = np.asarray(states_of(shapes[-1:]))[0, -1, :3]
+    assert np.linalg.norm(tip - TARGET) < 0.02
+    places = np.linspace([0.0, 0.0, 0.6], TARGET, 40)
+    led = [goal_with((0.5, 0.3, 0.3, 0.05), target=place) for place in places]
+    shapes, _ = drive(Planner(TWIN, MODEL, BEST), [*previewed(led, 0.1)])
+    assert np.linalg.norm(np.diff(shapes, axis=0), axis=(1, 2))[4:20].min() > 1e-3
+
+
+def test_plans_go_where_a_way_has_less_room_than_their_margin(roadmap):
+    """Between the spheres, 2.4 cm of margin on either side leave nothing."""
+    gate = [(0.16, 0.14, 0.55, 0.1), (0.19, -0.09, 0.53, 0.1)]
+    way = roadmap.find(STRAIGHT, goal_with(*gate), MARGIN)
+    assert 0.0 < way.room.min() < 0.024
+    planner = Planner(TWIN, MODEL, replace(BEST, guard="arm"))
+    shapes, outcomes = drive(planner, [goal_with(*gate)] * 120)
+    assert outcomes[-1] is Outcome.SOLVED
+    lines = center_line(np.asarray(states_of(shapes)), LENGTHS, 15)
+    gaps = np.linalg.norm(lines[..., None, :] - np.array(gate)[:, :3], axis=-1) - 0.1
+    assert gaps.min() > 0.0
+
+
 @pytest.mark.parametrize("other", ["axis", "inner module"])
 def test_other_targets_do_not_pull_against_a_way(other):
     goal = goal_with(*SPHERES)
@@ -178,7 +210,7 @@ def test_in_real_time_a_step_waits_for_no_search(monkeypatch):
 
     planner = Planner(TWIN, MODEL, BEST)
     planner.set_real_time(True)
-    drive(planner, [goal_with(*SPHERES)])
+    drive(planner, [goal_with()])
     monkeypatch.setattr(Roadmap, "find", slow)
     began = time.perf_counter()
     drive(planner, [goal_with(*SPHERES)] * 8)

@@ -21,12 +21,7 @@ from s2c2a.estimation import kalman
 from s2c2a.estimation.bias_field import INTERVAL, STD, BiasField, PayloadPrior
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
 from s2c2a.estimation.modal_model import ModalTable
-from s2c2a.estimation.outliers import (
-    Compared,
-    SensorHistory,
-    is_beyond_gate,
-    judged,
-)
+from s2c2a.estimation.outliers import Compared, SensorHistory, is_beyond_gate, judged
 from s2c2a.estimation.sensor_models import (
     ExpectedState,
     Innovation,
@@ -35,11 +30,7 @@ from s2c2a.estimation.sensor_models import (
     interpolated,
 )
 from s2c2a.files import LARGEST
-from s2c2a.kinematics import (
-    bends_from_configurations,
-    bends_from_states,
-    limit_lengths,
-)
+from s2c2a.kinematics import bends_from_configurations, bends_from_states, limit_lengths
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel
 

@@ -32,18 +32,6 @@ from s2c2a.jobs.execution import (
     run_all,
     try_all,
 )
-from s2c2a.jobs.job import (
-    SIMULATED_FAST,
-    Conditions,
-    Job,
-    Run,
-    checked_seeds,
-    jobs_for,
-)
+from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, checked_seeds, jobs_for
 from s2c2a.jobs.prior import PriorNetworks
-from s2c2a.jobs.rows import (
-    Heading,
-    describe_repetitions,
-    score_rows,
-    training_rows,
-)
+from s2c2a.jobs.rows import Heading, describe_repetitions, score_rows, training_rows

@@ -26,13 +26,7 @@ from s2c2a.models.forward_model import (
 from s2c2a.models.layers import Scaling, Size
 from s2c2a.paper import BiLSTM
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
-from s2c2a.training.trained import (
-    Pretrained,
-    Trained,
-    TrainingData,
-    known_error,
-    train,
-)
+from s2c2a.training.trained import Pretrained, Trained, TrainingData, known_error, train
 
 
 @dataclass(frozen=True)

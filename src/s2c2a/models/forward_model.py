@@ -10,10 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.kinematics.bends import (
-    bends_from_configurations,
-    configurations_from_bends,
-)
+from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends
 from s2c2a.kinematics.chain import states_from_configurations
 from s2c2a.models.disturbances import Disturbances
 

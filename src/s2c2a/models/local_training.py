@@ -16,13 +16,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
-from s2c2a.data.windows import (
-    APART,
-    Samples,
-    Split,
-    forward_samples,
-    known_samples,
-)
+from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,

@@ -20,8 +20,9 @@ from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
 from s2c2a.planning.terms import Guard
 from s2c2a.planning.ways import Roadmap, Way
+from s2c2a.spaces import POSITION
 
-ADVANCE = 0.5  # of the step limit; chosen: the horizon still has room to correct
+ADVANCE = 0.3  # of the step limit; chosen: the arm hardly vibrates
 MOVED = 0.03  # of the arm's length: another target or obstacle, which needs another way
 SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait for it
 ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
@@ -39,11 +40,13 @@ class Lead(NamedTuple):
         tips: positions of the tip then [m], shape (PREVIEW, 3), base frame; NaN where it
             is to stay.
         weight: one if it leads, else zero.
+        room: least distance from obstacles then [m]; plans keep no more.
     """
 
     bends: Float[Array | np.ndarray, "moments modules 2"]
     tips: Float[Array | np.ndarray, "moments 3"]
     weight: Float[Array | np.ndarray, ""]
+    room: Float[Array | np.ndarray, ""] = np.asarray(np.inf, np.float32)
 
     @classmethod
     def none(cls, modules: int) -> "Lead":
@@ -163,6 +166,8 @@ class WayLeader(Leader):
         self._speed = 0.0
         self._search = None
         self._known: Goal | None = None
+        self._last: Goal | None = None
+        self._stands = False
         self._start: Shape | None = None
 
     def set_real_time(self, is_real: bool) -> None:
@@ -194,9 +199,20 @@ class WayLeader(Leader):
             self._way, self.verdict = None, None
         is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
         needs = knows_beyond or outcome is not Outcome.SOLVED or self._way is not None
-        if self._search is None and needs and (is_new or self._is_elsewhere(bends)):
+        self._stands |= knows_beyond or self._has_jumped(goal)
+        may_search = is_new or self._is_elsewhere(bends)
+        if self._search is None and (needs or self._stands) and may_search:
             self._begin_search(bends, goal)
+        self._stands &= self._search is not None
         return self._along(bends, knows_beyond)
+
+    def _has_jumped(self, goal: Goal) -> bool:
+        """Whether a target appears elsewhere, and stays there as far as is known."""
+        last, self._last = self._last, goal
+        steps = goal.preview[:, -1, POSITION] - goal.positions[-1]
+        moves = (np.abs(steps) > MOVED * self._length).any()
+        is_elsewhere = last is None or self._differs(goal, last, ("positions",))
+        return bool(is_elsewhere and not moves)
 
     def _is_elsewhere(self, bends: Shape) -> bool:
         """Whether a plan that follows no way is far from where the last search began."""
@@ -234,6 +250,7 @@ class WayLeader(Leader):
             self._search = search._replace(steps=search.steps + 1)
             return
         self._search = None
+        self._stands = False
         self._known = search.goal
         way = search.result.result()
         self.verdict = self._verdict_on(way)
@@ -269,14 +286,14 @@ class WayLeader(Leader):
     def _along(self, bends: Shape, stays: bool) -> Lead | None:
         """The next moments on the way, from where the plan is; None at its end."""
         if self._way is None:
-            if self._search is None or not (stays or self._known is None):
+            if self._search is None or not (self._stands or self._known is None):
                 return None
             return _standing(self._search.start)
         way = self._way
         end = float(way.places[-1])
         reached = self._progress + 4.0 * self._stride * self._fastest
         window = np.linspace(self._progress, reached, 16)
-        near, _ = way.at(np.minimum(window, end))
+        near, _, _ = way.at(np.minimum(window, end))
         distances = np.linalg.norm(near - bends, axis=(1, 2))
         self._progress = float(window[np.argmin(distances)])
         if self._progress >= end and not (stays or self._is_blocked):
@@ -284,10 +301,8 @@ class WayLeader(Leader):
             return None
         self._progress = min(self._progress, end)
         ahead = self._progress + self._ways_ahead(end - self._progress)
-        shapes, tips = way.at(ahead)
-        return Lead(
-            shapes.astype(np.float32), tips.astype(np.float32), np.ones((), np.float32)
-        )
+        shapes, tips, room = (part.astype(np.float32) for part in way.at(ahead))
+        return Lead(shapes, tips, np.ones((), np.float32), room.min())
 
     def _ways_ahead(self, rest: float) -> Float[np.ndarray, " moments"]:
         """How far the next moments are ahead, from the present speed to the end."""

@@ -353,7 +353,7 @@ class Step(NamedTuple):
             is_led = jnp.asarray(lead.weight) > 0.0
             first = jax.tree.map(lambda values: values[0], ahead)
             goal = jax.tree.map(lambda a, b: jnp.where(is_led, a, b), first, goal)
-            situation = situation._replace(goal=goal)
+            situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
         return Problem(
             situation,
             self.terms,

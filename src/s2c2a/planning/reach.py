@@ -18,11 +18,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.goals import MAX_OBSTACLES, Goal
-from s2c2a.kinematics import (
-    configurations_from_bends,
-    limit_lengths,
-    norm,
-)
+from s2c2a.kinematics import configurations_from_bends, limit_lengths, norm
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances

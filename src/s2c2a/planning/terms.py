@@ -72,6 +72,7 @@ class Situation(NamedTuple):
             (`ArmGeometry.step_limit`) [rad].
         on_sphere: whether configurations are kept at unit length.
         radii: of the body around the guarded points [m], shape (points,), or one.
+        room: least distance from obstacles where a guide leads [m]; infinite elsewhere.
     """
 
     goal: Goal
@@ -81,6 +82,7 @@ class Situation(NamedTuple):
     longest_step: float
     on_sphere: bool
     radii: Float[Numbers, " points"] = np.zeros(1, np.float32)
+    room: Float[Numbers, ""] | float = np.inf
 
 
 @dataclass(frozen=True)
@@ -216,7 +218,8 @@ class Obstacles(Term):
     Attributes:
         weight: relative to positions.
         unit: of length, in parts of the arm's length.
-        margin: around obstacles beyond their thresholds, in parts of the arm's length.
+        margin: around obstacles beyond their thresholds, in parts of the arm's length;
+            less where a guide leads through a narrow passage.
     """
 
     weight: float = 20.0
@@ -227,7 +230,7 @@ class Obstacles(Term):
         """In units, shape (points, nearest obstacles, 1)."""
         goal = situation.goal
         length = situation.length
-        distance = goal.thresholds + self.margin * length
+        distance = goal.thresholds + jnp.minimum(self.margin * length, situation.room)
         reach = jnp.where(goal.thresholds > 0.0, distance, -FAR)
         last_points = situation.last.points[:, None]
         last_gaps = distances(last_points, goal.obstacles, goal.cores)

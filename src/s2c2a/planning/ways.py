@@ -25,12 +25,7 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths, norm
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.obstacles import distances
-from s2c2a.planning.reach import (
-    BATCH,
-    Reachability,
-    RestingArm,
-    obstacle_rows,
-)
+from s2c2a.planning.reach import BATCH, Reachability, RestingArm, obstacle_rows
 from s2c2a.planning.solvers import linearize
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import POSITION
@@ -103,6 +98,7 @@ class Way(NamedTuple):
     Attributes:
         bends: [rad], shape (knots, modules, 2), module frames.
         tips: positions of the tip [m], shape (knots, 3), base frame.
+        room: distances of the guarded points from the obstacles [m], shape (knots,).
         miss: distance of its end from the target, in which axes count too [m].
         detained: by how much obstacles keep its end farther away [m].
         is_straight: whether it leads straight on, in bends.
@@ -110,6 +106,7 @@ class Way(NamedTuple):
 
     bends: ShapesOf
     tips: Float[np.ndarray, "knots 3"]
+    room: Float[np.ndarray, " knots"]
     miss: float
     detained: float
     is_straight: bool
@@ -122,13 +119,14 @@ class Way(NamedTuple):
 
     def at(
         self, wanted: Float[np.ndarray, " shapes"]
-    ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"]]:
-        """Shapes and tips at places between the knots."""
+    ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"], Float[np.ndarray, " shapes"]]:
+        """Shapes, tips and room at places between the knots."""
         places = self.places
-        flat = np.concatenate([self.bends.reshape(len(places), -1), self.tips], axis=1)
+        parts = self.bends.reshape(len(places), -1), self.tips, self.room[:, None]
+        flat = np.concatenate(parts, axis=1)
         values = np.stack([np.interp(wanted, places, row) for row in flat.T], axis=1)
-        bends = values[:, :-3].reshape(-1, *self.bends.shape[1:])
-        return bends, values[:, -3:]
+        bends = values[:, :-4].reshape(-1, *self.bends.shape[1:])
+        return bends, values[:, -4:-1], values[:, -1]
 
     @property
     def length(self) -> float:
@@ -193,11 +191,11 @@ class Roadmap:
             return None
         corners = self._cut_short(bends[path], tips[path], space, floor)
         knots = self._smoothed(corners, space)
-        way_tips, _ = self._observe(knots, space)
+        way_tips, clear = self._observe(knots, space)
         miss = float(misses[path[-1] - len(bends)])
         without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
         detained = miss - float(self._reach.solutions(without).misses.min())
-        return Way(knots, way_tips, miss, detained, len(corners) == 2)
+        return Way(knots, way_tips, clear + margin, miss, detained, len(corners) == 2)
 
     def _ends(
         self, goal: Goal, space: FreeSpace, margin: float

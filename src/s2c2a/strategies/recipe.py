@@ -11,12 +11,7 @@ from typing import Annotated, Any, ClassVar
 
 import tomli_w
 from jaxtyping import PRNGKeyArray
-from pydantic import (
-    BeforeValidator,
-    SkipValidation,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import BeforeValidator, SkipValidation, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
 from s2c2a.components import CustomComponent, Options, Ranges, Registry

@@ -12,13 +12,7 @@ from typing import Annotated, Literal
 
 import jax.numpy as jnp
 import numpy as np
-from pydantic import (
-    AwareDatetime,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-)
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError

@@ -26,10 +26,7 @@ from s2c2a.estimation.sensor_models.learned import (
     untrained_sensors,
 )
 from s2c2a.estimation.sensor_models.tension import TensionSensor
-from s2c2a.estimation.sensor_models.training import (
-    SensorSamples,
-    train_sensor,
-)
+from s2c2a.estimation.sensor_models.training import SensorSamples, train_sensor
 from s2c2a.models.forward_model import ForwardModel
 
 SENSOR_MODELS: tuple[type[SensorModel], ...] = (

@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import tyro
 
-from s2c2a.cli.console import (
-    Arm,
-    FidelityName,
-    GuardName,
-    SceneFile,
-    StrategyNames,
-)
+from s2c2a.cli.console import Arm, FidelityName, GuardName, SceneFile, StrategyNames
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import (
     RobotName,

@@ -16,12 +16,7 @@ from s2c2a.lab.tracking.tags.camera import CameraModel, load_camera
 from s2c2a.lab.tracking.tags.capture import Picture, PictureSource, opener
 from s2c2a.lab.tracking.tags.detection import TagDropReason
 from s2c2a.lab.tracking.tags.estimation import estimate_poses
-from s2c2a.lab.tracking.tags.layout import (
-    BASE,
-    MAX_MODULES,
-    TagLayout,
-    load_layout,
-)
+from s2c2a.lab.tracking.tags.layout import BASE, MAX_MODULES, TagLayout, load_layout
 from s2c2a.lab.tracking.tracker import PoseFrame
 
 CONTINUITY_TIME = 0.3  # s; for which the previous pose of a body decides
