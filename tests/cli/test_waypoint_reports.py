@@ -1,7 +1,10 @@
 """What `run` says about waypoints before the arm moves."""
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.run import _paced_task
+from s2c2a.cli.run import _describe_reach, _report_waypoints, _within_reach
+from s2c2a.tasks import load_task, paced_task
+
+TWIN = load_arm("twin_arm")
 
 
 def written(tmp_path, *rows):
@@ -11,33 +14,44 @@ def written(tmp_path, *rows):
 
 
 def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
-    _paced_task(
-        written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), load_arm("twin_arm"), 1
-    )
+    _report_waypoints(written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), TWIN)
     printed = capsys.readouterr().out
     assert "2 of 2 waypoints of the tip are out of reach" in printed
     assert "z grows from the base toward the tip" in printed
 
 
 def test_reachable_waypoints_are_silent(tmp_path, capsys):
-    _paced_task(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), load_arm("twin_arm"), 1)
+    _report_waypoints(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), TWIN)
     assert capsys.readouterr().out == ""
 
 
-def test_a_pace_in_the_name_reports_the_same_as_the_option(tmp_path, capsys):
+def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
     path = written(tmp_path, "0,0,0,-0.6", "4,0.9,0,0.5")
-    _paced_task(path, load_arm("twin_arm"), 0.5)
-    by_option = capsys.readouterr().out
-    _paced_task(f"{path}@0.5", load_arm("twin_arm"), 1)
-    assert by_option
-    assert capsys.readouterr().out == by_option
+    _report_waypoints(path, TWIN)
+    without = capsys.readouterr().out
+    _report_waypoints(f"{path}@0.5", TWIN)
+    assert without
+    assert capsys.readouterr().out == without
 
 
 def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
     far = {3, 4, 5, 8, 11, 12}
     rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]
-    _paced_task(written(tmp_path, *rows), load_arm("twin_arm"), 1)
+    _report_waypoints(written(tmp_path, *rows), TWIN)
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     assert "6 of 14 waypoints of the tip are out of reach, by up to " in printed
     assert "3 to 5, 8, 11 to 12 s" in printed
+
+
+def test_targets_that_a_model_does_not_reach_are_said_with_their_times(tmp_path):
+    rows = ["0,0,0,0.6", "4,0.1,0,0.58", "8,0.5,0,0.58", "10,0.5,0,0.58"]
+    task = paced_task(written(tmp_path, *rows), TWIN, 1.0)
+    found = _within_reach(task, TWIN, None, 0.0, "tip")
+    said = _describe_reach(found, TWIN, moves=False)
+    assert "steps are out of reach, by up to " in said
+    assert said.endswith("to 10 s")
+    assert "moved" not in said
+    assert "moved to the nearest shapes" in _describe_reach(found, TWIN, moves=True)
+    circle = _within_reach(load_task("circle", TWIN), TWIN, None, 0.0, "tip")
+    assert _describe_reach(circle, TWIN, moves=False) == "all targets are within reach"

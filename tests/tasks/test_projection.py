@@ -24,3 +24,19 @@ def test_only_targets_out_of_reach_are_moved():
     np.testing.assert_allclose(found.reached.position_errors[1], missed, rtol=1e-4)
     again = projected(found.task, arm.length, reachability)
     assert not again.is_moved.any()
+
+
+def test_equal_targets_are_searched_once():
+    arm = load_arm("twin_arm")
+    reachability = Reachability(arm, PCCForwardModel.of(arm))
+    goals = [goal_at(arm, (0.1 * k, 0.0, 0.5)) for k in (2, 9, 2, 9, 9)]
+    searched = []
+
+    class Counted:
+        def nearest(self, goals):
+            searched.append(len(goals.positions))
+            return reachability.nearest(goals)
+
+    found = projected(Task("path", tuple(goals)), arm.length, Counted())
+    assert searched == [2]
+    np.testing.assert_array_equal(found.is_moved, [False, True, False, True, True])

@@ -73,6 +73,7 @@ def reach(
         figure: draw where the end can be, and the target, in this file (.png, .pdf or
             .svg).
     """
+    from s2c2a import strategies
     from s2c2a.arm import load_arm
     from s2c2a.goals import Goal
     from s2c2a.planning.reach import Reachability
@@ -90,6 +91,8 @@ def reach(
 
         figure_format(figure)  # raises an error before the search
     model = forward_model_of(weights, spec, payload_g)
+    if weights is not None and (session := strategies.session_of(weights)) is not None:
+        print(strategies.describe_use(session))
     reachability = Reachability(spec, model, payload_g / 1000.0)
     reached = reachability.nearest(goals)
     if path:
@@ -206,8 +209,6 @@ def forward_model_of(
         )
         return PCCForwardModel.of(arm)
     networks = strategies.networks_from(weights, arm)
-    if (session := strategies.session_of(weights)) is not None:
-        print(strategies.describe_use(session))
     model = networks.networks.get("C2S")
     if not isinstance(model, ForwardModel):
         raise S2C2AError(

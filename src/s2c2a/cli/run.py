@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from s2c2a import arm, jobs, robots, strategies, tasks
+    from s2c2a.tasks.projection import Projection
 
 
 @beside("target", "axis")
@@ -144,8 +145,13 @@ def run(
     given = _given_networks(weights, spec, chosen, session) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _task(task, target, axis, spec, pace, scene)
-    if project:
-        paced = _projected(paced, spec, weights, known_payload, guard)
+    is_own = target is not None or "." in str(task)
+    if project or (is_own and weights is not None):
+        found = _within_reach(paced, spec, weights, known_payload, guard)
+        print(_describe_reach(found, spec, project))
+        paced = found.task if project else paced
+    elif task is not None:
+        _report_waypoints(task, spec)
     job_list = jobs.jobs_for(
         [paced],
         spec,
@@ -293,14 +299,14 @@ def _task(
     """The task at a pace, or that of going to a target; beside the obstacles of a scene.
 
     Raises:
-        S2C2AError: neither or both are given, or as `_paced_task`, `to_point` and
+        S2C2AError: neither or both are given, or as `paced_task`, `to_point` and
             `load_scene`.
     """
     from s2c2a.errors import S2C2AError
-    from s2c2a.tasks import load_scene, to_point
+    from s2c2a.tasks import load_scene, paced_task, to_point
 
     if name is not None and target is None:
-        task = _paced_task(name, spec, pace)
+        task = paced_task(name, spec, pace)
     elif target is not None and name is None:
         task = to_point(spec, target, axis)
     else:
@@ -317,67 +323,68 @@ def _task(
     return replace(loaded.around(task, spec), name=f"{task.name}-{scene.stem}")
 
 
-def _paced_task(task: str, spec: "arm.ArmSpec", pace: float) -> "tasks.Task":
-    """The task at a pace; report every waypoint that the arm cannot reach.
+def _report_waypoints(task: str, spec: "arm.ArmSpec") -> None:
+    """Report every waypoint of a file that arcs cannot reach."""
+    from s2c2a.tasks import split_pace, table_tracks, unreachable_waypoints
 
-    Raises:
-        S2C2AError: an impossible pace, or no such task.
-    """
-    from s2c2a.tasks import (
-        paced_task,
-        split_pace,
-        table_tracks,
-        unreachable_waypoints,
-    )
-
-    paced = paced_task(task, spec, pace)
     file, _ = split_pace(task)
-    if file.endswith(".csv"):
-        tracks = table_tracks(file, spec)
-        unreachable = unreachable_waypoints(tracks, spec)
-        for track in tracks:
-            far = [point for point in unreachable if point.module == track.module]
-            if far:
-                print(_describe_unreachable(far, track, spec))
-        if all((track.positions[:, 2] < 0).all() for track in tracks):
-            print(
-                "all waypoints have z < 0, behind the base: z grows from the base "
-                "toward the tip at rest, also on a hanging arm"
-            )
-    return paced
+    if not file.endswith(".csv"):
+        return
+    tracks = table_tracks(file, spec)
+    unreachable = unreachable_waypoints(tracks, spec)
+    for track in tracks:
+        far = [point for point in unreachable if point.module == track.module]
+        if far:
+            print(_describe_unreachable(far, track, spec))
+    if all((track.positions[:, 2] < 0).all() for track in tracks):
+        print(
+            "all waypoints have z < 0, behind the base: z grows from the base toward "
+            "the tip at rest, also on a hanging arm"
+        )
 
 
-def _projected(
+def _within_reach(
     task: "tasks.Task",
     spec: "arm.ArmSpec",
     weights: Path | None,
     payload: float,
     guard: GuardName,
-) -> "tasks.Task":
-    """The task with targets out of reach moved within it; say which part moves."""
+) -> "Projection":
+    """The task within reach, by the model of weights or by arcs."""
     from s2c2a.cli.reach import forward_model_of
     from s2c2a.planning.reach import Reachability
     from s2c2a.tasks.projection import projected
 
     model = forward_model_of(weights, spec, 1000.0 * payload)
-    found = projected(task, spec.length, Reachability(spec, model, payload, guard))
+    return projected(task, spec.length, Reachability(spec, model, payload, guard))
+
+
+def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> str:
+    """Sentences on the targets that are out of reach.
+
+    Args:
+        found: where they are within.
+        spec: the arm.
+        moves: whether they move there.
+    """
     steps, reached = found.is_moved, found.reached
     if reached is None or not steps.any():
-        print("all targets are within reach")
-        return task
+        return "all targets are within reach"
     missed = ~reached.within(spec.length)
     times = (np.arange(len(steps)) + 1) / spec.control_rate
-    spans = _time_spans(times[steps].tolist(), times.tolist())
-    print(
-        f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to "
-        f"{100 * reached.position_errors[missed].max():.1f} cm or "
-        f"{np.rad2deg(reached.axis_errors[missed].max()):.1f} deg, and moved to the "
-        f"nearest shapes: {', '.join(spans)} s"
-    )
+    spans = ", ".join(_time_spans(times[steps].tolist(), times.tolist()))
+    by = f"{100 * reached.position_errors[missed].max():.1f} cm"
+    if turn := np.rad2deg(reached.axis_errors[missed].max()):
+        by += f" or {turn:.1f} deg"
+    text = f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to {by}"
+    text += ", and moved to the nearest shapes" if moves else ""
+    text += f": {spans} s"
     depth = -100 * reached.clearances[missed].min()
     if depth > 0.0:
-        print(f"these shapes are up to {depth:.1f} cm within obstacles: none is clear")
-    return found.task
+        text += (
+            f"\nthese shapes are up to {depth:.1f} cm within obstacles: none is clear"
+        )
+    return text
 
 
 def _describe_unreachable(

@@ -41,8 +41,12 @@ def projected(task: Task, length: float, reachability: Reachability) -> Projecti
     is_moved = np.zeros(len(task.goals), bool)
     if not len(numbers):
         return Projection(task, is_moved, None)
-    aimed = Goal(*(values[numbers] for values in goals))
-    reached = reachability.nearest(aimed)
+    values = [np.reshape(field[numbers], (len(numbers), -1)) for field in goals]
+    rows = np.nan_to_num(np.concatenate(values, axis=1))  # NaN differs from NaN
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    aimed = Goal(*(field[numbers[first]] for field in goals))
+    found = reachability.nearest(aimed)
+    reached = Reached(*(field[which] for field in found))
     is_missed = ~reached.within(length)
     is_moved[numbers] = is_missed
     changed = list(task.goals)
