@@ -28,7 +28,8 @@ VECTORS = st.lists(NUMBERS, max_size=4) | NUMBERS | st.none() | st.text(max_size
 def is_bounded(goal: Goal) -> bool:
     """Whether all numbers are small; goals that nobody has told are NaN."""
     known = goal._asdict()
-    assert np.isnan(known.pop("preview")).all()
+    for name in ("preview", "beyond"):
+        assert np.isnan(known.pop(name)).all()
     return all((np.abs(part) <= 1e6).all() for part in known.values())
 
 
@@ -51,6 +52,7 @@ def test_speeds_increase_below_the_full_bend_or_are_rejected(slowest, fastest):
 
 
 @given(VECTORS, VECTORS, st.integers() | st.floats())
+@example([0.1, 0.0, 0.5], 1.0, -1)
 @example([1e308, 0, 0], 1.0, -1)
 @example([10**400, 0, 0], 1.0, -1)
 @example([0, 0, 1], 10**5000, -1)
@@ -62,6 +64,8 @@ def test_goals_are_finite_and_bounded_or_rejected(vector, weight, module):
 
 
 @given(st.lists(VECTORS, max_size=3), VECTORS, VECTORS)
+@example([], [], 0.0)
+@example([[0.1, 0.0, 0.5]], [0.05], 1.0)
 def test_obstacles_are_finite_and_bounded_or_rejected(centers, thresholds, weight):
     with contextlib.suppress(TargetError):
         goal = Goal.of(3).with_obstacles(centers, thresholds, weight)

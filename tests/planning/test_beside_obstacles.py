@@ -18,7 +18,9 @@ STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_way():
     """Iterations that go to and fro across edges lead the plan into the margin."""
     task = load_task("risk-b", TWIN)
-    planner = Planner(TWIN, PCCForwardModel.of(TWIN), replace(BEST, guard="arm"))
+    planner = Planner(
+        TWIN, PCCForwardModel.of(TWIN), replace(BEST, guard="arm", guides=())
+    )
     plan = planner.start(Estimate(STRAIGHT))
     points_of = GuardedPoints.of(TWIN, "arm")
     clearances = []
