@@ -1,10 +1,28 @@
 """What `run` says about waypoints before the arm moves."""
 
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
 from s2c2a.arm import load_arm
-from s2c2a.cli.run import _describe_reach, _report_waypoints, _within_reach
+from s2c2a.cli.run import (
+    _describe_reach,
+    _reach_model,
+    _report_waypoints,
+    _within_reach,
+)
+from s2c2a.errors import S2C2AError
+from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
+from s2c2a.strategies import RunOptions, TrainedNetworks, recipe_named, save_networks
+from s2c2a.strategies.pcc import GAINS, FittedGains
 from s2c2a.tasks import load_task, paced_task
+from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
+ARCS = PCCForwardModel.of(TWIN)
 
 
 def written(tmp_path, *rows):
@@ -14,22 +32,26 @@ def written(tmp_path, *rows):
 
 
 def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
-    _report_waypoints(written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), TWIN)
+    _report_waypoints(written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), TWIN, None)
     printed = capsys.readouterr().out
     assert "2 of 2 waypoints of the tip are out of reach" in printed
+    assert "z grows from the base toward the tip" in printed
+    _report_waypoints(str(tmp_path / "path.csv"), TWIN, ARCS)
+    printed = capsys.readouterr().out
+    assert "out of reach" not in printed  # the model says it for targets
     assert "z grows from the base toward the tip" in printed
 
 
 def test_reachable_waypoints_are_silent(tmp_path, capsys):
-    _report_waypoints(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), TWIN)
+    _report_waypoints(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), TWIN, None)
     assert capsys.readouterr().out == ""
 
 
 def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
     path = written(tmp_path, "0,0,0,-0.6", "4,0.9,0,0.5")
-    _report_waypoints(path, TWIN)
+    _report_waypoints(path, TWIN, None)
     without = capsys.readouterr().out
-    _report_waypoints(f"{path}@0.5", TWIN)
+    _report_waypoints(f"{path}@0.5", TWIN, None)
     assert without
     assert capsys.readouterr().out == without
 
@@ -37,7 +59,7 @@ def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
 def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
     far = {3, 4, 5, 8, 11, 12}
     rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]
-    _report_waypoints(written(tmp_path, *rows), TWIN)
+    _report_waypoints(written(tmp_path, *rows), TWIN, None)
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     assert "6 of 14 waypoints of the tip are out of reach, by up to " in printed
@@ -47,11 +69,31 @@ def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
 def test_targets_that_a_model_does_not_reach_are_said_with_their_times(tmp_path):
     rows = ["0,0,0,0.6", "4,0.1,0,0.58", "8,0.5,0,0.58", "10,0.5,0,0.58"]
     task = paced_task(written(tmp_path, *rows), TWIN, 1.0)
-    found = _within_reach(task, TWIN, None, 0.0, "tip")
+    found = _within_reach(task, TWIN, ARCS, RunOptions())
     said = _describe_reach(found, TWIN, moves=False)
     assert "steps are out of reach, by up to " in said
     assert said.endswith("to 10 s")
     assert "moved" not in said
     assert "moved to the nearest shapes" in _describe_reach(found, TWIN, moves=True)
-    circle = _within_reach(load_task("circle", TWIN), TWIN, None, 0.0, "tip")
+    circle = _within_reach(load_task("circle", TWIN), TWIN, ARCS, RunOptions())
     assert _describe_reach(circle, TWIN, moves=False) == "all targets are within reach"
+
+
+def test_a_model_is_asked_where_weights_hold_one_and_the_task_is_no_named_one(
+    tmp_path,
+):
+    path = tmp_path / "gains.safetensors"
+    gains = Trained(FittedGains(jnp.ones(3)), np.zeros((1, 3), np.float32), (0.0, 0.0))
+    networks = TrainedNetworks.of(TWIN, recipe_named("best"), 0, {GAINS: gains})
+    networks = replace(networks, strategy="pcc-fitted")
+    save_networks(networks, path)
+    assert _reach_model("way.csv", TWIN, path, "", False, 0.05) is None
+    with pytest.raises(S2C2AError, match="hold no forward model"):
+        _reach_model("way.csv", TWIN, path, "", True, 0.0)
+    shipped = Path("shipped")
+    for task in ("way.csv", "own.py:task", None):
+        model = _reach_model(task, TWIN, shipped, "", False, 0.05)
+        assert isinstance(model, ForwardModel)
+    for task in ("circle", "square@0.5"):
+        assert _reach_model(task, TWIN, shipped, "", False, 0.0) is None
+    assert _reach_model("way.csv", TWIN, None, "", False, 0.0) is None

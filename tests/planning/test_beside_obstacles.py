@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Planner
+from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import load_task
 
@@ -15,12 +17,19 @@ TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
-def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_way():
-    """Iterations that go to and fro across edges lead the plan into the margin."""
+@pytest.mark.parametrize(
+    ("guides", "least"), [((), 0.02), (BEST.guides, CLOSEST * 0.04 * TWIN.length)]
+)
+def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
+    guides, least
+):
+    """Iterations that go to and fro across edges lead the plan into the margin.
+
+    Without a guide it keeps its margin; with one, the least that a way keeps.
+    """
     task = load_task("risk-b", TWIN)
-    planner = Planner(
-        TWIN, PCCForwardModel.of(TWIN), replace(BEST, guard="arm", guides=())
-    )
+    options = replace(BEST, guard="arm", guides=guides)
+    planner = Planner(TWIN, PCCForwardModel.of(TWIN), options)
     plan = planner.start(Estimate(STRAIGHT))
     points_of = GuardedPoints.of(TWIN, "arm")
     clearances = []
@@ -30,4 +39,4 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_way():
         distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)
         used = goal.thresholds > 0.0
         clearances.append((distances - goal.thresholds)[:, used].min())
-    assert min(clearances) > 0.02
+    assert min(clearances) > least

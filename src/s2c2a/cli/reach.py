@@ -191,16 +191,27 @@ def _obstacle_rows(spheres: Obstacles, scene: Path | None) -> np.ndarray:
     return np.concatenate([rows, load_scene(scene).rows_at(np.zeros(1))[0]])
 
 
+def trained_model(
+    weights: Path, arm: "ArmSpec", session: str = ""
+) -> "ForwardModel | None":
+    """The forward model of weights on the day of a session; None if they hold none."""
+    from s2c2a import strategies
+    from s2c2a.models.forward_model import ForwardModel
+
+    networks = strategies.networks_from(weights, arm, session)
+    model = networks.networks.get("C2S")
+    return model if isinstance(model, ForwardModel) else None
+
+
 def forward_model_of(
-    weights: Path | None, arm: "ArmSpec", payload_g: float = 0.0
+    weights: Path | None, arm: "ArmSpec", payload_g: float = 0.0, session: str = ""
 ) -> "ForwardModel":
-    """The forward model of weights; arcs without.
+    """The forward model of weights on the day of a session; arcs without weights.
 
     Raises:
         S2C2AError: the weights hold none, or it does not know payloads.
     """
-    from s2c2a import strategies
-    from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
+    from s2c2a.models.forward_model import PCCForwardModel
 
     if weights is None:
         print(
@@ -208,12 +219,11 @@ def forward_model_of(
             "miss by centimeters what arcs reach"
         )
         return PCCForwardModel.of(arm)
-    networks = strategies.networks_from(weights, arm)
-    model = networks.networks.get("C2S")
-    if not isinstance(model, ForwardModel):
+    model = trained_model(weights, arm, session)
+    if model is None:
         raise S2C2AError(
-            f"networks of {networks.strategy} hold no forward model; give those of "
-            "s2c2a, or leave out --weights"
+            f"the networks of {weights} hold no forward model; give those of s2c2a, or "
+            "leave out --weights"
         )
     if payload_g and not model.takes_payload:
         raise S2C2AError(

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from s2c2a import arm, jobs, robots, strategies, tasks
+    from s2c2a.models.forward_model import ForwardModel
     from s2c2a.tasks.projection import Projection
 
 
@@ -145,13 +146,13 @@ def run(
     given = _given_networks(weights, spec, chosen, session) if weights else None
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _task(task, target, axis, spec, pace, scene)
-    is_own = target is not None or "." in str(task)
-    if project or (is_own and weights is not None):
-        found = _within_reach(paced, spec, weights, known_payload, guard)
+    model = _reach_model(task, spec, weights, session, project, known_payload)
+    if task is not None:
+        _report_waypoints(task, spec, model)
+    if model is not None:
+        found = _within_reach(paced, spec, model, conditions.run)
         print(_describe_reach(found, spec, project))
         paced = found.task if project else paced
-    elif task is not None:
-        _report_waypoints(task, spec)
     job_list = jobs.jobs_for(
         [paced],
         spec,
@@ -323,15 +324,43 @@ def _task(
     return replace(loaded.around(task, spec), name=f"{task.name}-{scene.stem}")
 
 
-def _report_waypoints(task: str, spec: "arm.ArmSpec") -> None:
-    """Report every waypoint of a file that arcs cannot reach."""
+def _reach_model(
+    task: str | None,
+    spec: "arm.ArmSpec",
+    weights: Path | None,
+    session: str,
+    project: bool,
+    payload: float,
+) -> "ForwardModel | None":
+    """The model that tells what is out of reach; None where arcs alone tell it.
+
+    Named tasks are made within reach, and are checked only to be projected.
+
+    Raises:
+        S2C2AError: as `forward_model_of`, for a projection.
+    """
+    from s2c2a.cli.reach import forward_model_of, trained_model
+    from s2c2a.tasks import TASKS, split_pace
+
+    if project:
+        return forward_model_of(weights, spec, 1000.0 * payload, session)
+    is_named = task is not None and split_pace(task)[0] in TASKS
+    if is_named or weights is None:
+        return None
+    return trained_model(weights, spec, session)
+
+
+def _report_waypoints(
+    task: str, spec: "arm.ArmSpec", model: "ForwardModel | None"
+) -> None:
+    """Report waypoints of a file behind the base and, without a model, far from arcs."""
     from s2c2a.tasks import split_pace, table_tracks, unreachable_waypoints
 
     file, _ = split_pace(task)
     if not file.endswith(".csv"):
         return
     tracks = table_tracks(file, spec)
-    unreachable = unreachable_waypoints(tracks, spec)
+    unreachable = unreachable_waypoints(tracks, spec) if model is None else []
     for track in tracks:
         far = [point for point in unreachable if point.module == track.module]
         if far:
@@ -346,17 +375,16 @@ def _report_waypoints(task: str, spec: "arm.ArmSpec") -> None:
 def _within_reach(
     task: "tasks.Task",
     spec: "arm.ArmSpec",
-    weights: Path | None,
-    payload: float,
-    guard: GuardName,
+    model: "ForwardModel",
+    options: "strategies.RunOptions",
 ) -> "Projection":
-    """The task within reach, by the model of weights or by arcs."""
-    from s2c2a.cli.reach import forward_model_of
+    """The task with targets out of reach moved within it, with the payload and the guard."""
     from s2c2a.planning.reach import Reachability
     from s2c2a.tasks.projection import projected
 
-    model = forward_model_of(weights, spec, 1000.0 * payload)
-    return projected(task, spec.length, Reachability(spec, model, payload, guard))
+    payload = options.estimation.known_payload
+    reachability = Reachability(spec, model, payload, options.guard)
+    return projected(task, spec.length, reachability)
 
 
 def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> str:

@@ -22,7 +22,7 @@ from s2c2a.planning.terms import Guard
 from s2c2a.planning.ways import Roadmap, Way
 from s2c2a.spaces import POSITION
 
-ADVANCE = 0.3  # of the step limit; chosen: the arm hardly vibrates
+ADVANCE = 0.3  # of the step limit; chosen: at 0.5 arms vibrate into obstacles
 MOVED = 0.03  # of the arm's length: another target or obstacle, which needs another way
 SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait for it
 ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
@@ -189,6 +189,7 @@ class WayLeader(Leader):
         if not (self._options.longest and _needs_ways(goal)):
             self.reset()
             return None
+        has_jumped = self._has_jumped(goal)
         knows_beyond = bool(np.isfinite(goal.beyond[:3]).all())
         if knows_beyond:
             goal = _aimed_beyond(goal)
@@ -199,7 +200,7 @@ class WayLeader(Leader):
             self._way, self.verdict = None, None
         is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
         needs = knows_beyond or outcome is not Outcome.SOLVED or self._way is not None
-        self._stands |= knows_beyond or self._has_jumped(goal)
+        self._stands |= knows_beyond or has_jumped
         may_search = is_new or self._is_elsewhere(bends)
         if self._search is None and (needs or self._stands) and may_search:
             self._begin_search(bends, goal)

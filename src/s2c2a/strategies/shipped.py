@@ -50,19 +50,20 @@ def shipped_networks(arm: ArmSpec) -> TrainedNetworks:
 
 
 def networks_from(
-    file: str | os.PathLike, arm: ArmSpec | None = None
+    file: str | os.PathLike, arm: ArmSpec | None = None, session: str = ""
 ) -> TrainedNetworks:
-    """Networks of a weight file on the day of the session beside it, or the package's.
+    """Networks of a weight file on the day of its session, or those of the package.
 
     Args:
         file: of weights; "shipped" for the networks of the package.
         arm: that is driven; that of the file by default.
+        session: see `session_of`; by default that beside the weights.
 
     Raises:
         StrategyError: see `load_networks` and `shipped_networks`.
     """
     if str(file) != SHIPPED:
-        return with_session(load_networks(file, arm), session_of(file))
+        return with_session(load_networks(file, arm), session_of(file, session))
     if arm is None:
         raise StrategyError(
             "networks of several arms come with the package, and no arm was given; give "
