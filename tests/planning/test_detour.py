@@ -23,7 +23,7 @@ LENGTHS = np.asarray(ArmGeometry.of(TWIN).lengths, np.float32)
 STRAIGHT = np.zeros((3, 2), np.float32)
 TARGET = (0.30, 0.0, 0.49)
 SPHERES = [(0.16, 0.02, 0.55, 0.06), (0.21, -0.03, 0.52, 0.04)]
-MARGIN = 0.006
+LEAST, MARGIN = 0.006, 0.024
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
     )
     spheres = [(*around @ sphere[:3], sphere[3]) for sphere in SPHERES[:count]]
     target = around @ TARGET
-    way = roadmap.find(STRAIGHT, goal_with(*spheres, target=target), MARGIN)
+    way = roadmap.find(STRAIGHT, goal_with(*spheres, target=target), LEAST, MARGIN)
     assert np.linalg.norm(way.tips[-1] - target) < 2e-3
     assert clearance(way, spheres) > 0.0
     assert way.length < 1.4 * np.linalg.norm(target - np.array([0.0, 0.0, 0.6]))
@@ -69,21 +69,21 @@ def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
 
 
 def test_a_free_way_is_straight_in_bends(roadmap):
-    way = roadmap.find(STRAIGHT, goal_with((-0.3, 0.0, 0.5, 0.05)), MARGIN)
+    way = roadmap.find(STRAIGHT, goal_with((-0.3, 0.0, 0.5, 0.05)), LEAST, MARGIN)
     assert way.is_straight
     assert way.miss < 2e-3
 
 
 def test_a_target_in_an_obstacle_is_approached_to_its_border(roadmap):
     goal = goal_with((*TARGET, 0.08))
-    way = roadmap.find(STRAIGHT, goal, MARGIN)
-    assert way.miss == pytest.approx(0.08 + MARGIN, abs=0.01)
+    way = roadmap.find(STRAIGHT, goal, LEAST, MARGIN)
+    assert way.miss == pytest.approx(0.08 + LEAST, abs=0.01)
     assert clearance(way, [(*TARGET, 0.08)]) > 0.0
 
 
 def test_an_arm_that_is_within_an_obstacle_leaves_it(roadmap):
     sphere = (0.02, 0.0, 0.55, 0.05)
-    way = roadmap.find(STRAIGHT, goal_with(sphere), MARGIN)
+    way = roadmap.find(STRAIGHT, goal_with(sphere), LEAST, MARGIN)
     lines = center_line(np.asarray(states_of(way.bends)), LENGTHS)
     gaps = np.linalg.norm(lines - sphere[:3], axis=-1).min(axis=-1) - sphere[3]
     assert gaps[0] < 0.0
@@ -95,8 +95,8 @@ def test_an_arm_that_is_within_an_obstacle_leaves_it(roadmap):
 def test_a_guarded_tip_may_pass_where_the_arm_may_not(roadmap):
     sphere = (0.13, 0.0, 0.4, 0.05)  # beside the arm, below the way of the tip
     goal = goal_with(sphere)
-    tip_alone = Roadmap(TWIN, MODEL, "tip").find(STRAIGHT, goal, MARGIN)
-    whole = roadmap.find(STRAIGHT, goal, MARGIN)
+    tip_alone = Roadmap(TWIN, MODEL, "tip").find(STRAIGHT, goal, LEAST, MARGIN)
+    whole = roadmap.find(STRAIGHT, goal, LEAST, MARGIN)
     assert clearance(whole, [sphere]) > 0.0
     assert clearance(tip_alone, [sphere]) < clearance(whole, [sphere])
 
@@ -135,6 +135,17 @@ def test_an_arm_waits_for_the_way_to_a_target_that_jumps():
     assert np.abs(shapes[-1] - shapes[39]).max() > np.deg2rad(10.0)
 
 
+@pytest.mark.parametrize(("beside", "is_led"), [(0.05, True), (0.12, False)])
+def test_a_straight_way_leads_where_it_comes_near_to_an_obstacle(beside, is_led):
+    leader = Detour().leader(TWIN, MODEL, "arm")
+    goal = goal_with((0.16, beside, 0.55, 0.05))
+    leads = [leader.lead(STRAIGHT, goal, Outcome.SOLVED) for _ in range(5)]
+    assert np.isinf(leads[0].room)  # it waits
+    assert (leads[-1] is not None) == is_led
+    if is_led:
+        assert leads[-1].room > LEAST
+
+
 def test_an_arm_does_not_wait_while_obstacles_or_targets_move():
     moving = [goal_with((0.5 - 0.01 * k, 0.3, 0.3, 0.05)) for k in range(40)]
     shapes, _ = drive(Planner(TWIN, MODEL, BEST), moving)
@@ -149,8 +160,8 @@ def test_an_arm_does_not_wait_while_obstacles_or_targets_move():
 def test_plans_go_where_a_way_has_less_room_than_their_margin(roadmap):
     """Between the spheres, 2.4 cm of margin on either side leave nothing."""
     gate = [(0.16, 0.14, 0.55, 0.1), (0.19, -0.09, 0.53, 0.1)]
-    way = roadmap.find(STRAIGHT, goal_with(*gate), MARGIN)
-    assert 0.0 < way.room.min() < 0.024
+    way = roadmap.find(STRAIGHT, goal_with(*gate), LEAST, MARGIN)
+    assert 0.0 < way.room.min() < MARGIN
     planner = Planner(TWIN, MODEL, replace(BEST, guard="arm"))
     shapes, outcomes = drive(planner, [goal_with(*gate)] * 120)
     assert outcomes[-1] is Outcome.SOLVED

@@ -150,6 +150,7 @@ class WayLeader(Leader):
         self._options = options
         self._patience = round(SEARCH_TIME * arm.control_rate)
         self._length = arm.length
+        self._margin = options.margin * arm.length
         self._nearly = SIGNIFICANT * arm.length
         self._map: Roadmap | None = None
         self._worker = ThreadPoolExecutor(1, "ways")
@@ -237,8 +238,8 @@ class WayLeader(Leader):
 
     def _searched(self, bends: Shape, goal: Goal) -> Way | None:
         """See `Search.result`; runs in the worker."""
-        margin = CLOSEST * self._options.margin * self._length
-        way = self._roadmap().find(bends, goal, margin)
+        least = CLOSEST * self._margin
+        way = self._roadmap().find(bends, goal, least, self._margin)
         longest = self._options.longest * self._length
         return way if way and way.length <= longest else None
 
@@ -257,8 +258,8 @@ class WayLeader(Leader):
         self.verdict = self._verdict_on(way)
         if self._way is None:
             self._speed = 0.0
-        is_straight = way is not None and way.is_straight
-        self._way = None if is_straight and not (is_led or self._is_blocked) else way
+        is_open = way is not None and way.is_straight and way.room.min() > self._margin
+        self._way = None if is_open and not (is_led or self._is_blocked) else way
         self._progress = 0.0
 
     @property

@@ -46,8 +46,9 @@ TURN_LENGTH = 0.05  # of the arm's length: a way of the tip that costs as much a
 KNOTS = 32  # of an improved way
 IMPROVEMENTS = 12  # of Gauss-Newton
 LARGEST_STEP = np.deg2rad(4.0)  # of a knot in an improvement
-CHANGE, TURN = 0.02, 0.3  # weights of the bends' changes, beside the way of the tip
-DEPTH, AROUND = 3.0, 0.02  # weight; surroundings of obstacles, of the arm's length
+CHANGE, TURN, DEPTH = 0.02, 0.3, 3.0
+"""Weights of the bends' changes and turns and of depths in the margin, beside the way of
+the tip."""
 DAMPING = 1e-4  # of squared slopes near one
 
 Bends = Float[Array, "modules 2"]
@@ -61,27 +62,35 @@ class FreeSpace(NamedTuple):
 
     Attributes:
         centers: [m], base frame, shape (obstacles, 3).
-        thresholds: with margin [m]; zero for unused rows, shape (obstacles,).
+        thresholds: with the least distance [m]; zero for unused rows, shape
+            (obstacles,).
         cores: see `s2c2a.obstacles`, shape (obstacles, 8).
         radii: of the body around the guarded points [m], shape (points,).
+        more: further distance that an improved way keeps where there is room [m].
     """
 
     centers: Float[np.ndarray, "obstacles 3"]
     thresholds: Float[np.ndarray, " obstacles"]
     cores: Float[np.ndarray, "obstacles 8"]
     radii: Float[np.ndarray, " points"]
+    more: Float[np.ndarray, ""]
 
     @classmethod
     def of(
-        cls, goal: Goal, margin: float, radii: Float[np.ndarray, " points"]
+        cls,
+        goal: Goal,
+        least: float,
+        margin: float,
+        radii: Float[np.ndarray, " points"],
     ) -> "FreeSpace":
         """The obstacles of a goal, in one of two numbers of rows."""
         is_used = np.asarray(goal.thresholds) > 0.0
         rows = np.argsort(~is_used, kind="stable")[: obstacle_rows(is_used.sum())]
         used = goal.with_rows(rows)
-        kept = np.where(is_used[rows], used.thresholds + margin, 0.0)
+        kept = np.where(is_used[rows], used.thresholds + least, 0.0)
         thresholds = kept.astype(np.float32)
-        return cls(used.obstacles, thresholds, used.cores, radii)
+        more = np.asarray(margin - least, np.float32)
+        return cls(used.obstacles, thresholds, used.cores, radii, more)
 
     def clearances(
         self, points: Float[Array, "*batch points 3"]
@@ -165,16 +174,17 @@ class Roadmap:
         self._observed = compiled(_observed, resting, points_of)
         self._improved = compiled(_improved, resting, points_of)
 
-    def find(self, start: Shape, goal: Goal, margin: float) -> Way | None:
+    def find(self, start: Shape, goal: Goal, least: float, margin: float) -> Way | None:
         """The shortest way that is found, or None.
 
         Args:
             start: present bends [rad], shape (modules, 2).
             goal: where the way ends; its obstacles.
-            margin: distance from the obstacles [m].
+            least: distance from the obstacles [m].
+            margin: distance from them where there is room [m].
         """
-        space = FreeSpace.of(goal, margin, self._radii)
-        ends, misses = self._ends(goal, space, margin)
+        space = FreeSpace.of(goal, least, margin, self._radii)
+        ends, misses = self._ends(goal, space, least)
         if not len(ends):
             return None
         is_free, may_connect = map(np.asarray, self._screened(space))
@@ -195,14 +205,14 @@ class Roadmap:
         miss = float(misses[path[-1] - len(bends)])
         without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
         detained = miss - float(self._reach.solutions(without).misses.min())
-        return Way(knots, way_tips, clear + margin, miss, detained, len(corners) == 2)
+        return Way(knots, way_tips, clear + least, miss, detained, len(corners) == 2)
 
     def _ends(
-        self, goal: Goal, space: FreeSpace, margin: float
+        self, goal: Goal, space: FreeSpace, least: float
     ) -> tuple[ShapesOf, Float[np.ndarray, " ends"]]:
         """Free shapes near the goal, the nearest first, and their distances from it [m]."""
         exists = np.asarray(goal.thresholds) > 0.0
-        radii = np.where(exists, goal.thresholds + margin + OUTSIDE, 0.0)
+        radii = np.where(exists, goal.thresholds + least + OUTSIDE, 0.0)
         found = self._reach.solutions(
             goal._replace(thresholds=radii.astype(np.float32))
         )
@@ -421,9 +431,9 @@ def _improved(
     )
 
     def seen(bends: Bends) -> Float[Array, " values"]:
-        """Tip, and depths of points in the surroundings of obstacles."""
+        """Tip, and depths of points in the margin around obstacles."""
         states = arm.states(bends)
-        gaps = space.clearances(points_of(states)) - AROUND * length
+        gaps = space.clearances(points_of(states)) - space.more
         depths = DEPTH * jnp.minimum(gaps, 0.0) / length
         return jnp.concatenate([states[-1, POSITION] / length, depths.reshape(-1)])
 
