@@ -24,6 +24,18 @@ def test_the_drivers_obstacles_and_weights_join_the_tasks():
     assert goal.obstacle_weight == 3.0
 
 
+def test_a_drawn_shape_desires_every_end_and_the_tangents_of_the_curve():
+    ends = ((0.0, 0.0, 0.2), (0.02, 0.0, 0.4), (0.1, 0.0, 0.57))
+    goal = goal_of(Request(target=ends[-1], shape=ends[:-1]), 3, None)
+    np.testing.assert_allclose(goal.positions, ends, rtol=1e-6)
+    assert (goal.position_weights > 0).all()
+    tangents = goal.axes[:, 0] / goal.axes[:, 2]
+    assert (np.diff(tangents[1:]) > 0).all()
+    assert goal_of(Request(shape=ends[:-1]), 3, None).has_target == False  # noqa: E712
+    at_base = goal_of(Request(target=(0.0, 0.0, 0.0), shape=((0.0,) * 3,) * 2), 3, None)
+    assert np.isfinite(at_base.axes).all()
+
+
 def test_tip_errors_are_distances_to_the_target_and_the_nearest_threshold():
     goal = Goal.of(3).with_position([0.3, 0.0, 0.4])
     goal = goal.with_obstacles([[0.0, 0.0, 1.0], [5.0, 0.0, 0.0]], [0.1, 0.1])

@@ -109,6 +109,34 @@ def test_sliders_of_faults_disturb_the_arm(control, page, open_tab):
     assert tab.errors == []
 
 
+def test_the_whole_arm_takes_a_shape_that_is_dragged(control, page, open_tab):
+    tab = ready(open_tab())
+    tab.page.get_by_text("Set the whole shape").click()
+    until(lambda: control.request.shape is not None, what="the shape")
+    side = across_the_screen(control.arm)
+    # every module bends by 20 deg
+    angles = np.deg2rad([20, 40, 60])[:, None]
+    radius = control.arm.length / angles[-1]
+    ends = radius * ((1 - np.cos(angles)) * side + np.sin(angles) * (0, 0, 1))
+    control.ask(shape=[control.request.shape[0], ends[1]], target=ends[2])
+    start = tab.place_of(control.request.shape[0], control.arm)
+    until(lambda: control.latest.stage is Stage.RUN, what="the motion")
+    tab.drag(start, tab.place_of(ends[0], control.arm))
+
+    def error() -> float:
+        reached = control.latest.states[:, POSITION]
+        wanted = np.array([*control.request.shape, control.request.target])
+        return np.linalg.norm(reached - wanted, axis=-1).max()
+
+    until(lambda: control.request.shape[0] @ side > 0.02, what="the drag")
+    until(lambda: error() < 0.02, what="the shape")
+    tab.keep("wide-shape")
+    control.reset()
+    until(lambda: control.request.shape is None, what="the reset")
+    tab.page.get_by_text("Set the whole shape").wait_for()
+    assert tab.errors == []
+
+
 def test_the_arm_avoids_an_obstacle_that_is_dragged_into_it(control, page, open_tab):
     tab = ready(open_tab())
     control.ask(target=None)

@@ -9,7 +9,9 @@ from s2c2a.live.goals import goal_of
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
 from s2c2a.tasks.scenes import HalfSpace, solid_of
 
-LIMITS = RequestLimits(reach=1.2, payload=0.24, force=2.0, noise=0.1, tasks=("circle",))
+LIMITS = RequestLimits(
+    reach=1.2, payload=0.24, force=2.0, noise=0.1, tasks=("circle",), modules=3
+)
 ANYTHING = st.one_of(
     st.none(),
     st.booleans(),
@@ -22,6 +24,7 @@ ANYTHING = st.one_of(
 NAMES = (
     "target",
     "axis",
+    "shape",
     "task",
     "speed",
     "obstacles",

@@ -141,8 +141,7 @@ def test_drags_on_a_hanging_arm_are_in_the_base_frame(make_arm, shown):
     positions = []
     page.scene.on_drag(
         lambda _client, position: positions.append(position),
-        lambda *_: None,
-        lambda *_: None,
+        *[lambda *_: None] * 3,
     )
     page.scene.draw_target((0.0, 0.1, 0.5), None, 0.0)
     tab = shown(page)

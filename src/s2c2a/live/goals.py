@@ -1,16 +1,18 @@
 """Goal, disturbances and errors of one control step of the live page."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.goals import Goal
-from s2c2a.live.request import Request
+from s2c2a.live.request import Point, Request
 from s2c2a.obstacles import CENTER, CORE, ROW, THRESHOLD
 from s2c2a.robots import Robot
 from s2c2a.spaces import Reading
@@ -33,6 +35,8 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     goal = Goal.of(modules, CHANGE) if task_goal is None else task_goal
     if task_goal is None and request.target is not None:
         goal = goal.with_position(request.target, POSITION)
+    if task_goal is None and request.ends is not None:
+        goal = _with_shape(goal, request.ends)
     if task_goal is None and request.axis is not None:
         goal = goal.with_axis(request.axis, AXIS)
     factors = request.weights
@@ -47,6 +51,34 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
     return goal.with_obstacles(
         rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]
     )
+
+
+def curve_through(
+    ends: Sequence[Point],
+) -> tuple[CubicSpline, Float[np.ndarray, " knots"]]:
+    """Smooth curve that leaves the base along z and passes through the modules' ends.
+
+    Returns:
+        the curve [m], and its parameter at the base and at each end.
+    """
+    knots = np.concatenate([np.zeros((1, 3)), ends])
+    # ends in one place would stop the parameter
+    steps = np.maximum(np.linalg.norm(np.diff(knots, axis=0), axis=-1), 1e-6)
+    parameters = np.append(0.0, np.cumsum(steps))
+    along_z = np.array([0.0, 0.0, 1.0])
+    curve = CubicSpline(parameters, knots, bc_type=((1, along_z), (2, np.zeros(3))))
+    return curve, parameters
+
+
+def _with_shape(goal: Goal, ends: Sequence[Point]) -> Goal:
+    """The goal with desired ends of all modules, and the curve's tangents there."""
+    curve, parameters = curve_through(ends)
+    tangents = curve(parameters, 1)[1:]
+    for module, (end, tangent) in enumerate(zip(ends, tangents, strict=True)):
+        goal = goal.with_position(end, POSITION, module)
+        if tangent.any():
+            goal = goal.with_axis(tangent, AXIS, module)
+    return goal
 
 
 def tip_errors(

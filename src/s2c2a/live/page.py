@@ -79,7 +79,9 @@ class LivePage(Window):
         self._panels = dict[int, Panel]()
         self._recorder = Recorder(control, runs)
         self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)
-        self.scene.on_drag(self._drag_target, self._drag_pointer, self._drag_obstacle)
+        self.scene.on_drag(
+            self._drag_target, self._drag_pointer, self._drag_obstacle, self._drag_end
+        )
         with gui.add_folder("Plots", order=20, expand_by_default=False):
             self._plots = Plots(gui, self.arm)
         self._trail: deque[np.ndarray] = deque(
@@ -170,6 +172,13 @@ class LivePage(Window):
             obstacles[number] = replace(obstacles[number], center=position)
             self._control.ask(obstacles=tuple(obstacles))
 
+    def _drag_end(self, number: int, client: int, position: Point) -> None:
+        shape = self._control.request.shape
+        if self.session.drives(client) and shape is not None:
+            ends = [*shape]
+            ends[number] = position
+            self._control.ask(shape=ends)
+
     def _run_survey(self) -> None:
         if self._survey is not None:
             cloud, gap = self._survey()
@@ -244,6 +253,7 @@ class LivePage(Window):
         if position is not None and np.isfinite(position).all():
             self._gap = self._gap_at(point(position))
         self.scene.draw_target(position, axis, self._gap)
+        self.scene.draw_shape(request.ends)
         self.scene.draw_obstacles(request.obstacles, of_task, latest.tip)
 
     def _update_panels(self, latest: Snapshot) -> None:

@@ -37,13 +37,14 @@ from s2c2a.live.request import (
 from s2c2a.live.session import DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
-from s2c2a.spaces import AXIS
+from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks.scenes import SOLID, AnySolid, Scene, save_scene, solid_of
 
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # in arm lengths
 NEW_DISTANCE = 0.35  # in arm lengths; distance of a new obstacle from the tip
 COUPLED_MODULES = 3  # modules of the paper's arm, whose sensors are coupled
+SHAPE = "Set the whole shape"
 DRAG_HINT = "You drive. Drag the violet ball: the arm follows."
 OBSTACLE_HINT = (
     "Drag an obstacle: the arm avoids it. It moves in the plane of the screen; "
@@ -163,8 +164,10 @@ class Panel:
             self._slider(SPEED_SLIDER),
         ]
         direction = gui.add_checkbox("Set direction", control.request.axis is not None)
+        shape = gui.add_checkbox(SHAPE, control.request.shape is not None)
         drag_elements: list[Any] = [
             direction,
+            *[shape] * (control.arm.module_count > 1),
             self._button("Move target to tip", self._target_to_tip),
         ]
 
@@ -178,13 +181,20 @@ class Panel:
                 element.visible = request.task is not None
             for element in drag_elements:
                 element.visible = request.task is None
+            direction.value &= request.axis is not None  # type: ignore[misc] # viser hides it
+            shape.value &= request.shape is not None  # type: ignore[misc] # viser hides it
 
         def set_direction(checked: bool) -> None:
             axis = tuple(self._latest.states[-1, AXIS]) if checked else None
             control.ask(axis=axis)
 
+        def set_shape(checked: bool) -> None:
+            ends = self._latest.states[:-1, POSITION]
+            control.ask(shape=ends if checked else None)
+
         self._followers.append(follow)
         drag_elements.append(self._build_target_field())
+        self._on_change(shape, set_shape)
         self._on_change(task, self._choose_task)
         self._on_change(direction, set_direction)
 

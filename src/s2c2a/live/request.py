@@ -90,6 +90,8 @@ class Request:
         stopped: whether Stop was pressed.
         target: desired tip position [m], base frame, or None.
         axis: desired end axis, or None for any.
+        shape: desired ends of the other modules, from the base [m], base frame, or None
+            for any; the arm takes the curve through them (`curve_through`).
         task: name of the task played instead of the target, or None.
         playing: whether the task advances.
         speed: of the task; 1 is the protocol's speed.
@@ -106,6 +108,7 @@ class Request:
     stopped: bool = False
     target: Point | None = None
     axis: Point | None = None
+    shape: tuple[Point, ...] | None = None
     task: str | None = None
     playing: bool = False
     speed: float = 1.0
@@ -115,6 +118,13 @@ class Request:
     force: Point = (0.0, 0.0, 0.0)
     coupling: float = 0.0
     noise: float = 0.0
+
+    @property
+    def ends(self) -> tuple[Point, ...] | None:
+        """Desired ends of all modules [m], if the driver gives a shape and a target."""
+        if self.task is not None or self.shape is None or self.target is None:
+            return None
+        return (*self.shape, self.target)
 
 
 @dataclass(frozen=True)
@@ -127,6 +137,7 @@ class RequestLimits:
         force: largest force along each axis [N].
         noise: largest noise, in parts of the full range.
         tasks: names of the tasks.
+        modules: number of modules.
     """
 
     reach: float
@@ -134,6 +145,7 @@ class RequestLimits:
     force: float
     noise: float
     tasks: tuple[str, ...]
+    modules: int
 
     @classmethod
     def of(
@@ -150,6 +162,7 @@ class RequestLimits:
             force=round(9.81 * mass, 2),
             noise=0.1,
             tasks=tasks,
+            modules=arm.module_count,
         )
 
     def changed(self, request: Request, **changes: Any) -> Request:
@@ -175,6 +188,7 @@ class RequestLimits:
             "noise": partial(_clip, low=0.0, high=self.noise),
             "target": partial(_optional, self._clip_point),
             "axis": partial(_optional, _unit),
+            "shape": partial(_optional, self._shape),
             "task": partial(_optional, self._task),
             "obstacles": self._obstacles,
             "weights": lambda value: WeightFactors(
@@ -185,6 +199,10 @@ class RequestLimits:
 
     def _task(self, name: Any) -> str:
         return self.tasks[self.tasks.index(name)]
+
+    def _shape(self, values: Any) -> tuple[Point, ...]:
+        ends = _clip(values, shape=(self.modules - 1, 3))
+        return tuple(self._clip_point(end) for end in ends)
 
     def _obstacles(self, values: Any) -> tuple[Obstacle, ...]:
         return tuple(self._obstacle(value) for value in tuple(values)[:MAX_OBSTACLES])

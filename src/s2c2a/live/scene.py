@@ -14,6 +14,7 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
+from s2c2a.live.goals import curve_through
 from s2c2a.live.request import (
     MAX_OBSTACLES,
     Obstacle,
@@ -108,6 +109,7 @@ class ArmScene:
             "desired": DESIRED,
             "horizon": MUTED,
             "axis": DESIRED,
+            "shape": DESIRED,
             "force": WARNING,
         }
         self._lines = {
@@ -117,6 +119,11 @@ class ArmScene:
         radius = BALL_RADIUS * self._size
         self._target = _add_ball(scene, "/target", radius, DESIRED)
         self._pointer = _add_ball(scene, "/pointer", 0.6 * radius, DESIRED)
+        # translucent and wider than the arm, which covers them
+        self._ends = [
+            _add_ball(scene, f"/ends/{module}", 1.4 * radius, DESIRED, opacity=0.45)
+            for module in range(arm.module_count - 1)
+        ]
         self._payload = _add_ball(scene, "/payload", 1.0, INK)
         self._uncertainty = _add_ball(
             scene, "/uncertainty", 1.0, REAL, opacity=UNCERTAINTY_OPACITY
@@ -192,6 +199,17 @@ class ArmScene:
         self._pointer.position = end
         self._draw_line("axis", center, end)
 
+    def draw_shape(self, ends: Sequence[Point] | None) -> None:
+        """Draw the desired ends of all modules, and the curve through them."""
+        for ball in self._ends:
+            ball.visible = ends is not None
+        if ends is None:
+            return self._draw_line("shape")
+        for ball, end in zip(self._ends, ends, strict=False):
+            ball.position = end
+        curve, parameters = curve_through(ends)
+        self._draw_line("shape", *curve(np.linspace(0.0, parameters[-1], TRAIL_POINTS)))
+
     def draw_payload(
         self, tip: Vector, request: Request, limits: RequestLimits
     ) -> None:
@@ -264,6 +282,7 @@ class ArmScene:
         target: DragHandler,
         pointer: DragHandler,
         obstacle: Callable[[int, int, Point], None],
+        end: Callable[[int, int, Point], None],
     ) -> None:
         """Set the handlers of drags.
 
@@ -271,11 +290,14 @@ class ArmScene:
             target: of the target.
             pointer: of the end of the target's axis.
             obstacle: of the driver's obstacles; gets the obstacle's number first.
+            end: of the desired ends below the tip; gets the module's number first.
         """
         _add_drag_handler(self._target, target)
         _add_drag_handler(self._pointer, pointer)
         for number, solid in enumerate(self._driver_solids):
             solid.on_drag(partial(obstacle, number))
+        for number, ball in enumerate(self._ends):
+            _add_drag_handler(ball, partial(end, number))
 
     def _draw_line(self, name: str, *points: Vector) -> None:
         """Draw a line through points; hide it with fewer than two."""

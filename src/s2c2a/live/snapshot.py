@@ -123,7 +123,7 @@ class Control(ABC):
         """
         with self._lock:
             target = point(straight(self.arm)[-1, POSITION])
-            self.ask(target=target, axis=None, task=None, playing=False)
+            self.ask(target=target, axis=None, shape=None, task=None, playing=False)
             self.order("reopen")
 
     def step_task(self) -> None:
