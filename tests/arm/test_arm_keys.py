@@ -31,7 +31,7 @@ def test_documented_ranges_and_defaults_match_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
     assert keys["[[modules]]", "cable_angles_deg"][2:4] == (
-        "3 to 8 numbers",
+        "up to 8 numbers",
         "required",
     )
     assert keys["", "sensing"][2:4] == (

@@ -154,7 +154,7 @@ def test_a_preset_can_be_checked_and_described(capsys):
     run("arm", "check", "twin_arm")
     run("arm", "describe", "simulated_arm")
     output = capsys.readouterr().out
-    assert "twin_arm is valid: 3 modules, 3 cables each" in output
+    assert "twin_arm is valid: 3 modules of 3 cables" in output
     assert "first bending mode" in output
 
 

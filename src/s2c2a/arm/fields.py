@@ -62,9 +62,11 @@ LOST_MOTION = Quantity("m", 0, 0.02)
 FORCE = Quantity("N", 0.05, 500)
 """From the weight of a coin, above the noise of load cells, to what steel cables of
 1 mm bear."""
-RIGIDITY = Quantity("N m2", 0.0005, 50)
-"""The arms of the package have 0.125 and 0.4, and a bending stiffness in N mm2 exceeds
-it."""
+PRESSURE = Quantity("Pa", 1000, 2e6)
+"""Soft chambers burst long before; a pressure in bar or kPa is below it."""
+RIGIDITY = Quantity("N m2", 1e-8, 50)
+"""From a wire of a surgical robot; the arms of the package have 0.125 and 0.4, and a
+bending stiffness in N mm2 exceeds it."""
 SHARE = Quantity("1", 0, 1)
 """Of a whole, by definition; also a friction coefficient."""
 ERROR = Quantity("1", -0.9, 9)

@@ -6,9 +6,9 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from s2c2a.arm.spec import ArmSpec
+from s2c2a.arm.spec import ArmSpec, counts_of
 from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
 
 
@@ -18,11 +18,29 @@ def per_module(arm: ArmSpec, key: str) -> np.ndarray:
 
 
 def per_cable(arm: ArmSpec, key: str) -> Float[np.ndarray, "modules cables"]:
-    """Return the values of a key that has one number a module or one a cable."""
-    values = map(attrgetter(key), arm.modules)
-    return np.array(
-        [np.broadcast_to(value, arm.cable_count) for value in values], dtype=float
-    )
+    """Return the values of a key that has one number a module or one a cable.
+
+    They are zero beyond the cables of a module.
+    """
+    values = np.zeros((arm.module_count, arm.cable_count))
+    for row, count, module in zip(
+        values, counts_of(arm.modules), arm.modules, strict=True
+    ):
+        row[:count] = attrgetter(key)(module)
+    return values
+
+
+def per_unit_of_pull(arm: ArmSpec) -> Float[np.ndarray, " modules"]:
+    """Return the pull of a unit of action of a force arm [N]; chambers push."""
+    if arm.actuation == "pressure":
+        return -per_module(arm, "chamber_area")
+    return np.ones(arm.module_count)
+
+
+def cables_present(arm: ArmSpec) -> Bool[np.ndarray, "modules cables"]:
+    """Return where arrays over cables have one, and no padding."""
+    counts = np.array(counts_of(arm.modules))
+    return np.arange(arm.cable_count) < counts[:, None]
 
 
 def cable_matrix(
@@ -42,17 +60,55 @@ def balanced_pull(
 
     They are all one for evenly spread cables. In general t_i = exp(B_i q), where q
     minimizes their sum, so that its gradient B^T t is zero. The minimum exists for
-    cables that can bend the module in every direction; damped Newton steps find it.
+    cables that can bend the module in every direction, or both ways in one plane;
+    damped Newton steps find it. Rows of zeros are no cables, and have no tension.
     """
+    is_cable = matrix.any(axis=-1)
+    if not is_cable.any():
+        return np.zeros(len(matrix))
     point = np.zeros(2)
     for _ in range(200):
-        tensions = np.exp(matrix @ point)
+        tensions = is_cable * np.exp(matrix @ point)
         gradient = matrix.T @ tensions
         if np.linalg.norm(gradient) < 1e-14 * tensions.sum():
             break
-        step = np.linalg.solve((matrix.T * tensions) @ matrix, gradient)
+        step = np.linalg.pinv((matrix.T * tensions) @ matrix) @ gradient
         point = point - step / max(1.0, float(np.linalg.norm(step)))
-    return tensions / tensions.mean()
+    return tensions / tensions[is_cable].mean()
+
+
+def raised(
+    actions: Float[Any, "*batch modules cables"],
+    low: Float[Any, "modules cables"],
+    balance: Float[Any, "modules cables"] | None,
+) -> Float[Any, "*batch modules cables"]:
+    """Add the least common part to actions with which none is below its limit.
+
+    Args:
+        actions: NumPy, or JAX and then differentiable.
+        low: least actions.
+        balance: common part that does not bend the modules; None adds nothing.
+    """
+    if balance is None:
+        return actions
+    xp = actions.__array_namespace__()
+    is_cable = balance > 0.0
+    missing = xp.where(
+        is_cable, (low - actions) / xp.where(is_cable, balance, 1.0), 0.0
+    )
+    return actions + xp.maximum(xp.max(missing, axis=-1, keepdims=True), 0.0) * balance
+
+
+def _spreads(
+    matrices: Float[np.ndarray, "modules cables 2"],
+    balance: Float[np.ndarray, "modules cables"],
+) -> Float[np.ndarray, " modules"]:
+    """Return the largest pressure of a raised full bend, in units of its scale."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 361)
+    shares = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    pushes = np.einsum("mck,dk->dmc", matrices, shares)
+    pressures = raised(pushes, np.zeros_like(balance), balance)
+    return np.maximum(pressures.max(axis=(0, 2)), 1.0)
 
 
 # Share of the bend limit that plans may use by encoders, which do not see lost motion.
@@ -76,6 +132,8 @@ class ArmGeometry:
         cable_radii: distance of cables from the center line [m], shape (modules,).
         cable_matrices: B, shape (modules, cables, 2).
         bend_matrices: pseudo-inverse of B, shape (modules, 2, cables).
+        steerable: projections of bends onto those that the cables of a module command,
+            shape (modules, 2, 2); None where they command all.
         bend_limits: largest true bend [rad], shape (modules,).
         action_bends: bend at the limit of the actions without losses [rad], shape
             (modules,).
@@ -89,6 +147,8 @@ class ArmGeometry:
             zero for tension arms, shape (modules,).
         pretensions: tensions at rest [N], in balance within each module, shape
             (modules, cables).
+        balance: common part of pressures that does not bend a module and keeps them
+            above zero (`raised`), shape (modules, cables); None for cables.
         action_neutral: action at rest [m or N], shape (modules, cables).
         action_scale: action per unit of B v [m or N], shape (modules,).
         action_low: least action allowed [m or N], shape (modules, cables).
@@ -99,6 +159,7 @@ class ArmGeometry:
     cable_radii: np.ndarray
     cable_matrices: np.ndarray
     bend_matrices: np.ndarray
+    steerable: np.ndarray | None
     bend_limits: np.ndarray
     action_bends: np.ndarray
     planned_bends: np.ndarray
@@ -106,6 +167,7 @@ class ArmGeometry:
     acceleration_limit: float
     cable_springs: np.ndarray
     pretensions: np.ndarray
+    balance: np.ndarray | None
     action_neutral: np.ndarray
     action_scale: np.ndarray
     action_low: np.ndarray
@@ -114,7 +176,9 @@ class ArmGeometry:
     @classmethod
     def of(cls, arm: ArmSpec) -> "ArmGeometry":
         """Compute the arrays from a description."""
-        matrices = cable_matrix(np.deg2rad(per_module(arm, "cable_angles_deg")))
+        present = cables_present(arm)
+        angles = per_cable(arm, "cable_angles_deg")
+        matrices = present[..., None] * cable_matrix(np.deg2rad(angles))
         radii = per_module(arm, "cable_radius")
         bend_limits = np.deg2rad(per_module(arm, "bend_limit_deg"))
         bends = bend_limits.copy()
@@ -123,34 +187,50 @@ class ArmGeometry:
                 bends[number] = module.cable.travel / radii[number]
         balance = np.array([balanced_pull(matrix) for matrix in matrices])
         pretensions = per_module(arm, "pretension")[:, None] * balance
-        tension = arm.actuation == "tension"
-        springs = per_module(arm, "cable.stiffness") * radii**2 * arm.cable_count / 2.0
-        neutral = pretensions if tension else np.zeros_like(pretensions)
-        # Towards the bend, displacements fall and tensions rise.
-        scale = -per_module(arm, "tension_range") if tension else radii * bends
-        action_range = np.abs(scale)[:, None]
+        counts = present.sum(axis=-1)
+        springs = per_module(arm, "cable.stiffness") * radii**2 * counts / 2.0
+        neutral = np.zeros_like(pretensions)
+        scale = radii * bends
+        if arm.actuation == "tension":  # it rises towards the bend
+            neutral = pretensions
+            scale = -per_module(arm, "tension_range")
+        if arm.actuation == "pressure":  # it falls towards the bend
+            neutral = per_module(arm, "rest_pressure")[:, None] * balance
+            limits = per_module(arm, "pressure_limit")
+            scale = (limits - neutral.max(axis=-1)) / _spreads(matrices, balance)
+        action_range = present * np.abs(scale)[:, None]
         low = neutral - action_range
+        high = neutral + action_range
+        if arm.actuation != "displacement":
+            low = np.maximum(low, 0.0)
+        if arm.actuation == "pressure":
+            high = present * limits[:, None]
         planned_bends = bend_limits
         if arm.sensing == "encoders":
             planned_bends = np.minimum(bends, _PLANNED_SHARE * bend_limits)
+        inverses = np.linalg.pinv(matrices)
+        projectors = inverses @ matrices
+        is_free = np.allclose(projectors, np.eye(2), atol=1e-9)
         default_deg = DEFAULT_ACCELERATION_RATIO * arm.step_limit_deg
         acceleration_deg = arm.acceleration_limit_deg or default_deg
         return cls(
             lengths=per_module(arm, "length"),
             cable_radii=radii,
             cable_matrices=matrices,
-            bend_matrices=np.linalg.pinv(matrices),
+            bend_matrices=inverses,
+            steerable=None if is_free else projectors,
             bend_limits=bend_limits,
             action_bends=bends,
             planned_bends=planned_bends,
             step_limit=float(np.deg2rad(arm.step_limit_deg)),
             acceleration_limit=float(np.deg2rad(acceleration_deg)),
-            cable_springs=springs * (0.0 if tension else 1.0),
+            cable_springs=springs * (arm.actuation == "displacement"),
             pretensions=pretensions,
+            balance=balance if arm.actuation == "pressure" else None,
             action_neutral=neutral,
             action_scale=scale,
-            action_low=np.maximum(low, 0.0) if tension else low,
-            action_high=neutral + action_range,
+            action_low=low,
+            action_high=high,
         )
 
     def actions_at(
@@ -162,7 +242,8 @@ class ArmGeometry:
             shares: v in each module's two bend directions.
         """
         directions = np.einsum("mck,...mk->...mc", self.cable_matrices, shares)
-        return self.action_neutral + self.action_scale[:, None] * directions
+        actions = self.action_neutral + self.action_scale[:, None] * directions
+        return raised(actions, self.action_low, self.balance)
 
     def bends_of(
         self, cables: Float[np.ndarray, "*batch modules cables"]

@@ -79,8 +79,10 @@ def _allowed(form: dict) -> str:
     if form["type"] == "array":
         least = form.get("minItems")
         most = form.get("maxItems")
-        if least is None:
+        if most is None:
             return "rows of numbers"
+        if least is None:
+            return f"up to {most} numbers"
         return f"{least} numbers" if least == most else f"{least} to {most} numbers"
     if form["type"] == "boolean":
         return "true or false"

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.arm.geometry import ArmGeometry, per_module
+from s2c2a.arm.geometry import ArmGeometry, per_module, per_unit_of_pull
 from s2c2a.arm.spec import ArmSpec, Module
 from s2c2a.errors import ArmError
 
@@ -45,6 +45,8 @@ def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
     ):
         table["mismatch"] = _mismatch(module, random, strength, tension)
         table["cable"] |= _losses(module, random, strength, base.actuation)
+        if base.actuation == "pressure":  # chambers do not pass other modules
+            table["mismatch"]["coupling"] = None
     if base.actuation == "displacement":
         described["motor"]["homing_error"] = _round(strength * 0.3e-3)  # m
     summary = (
@@ -95,7 +97,9 @@ def _mismatch(
 def _losses(
     module: Module, random: Random, strength: float, actuation: str
 ) -> dict[str, Any]:
-    """Sample the cable losses of a module; a tension arm has no backlash."""
+    """Sample the cable losses of a module; only displacement arms have backlash."""
+    if actuation == "pressure":
+        return {}
     base_share = max(0.0, 1.0 - strength)
     cable = module.cable
     count = len(module.cable_angles_deg)
@@ -124,7 +128,8 @@ def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
     azimuths = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
     shares = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)[:, None, :]
     actions = geometry.actions_at(np.broadcast_to(shares, (36, arm.module_count, 2)))
-    return np.maximum(actions, 0.0).sum(axis=-1).mean(axis=0)
+    forces = np.maximum(actions, 0.0).sum(axis=-1).mean(axis=0)
+    return forces * np.abs(per_unit_of_pull(arm))
 
 
 def _round(value: Any) -> Any:

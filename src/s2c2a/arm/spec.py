@@ -4,12 +4,14 @@ import math
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
 from s2c2a.arm.fields import (
     FORCE,
     LENGTH,
     LOST_MOTION,
+    PRESSURE,
     RIGIDITY,
     SHARE,
     Free,
@@ -31,11 +33,35 @@ MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
 GRAVITY = 9.81  # m/s2, at sea level in middle latitudes
 MAX_GAP_DEG = 179.0
 """Between cables that pull every way; at 180 one direction has no pull at all."""
+LIGHTEST = 5.0
+"""Density [kg/m3] of a module as thick as its circle of cables; foam has 20."""
+SOFTEST = 1e4
+"""Elastic modulus [Pa] of such a module; the softest silicones have 1e4 to 1e5."""
+USUAL = 0.0005
+"""Mass [kg] and bending stiffness [N m2] that every module may have."""
+UNITS = {"displacement": "m", "tension": "N", "pressure": "Pa"}
+REQUIRED = {
+    "tension": ("tension_range",),
+    "pressure": ("pressure_limit", "chamber_area"),
+}
+"""Keys of modules that a kind of actuation needs."""
+FASTEST = {"displacement": 5.0, "tension": 5000.0, "pressure": 1e8}
+"""Largest rates of actions, in units a second; a hundred times those of real arms."""
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = (
     r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}"
     r"|[A-Za-z0-9_./-]{1,200}:[A-Za-z_][A-Za-z0-9_]{0,63})$"
 )
+
+
+def are_opposed(angles_deg: tuple[float, ...]) -> bool:
+    """Return whether cables lie on one line, within a degree, and on both sides."""
+    if len(angles_deg) < 2:
+        return False
+    turned = np.deg2rad(np.subtract(angles_deg, angles_deg[0]))
+    tolerance = np.sin(np.deg2rad(MAX_GAP_DEG))
+    is_on_line = np.abs(np.sin(turned)) <= tolerance
+    return bool(is_on_line.all() and np.cos(turned).min() < 0.0)
 
 
 class Cable(Frozen):
@@ -90,7 +116,9 @@ class Cable(Frozen):
 class Module(Frozen):
     """One soft module; an arm is a series of modules, base first."""
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("mismatch", "radius"))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(
+        ("mismatch", "radius", "pressure_limit", "rest_pressure", "chamber_area")
+    )
 
     length: Number = LENGTH.key("length of the center line")
     radius: Number = LENGTH.effect("radius of the body, which keeps clear of obstacles")
@@ -98,20 +126,32 @@ class Module(Frozen):
         "distance of the cables from the center line; at most the length"
     )
     cable_angles_deg: tuple[Free, ...] = Field(
-        min_length=3,
         max_length=8,
         description=(
-            "angles of the cables, from x to y, without a gap of 179 or more [deg]"
+            "angles of the cables, from x to y, without a gap of 179 or more; two "
+            "opposed ones bend the module in one plane, and a passive module has none "
+            "[deg]"
         ),
     )
-    mass: Number = between(0.0005, 10, "kg", "mass")
+    mass: Number = between(0, 10, "kg", "mass")
     bending_stiffness: Number = RIGIDITY.key("EI")
     torsional_stiffness: Number | None = RIGIDITY.key("GJ; default: EI", None)
     damping_time: Number = between(0.005, 2, "s", "damping divided by stiffness", 0.05)
-    bend_limit_deg: Number = between(1, 150, "deg", "largest planned bend", 50.0)
+    bend_limit_deg: Number = between(1, 170, "deg", "largest planned bend", 50.0)
     pretension: Number = FORCE.effect("tension of every cable at rest")
     tension_range: Number | None = FORCE.key(
         "tension added at full bend; required for tension arms", None
+    )
+    pressure_limit: Number | None = PRESSURE.key(
+        "largest pressure of a chamber, at full bend; required for pressure arms", None
+    )
+    rest_pressure: Number = PRESSURE.effect("pressure of every chamber at rest")
+    chamber_area: Number | None = between(
+        1e-8,
+        0.1,
+        "m2",
+        "cross-section of a chamber; required for pressure arms",
+        None,
     )
     cable: Cable = Cable()
     mismatch: Mismatch = Mismatch()
@@ -123,15 +163,30 @@ class Module(Frozen):
             return self.bending_stiffness
         return self.torsional_stiffness
 
+    @field_validator("mass", "bending_stiffness")
+    @classmethod
+    def _check_scale(cls, value: float, info: ValidationInfo) -> float:
+        """Refuse values that are small even for so small a module."""
+        if not {"length", "cable_radius"} <= info.data.keys():
+            return value  # these are refused themselves
+        radius = info.data["cable_radius"]
+        least = LIGHTEST * np.pi * radius**2 * info.data["length"]
+        if info.field_name == "bending_stiffness":
+            least = SOFTEST * np.pi * radius**4 / 4.0
+        least = float(f"{min(least, USUAL):.2g}")
+        if value < least:
+            raise PydanticKnownError("greater_than_equal", {"ge": least})
+        return value
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether its cables lie on one line, and bend it in one plane."""
+        return are_opposed(self.cable_angles_deg)
+
     @model_validator(mode="after")
     def _validate(self):
-        gap = largest_gap_deg(self.cable_angles_deg)
-        if gap >= MAX_GAP_DEG:
-            raise ValueError(
-                f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
-                f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
-                f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} deg"
-            )
+        if len(self.cable_angles_deg) and not self.is_planar:
+            self._check_gap()
         if self.cable_radius > self.length:
             raise ValueError(
                 f"cable_radius {self.cable_radius} m exceeds length {self.length} m; "
@@ -139,6 +194,17 @@ class Module(Frozen):
             )
         self._check_cables()
         return self
+
+    def _check_gap(self):
+        gap = largest_gap_deg(self.cable_angles_deg)
+        if gap >= MAX_GAP_DEG:
+            raise ValueError(
+                f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
+                f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
+                f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
+                "deg, or give two opposed cables, such as [0, 180], for bends in one "
+                "plane, or none, [], for a passive module"
+            )
 
     def _check_cables(self):
         count = len(self.cable_angles_deg)
@@ -149,6 +215,8 @@ class Module(Frozen):
                     f"{key} has {len(value)} numbers; "
                     f"give one for each of the {count} cables, or one"
                 )
+        if not count or self.is_planar:
+            return
         true_angles = np.add(self.cable_angles_deg, self.mismatch.angle_errors_deg)
         gap = largest_gap_deg(true_angles)
         if gap >= MAX_GAP_DEG:
@@ -165,15 +233,15 @@ class Motor(Frozen):
     """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(
-        ("homing_error", "current_friction")
+        ("homing_error", "current_friction", "noise_pressure")
     )
 
     time_constant: Number = between(0, 1, "s", "first-order lag", 0.0)
     speed_limit: Number | None = between(
         0.001,
-        5000,
-        "m/s or N/s",
-        "largest rate of change; displacement arms at most 5",
+        1e8,
+        "m/s, N/s or Pa/s",
+        "largest rate of change; displacement arms at most 5, tension arms 5000",
         None,
     )
     pulley_radius: Number = LENGTH.key("radius of the pulley", 0.01)
@@ -183,6 +251,9 @@ class Motor(Frozen):
     )
     noise_tension: Number = FORCE.effect(
         "standard deviation of the tension sensor's noise"
+    )
+    noise_pressure: Number = PRESSURE.effect(
+        "standard deviation of the pressure sensor's noise"
     )
     homing_error: Number = LOST_MOTION.effect(
         "standard deviation of the zero, new at every opening; displacement arms"
@@ -201,13 +272,15 @@ class Motor(Frozen):
         return 2 * np.pi * self.pulley_radius / self.ticks_per_turn
 
     def measurement_noise(self, actuation: str) -> float:
-        """Standard deviation of encoders [m] or tension sensors [N].
+        """Standard deviation of encoders [m], or of sensors of tension [N] or pressure.
 
         Args:
-            actuation: of the arm, `displacement` or `tension`.
+            actuation: of the arm.
         """
         if actuation == "tension":
             return self.noise_tension
+        if actuation == "pressure":
+            return self.noise_pressure
         return self.tick_length * (1 + self.noise_ticks)
 
 
@@ -231,8 +304,11 @@ class ArmSpec(Frozen):
         pattern=NAME, description="name in tables, figures and file names"
     )
     description: str = Field("", description="one line of description")
-    actuation: Literal["displacement", "tension"] = Field(
-        description="unit of commands: cable displacement or cable tension"
+    actuation: Literal["displacement", "tension", "pressure"] = Field(
+        description=(
+            "unit of commands: cable displacement [m], cable tension [N], or pressure of "
+            "chambers that push [Pa]; chambers take the keys of cables"
+        )
     )
     sensing: str = Field(
         "encoders",
@@ -285,28 +361,34 @@ class ArmSpec(Frozen):
     modules: tuple[Module, ...] = Field(
         min_length=1,
         max_length=MAX_MODULES,
-        description="base first, all with the same number of cables",
+        description="base first; at least one has cables",
     )
 
     @model_validator(mode="after")
     def _validate(self):
-        counts = counts_of(self.modules)
-        if len(set(counts)) > 1:
+        if not self.cable_count:
             raise ValueError(
-                f"modules have {counts} cables; give all modules the same number"
+                "no module has cables; give cable_angles_deg of at least one module"
             )
         self._check_gravity()
         self._check_coupling()
         self._check_servos()
         self._check_tracking()
-        if self.actuation == "tension":
-            self._check_tension_arm()
-        elif self.motor.speed_limit is not None and self.motor.speed_limit > 5:
+        if self.actuation != "displacement":
+            self._check_force_arm()
+        fastest = FASTEST[self.actuation]
+        if self.motor.speed_limit is not None and self.motor.speed_limit > fastest:
             raise ValueError(
-                f"motor.speed_limit {self.motor.speed_limit} m/s exceeds 5 m/s; "
-                "it is in meters per second"
+                f"motor.speed_limit {self.motor.speed_limit} {self.unit}/s exceeds "
+                f"{fastest:g} {self.unit}/s, which no motor of a {self.actuation} arm "
+                "reaches; check its unit"
             )
         return self
+
+    @property
+    def unit(self) -> str:
+        """Unit of actions: m, N or Pa."""
+        return UNITS[self.actuation]
 
     def _check_gravity(self):
         norm = math.hypot(*self.gravity_direction)
@@ -331,7 +413,13 @@ class ArmSpec(Frozen):
         if self.servos is None:
             return
         rows = [len(row) for row in self.servos.ids]
-        if rows != counts_of(self.modules):
+        counts = counts_of(self.modules)
+        if len(set(counts)) > 1:
+            raise ValueError(
+                f"the table [servos] needs modules with as many cables each, not {counts}; "
+                "drive this arm by a robot class of your own"
+            )
+        if rows != counts:
             raise ValueError(
                 f"servos.ids has rows of lengths {rows}; give one row for each of the "
                 f"{len(self.modules)} modules and one servo for each of its cables"
@@ -352,26 +440,49 @@ class ArmSpec(Frozen):
                 f"{len(self.modules)} modules, empty where none is tracked"
             )
 
-    def _check_tension_arm(self):
+    def _check_force_arm(self):
+        """Check an arm whose actions are tensions or pressures."""
+        kind = self.actuation
         for number, module in enumerate(self.modules):
-            if module.tension_range is None:
-                raise ValueError(
-                    f"modules.{number}.tension_range is missing; "
-                    "a tension arm needs it [N]"
-                )
-            if any(module.cable.backlashes(self.cable_count)) or module.cable.creep:
+            for key in REQUIRED[kind]:
+                if getattr(module, key) is None:
+                    raise ValueError(
+                        f"modules.{number}.{key} is missing; a {kind} arm needs it"
+                    )
+            count = len(module.cable_angles_deg)
+            if any(module.cable.backlashes(count)) or module.cable.creep:
                 raise ValueError(
                     f"modules.{number}.cable has backlash or creep, which act on "
-                    "displacement; a tension arm can only have friction"
+                    f"displacement; leave them out for a {kind} arm"
                 )
             if module.cable.travel is not None:
                 raise ValueError(
                     f"modules.{number}.cable.travel is for displacement arms; "
-                    "use tension_range"
+                    f"use {REQUIRED[kind][0]}"
                 )
+            if kind == "pressure":
+                self._check_chambers(number, module)
         if self.motor.homing_error:
             raise ValueError(
-                "motor.homing_error acts on displacement; a tension arm needs no homing"
+                f"motor.homing_error acts on displacement; a {kind} arm needs no homing"
+            )
+
+    def _check_chambers(self, number: int, module: Module):
+        if module.pretension or module.cable.friction:
+            raise ValueError(
+                f"modules.{number} has pretension or cable.friction, which cables have; "
+                "a pressure arm has rest_pressure"
+            )
+        assert module.pressure_limit is not None  # checked before
+        if module.rest_pressure >= module.pressure_limit:
+            raise ValueError(
+                f"modules.{number}.rest_pressure {module.rest_pressure} Pa is not below "
+                f"pressure_limit {module.pressure_limit} Pa; lower it"
+            )
+        if self.coupled_cables or self.motor.current_noise is not None:
+            raise ValueError(
+                "coupled_cables and motor.current_noise are for cables; leave them out "
+                "for a pressure arm"
             )
 
     def same_mechanics(self, other: "ArmSpec") -> bool:
@@ -405,8 +516,21 @@ class ArmSpec(Frozen):
 
     @property
     def cable_count(self) -> int:
-        """Number of cables of each module n."""
-        return len(self.modules[0].cable_angles_deg)
+        """Largest number of cables of a module, n.
+
+        Arrays over cables have as many columns; those beyond a module's own cables are
+        zero.
+        """
+        return max(counts_of(self.modules))
+
+    @property
+    def layout(self) -> str:
+        """Modules and cables in words."""
+        counts = counts_of(self.modules)
+        cables = f"{counts[0]} cables"
+        if len(set(counts)) > 1:
+            cables = f"{', '.join(map(str, counts[:-1]))} and {counts[-1]} cables"
+        return f"{len(counts)} module{'s' * (len(counts) > 1)} of {cables}"
 
     @property
     def length(self) -> float:

@@ -59,10 +59,9 @@ def check(arm: File) -> None:
     configuration_map_for(spec)  # raises an error if `sensing` names no sensor
     # raises an error if gravity makes the arm collapse
     frequency, damping = first_mode(spec)
-    plural = "s" if spec.module_count > 1 else ""
     print(
-        f"{arm}: {spec.name} is valid: {spec.module_count} module{plural}, "
-        f"{spec.cable_count} cables each, {spec.length:.3g} m, {spec.actuation}"
+        f"{arm}: {spec.name} is valid: {spec.layout}, {spec.length:.3g} m, "
+        f"{spec.actuation}"
     )
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     for line in [

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.kinematics import states_from_bends
+from s2c2a.kinematics import commanded_part, states_from_bends
 from s2c2a.kinematics.bends import squared_norm
 from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION
@@ -54,7 +54,8 @@ def nominal_plans(
     full = jnp.asarray(gains * geometry.action_bends, jnp.float32)
     positions = _spread_positions(geometry, count, random)
     starts = disc_points(random, (count, modules)) / 2.0
-    bends, errors = _solve(jnp.asarray(starts, jnp.float32), positions, lengths, full)
+    start = jnp.asarray(starts, jnp.float32)
+    bends, errors = _solve(start, positions, lengths, full, geometry.steerable)
     planned = np.asarray(bends, np.float64)
     planned /= np.maximum(np.linalg.norm(planned, axis=-1, keepdims=True), 1.0)
     independent = disc_points(random, (count, modules))
@@ -68,7 +69,9 @@ def _spread_positions(
     """Positions [m] that the nominal tip reaches, with equal density."""
     modules = len(geometry.lengths)
     shares = disc_points(random, (CANDIDATES, count, modules))
-    bends = shares * geometry.action_bends[..., None]
+    bends = commanded_part(
+        shares * geometry.action_bends[..., None], geometry.steerable
+    )
     states = states_from_bends(
         jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32)
     )
@@ -90,6 +93,7 @@ def _solve(
     positions: Float[Array, "count 3"],
     lengths: Float[Array, " modules"],
     full: Float[Array, "count modules"],
+    steerable: Float[np.ndarray, "modules 2 2"] | None,
 ) -> tuple[Float[Array, "count modules 2"], Float[Array, " count"]]:
     """Damped Gauss-Newton steps to all positions.
 
@@ -98,6 +102,7 @@ def _solve(
         positions: of the tip [m].
         lengths: of the modules [m].
         full: bends of one share [rad].
+        steerable: see `ArmGeometry`.
 
     Returns:
         Bends in shares of the full bend, and position errors in `UNIT`.
@@ -105,7 +110,7 @@ def _solve(
     unit = UNIT * jnp.sum(lengths)
 
     def residuals(flat: Array, position: Array, full: Array) -> Array:
-        shares = flat.reshape(-1, 2)
+        shares = commanded_part(flat.reshape(-1, 2), steerable)
         bends = shares * full[:, None]
         tip = states_from_bends(bends, lengths)[-1, :3]
         excess = jnp.sqrt(squared_norm(shares) + 1e-9) - 1.0

@@ -15,7 +15,11 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.estimation import configuration_map_for
-from s2c2a.kinematics import bends_from_configurations, states_from_bends
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    commanded_part,
+    states_from_bends,
+)
 from s2c2a.paper import disc_points
 from s2c2a.spaces import POSITION, Reading
 
@@ -125,7 +129,7 @@ class Coverage:
             modules: that are compared.
         """
         limits = self.limits[modules, None]
-        wanted = random_bends(self.limits)[:, modules] / limits
+        wanted = self._random_bends(self.limits)[:, modules] / limits
         samples = self.bends[:, modules] / limits
         return _reached(wanted, samples, NEAR_BEND, np.inf)
 
@@ -137,10 +141,15 @@ class Coverage:
         arm's length. NaN without measured tips.
         """
         geometry = ArmGeometry.of(self.arm)
-        bends = jnp.asarray(random_bends(geometry.bend_limits))
+        bends = jnp.asarray(self._random_bends(geometry.bend_limits))
         states = np.asarray(states_from_bends(bends, jnp.asarray(geometry.lengths)))
         wanted = states[:, -1, POSITION]
         return _reached(wanted, self.tips, NEAR_TIP * self.arm.length, 2.0)
+
+    def _random_bends(self, limits: Float[np.ndarray, " modules"]) -> Bends:
+        """Random bends of this arm [rad]."""
+        steerable = ArmGeometry.of(self.arm).steerable
+        return np.asarray(commanded_part(random_bends(limits), steerable))
 
 
 def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:

@@ -97,6 +97,16 @@ def bends_from_configurations(
     return jnp.multiply(lateral, ratio[..., None])
 
 
+def commanded_part(
+    bends: Float[Numbers, "*batch modules 2"],
+    projectors: Float[Numbers, "modules 2 2"] | None,
+) -> Float[Array, "*batch modules 2"]:
+    """Return the part of bends that cables command (`ArmGeometry.steerable`)."""
+    if projectors is None:
+        return jnp.asarray(bends)
+    return jnp.einsum("mij,...mj->...mi", projectors, bends)
+
+
 def limit_lengths(
     vectors: Float[Numbers, "*batch axis"], limits: BendLimits
 ) -> Float[Array, "*batch axis"]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import per_module
+from s2c2a.arm.geometry import per_module, per_unit_of_pull, raised
 from s2c2a.kinematics.bends import Numbers, bends_from_cables
 
 
@@ -19,7 +19,8 @@ class PCC(eqx.Module):
 
     For three cables at 120 deg this is eqs. (1) and (2) of Chen et al. 2025. On a
     tension arm the moment that holds the bend against the module's stiffness takes the
-    place of the displacement: $T = T_0 - B (B^T B)^{-1} \frac{EI}{r L} b$.
+    place of the displacement: $T = T_0 - B (B^T B)^{-1} \frac{EI}{r L} b$. Chambers push,
+    with their area times the pressure.
 
     Attributes:
         to_bends: per module, bends from an action less its neutral, shape (modules, 2,
@@ -29,6 +30,7 @@ class PCC(eqx.Module):
         neutral: action at rest, shape (modules, cables).
         low: least action, shape (modules, cables).
         high: largest action, shape (modules, cables).
+        balance: see `ArmGeometry`.
     """
 
     to_bends: Float[Array, "modules 2 cables"]
@@ -36,6 +38,7 @@ class PCC(eqx.Module):
     neutral: Float[Array, "modules cables"]
     low: Float[Array, "modules cables"]
     high: Float[Array, "modules cables"]
+    balance: Float[Array, "modules cables"] | None
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "PCC":
@@ -48,15 +51,17 @@ class PCC(eqx.Module):
             to_actions = matrices * radii
         else:
             stiffness = per_module(arm, "bending_stiffness") / geometry.lengths
-            stiffness = jnp.asarray(stiffness)[:, None, None]
-            to_bends = -matrices.swapaxes(-1, -2) * radii / stiffness
-            to_actions = -geometry.bend_matrices.swapaxes(-1, -2) * stiffness / radii
+            moments = per_unit_of_pull(arm) * geometry.cable_radii / stiffness
+            moments = jnp.asarray(moments)[:, None, None]
+            to_bends = -matrices.swapaxes(-1, -2) * moments
+            to_actions = -geometry.bend_matrices.swapaxes(-1, -2) / moments
         return cls(
             to_bends=_float32(to_bends),
             to_actions=_float32(to_actions),
             neutral=_float32(geometry.action_neutral),
             low=_float32(geometry.action_low),
             high=_float32(geometry.action_high),
+            balance=None if geometry.balance is None else _float32(geometry.balance),
         )
 
     def bends(
@@ -73,7 +78,7 @@ class PCC(eqx.Module):
     ) -> Float[Array, "*batch modules cables"]:
         """Return the actions [m or N] that hold bends [rad], within the limits."""
         actions = self.neutral + jnp.einsum("mck,...mk->...mc", self.to_actions, bends)
-        return jnp.clip(actions, self.low, self.high)
+        return jnp.clip(raised(actions, self.low, self.balance), self.low, self.high)
 
 
 def _float32(values) -> Array:

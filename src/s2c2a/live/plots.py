@@ -91,7 +91,7 @@ def latest_stretch(lines: np.ndarray) -> slice:
 
 def unit_of_cables(arm: ArmSpec) -> tuple[str, float]:
     """Displayed unit of the cables, and how many of it are one SI unit."""
-    return ("mm", 1e3) if arm.actuation == "displacement" else ("N", 1.0)
+    return {"m": ("mm", 1e3), "N": ("N", 1.0), "Pa": ("kPa", 1e-3)}[arm.unit]
 
 
 def add_chart(

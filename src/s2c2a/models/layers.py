@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import raised
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
@@ -56,6 +57,7 @@ class SumAndRange(FromArm):
         unit: action [m or N] of a normalized 1, shape (modules, 1).
         low: least action, shape (modules, cables).
         high: largest action, shape (modules, cables).
+        balance: see `ArmGeometry`.
         evenly_three: whether eq. (10) applies.
     """
 
@@ -65,6 +67,7 @@ class SumAndRange(FromArm):
     unit: Float[Array, "modules 1"]
     low: Float[Array, "modules cables"]
     high: Float[Array, "modules cables"]
+    balance: Float[Array, "modules cables"] | None
     evenly_three: bool = eqx.field(static=True)
 
     @classmethod
@@ -84,7 +87,10 @@ class SumAndRange(FromArm):
         converted = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
         matrices, inverses, neutral, unit, low, high = converted
         even = arm.cable_count == 3 and evenly_spaced
-        return cls(matrices, inverses, neutral, unit, low, high, even)
+        balance = None
+        if geometry.balance is not None:
+            balance = jnp.asarray(geometry.balance, dtype=jnp.float32)
+        return cls(matrices, inverses, neutral, unit, low, high, balance, even)
 
     def __call__(
         self, raw: Float[Array, "*batch modules cables"]
@@ -98,14 +104,19 @@ class SumAndRange(FromArm):
     def normalized(
         self, actions: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
-        """Actions [m or N] to normalized ones."""
-        return (actions - self.neutral) / self.unit
+        """Actions [m or N] to normalized ones, without what only raises pressures."""
+        parts = (actions - self.neutral) / self.unit
+        if self.balance is None:
+            return parts
+        bends = bends_from_cables(self.pseudo_inverses, parts)
+        return jnp.einsum("mck,...mk->...mc", self.matrices, bends)
 
     def actions(
         self, normalized: Float[Array, "*batch modules cables"]
     ) -> Float[Array, "*batch modules cables"]:
         """Normalized actions to [m or N]."""
-        return self.neutral + normalized * self.unit
+        actions = self.neutral + normalized * self.unit
+        return raised(actions, self.low, self.balance)
 
     def limited(
         self, normalized: Float[Array, "*batch modules cables"]

@@ -149,7 +149,8 @@ class Equilibrium(eqx.Module):
         )
         needed = jnp.einsum("mnk,...mk->...mn", matrices, bends)
         stretch = needed - displacements + self.tautness[:, None]
-        pulls = stiffness[:, None] * jnp.maximum(stretch, 0.0)
+        is_cable = jnp.any(matrices != 0.0, axis=-1)  # modules have different numbers
+        pulls = jnp.where(is_cable, stiffness[:, None] * jnp.maximum(stretch, 0.0), 0.0)
         shortening = compliance * _sum_outwards(jnp.sum(pulls, axis=-1), axis=-1)
         # the mean with the last sweep, against oscillation
         slack = (rest.slack + jnp.cumsum(shortening, axis=-1)[..., None]) / 2.0

@@ -21,6 +21,7 @@ from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
+    commanded_part,
     configurations_from_bends,
     limit_lengths,
 )
@@ -375,10 +376,14 @@ class Step(NamedTuple):
         model = self.model.for_planning() if engaged else self.model
         model = model.near(last.configurations, last.memory)
         points_of = self._guarded
+        projectors = ArmGeometry.of(self.arm).steerable
 
         def predict(
             configurations: Configurations, bends: Bends, memory: Memory
         ) -> Candidate:
+            if projectors is not None:
+                bends = commanded_part(bends, projectors)
+                configurations = configurations_from_bends(bends)
             states = model.predict(configurations, memory, last.disturbances)
             points = points_of(states)
             extrapolation = model.extrapolation(configurations)

@@ -6,7 +6,6 @@ forward model lead to the nearest shape.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -18,7 +17,12 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.goals import MAX_OBSTACLES, Goal
-from s2c2a.kinematics import configurations_from_bends, limit_lengths, norm
+from s2c2a.kinematics import (
+    commanded_part,
+    configurations_from_bends,
+    limit_lengths,
+    norm,
+)
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances
@@ -92,12 +96,14 @@ class RestingArm(NamedTuple):
         limits: of their bends as sensed (`ArmGeometry.planned_bends`) [rad]; arcs have
             no lost motion, and take the true ones.
         payload: at the tip [kg]; None for none.
+        steerable: see `ArmGeometry`.
     """
 
     model: ForwardModel
     lengths: Float[np.ndarray, " modules"]
     limits: Float[np.ndarray, " modules"]
     payload: Float[np.ndarray, ""] | None
+    steerable: Float[np.ndarray, "modules 2 2"] | None
 
     @classmethod
     def of(
@@ -110,11 +116,18 @@ class RestingArm(NamedTuple):
         limits = geometry.bend_limits if are_arcs else geometry.planned_bends
         is_loaded = model.takes_payload and payload > 0.0
         load = np.asarray(payload, np.float32) if is_loaded else None
-        return cls(model, lengths, np.asarray(limits, np.float32), load)
+        limits = np.asarray(limits, np.float32)
+        return cls(model, lengths, limits, load, geometry.steerable)
+
+    def within_limits(self, bends: Bends) -> Bends:
+        """Bends that the cables command, within the limits."""
+        return limit_lengths(commanded_part(bends, self.steerable), self.limits)
 
     def states(self, bends: Bends) -> States:
         """States of a shape [m, 1], base frame."""
-        configurations = configurations_from_bends(bends)
+        configurations = configurations_from_bends(
+            commanded_part(bends, self.steerable)
+        )
         memory = self.model.start(configurations)
         loaded = self._loaded(configurations, memory)
         return self.model.predict(configurations, memory, loaded)
@@ -183,7 +196,8 @@ class Reachability:
         """
         points_of = GuardedPoints.of(arm, guard)
         resting = RestingArm.of(arm, model, payload)
-        bends = spread_bends(resting.limits, SHAPES)
+        spread = spread_bends(resting.limits, SHAPES)
+        bends = np.asarray(commanded_part(spread, resting.steerable))
         states = compiled(_states_of, resting)(bends)
         self.shapes = Shapes(jnp.asarray(bends), states)
         self._nearest = compiled(_nearest, resting, points_of, self.shapes)
@@ -291,10 +305,8 @@ def _solutions(
         even = EVENNESS * jnp.diff(bends, axis=0).reshape(-1)
         return jnp.concatenate([errors(arm.states(bends)), even])
 
-    project = partial(limit_lengths, limits=arm.limits)
-
     def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
-        return solve_least_squares(residuals, start, project, ITERATIONS)
+        return solve_least_squares(residuals, start, arm.within_limits, ITERATIONS)
 
     found, costs = jax.vmap(solved)(starts)
     return found, jnp.sqrt(costs) * length

@@ -21,6 +21,7 @@ from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
+    commanded_part,
     configurations_from_bends,
     limit_lengths,
     norm,
@@ -302,15 +303,18 @@ def reach_gaps(
     geometry = ArmGeometry.of(arm)
     lengths = jnp.asarray(geometry.lengths[:used], dtype=jnp.float32)
     limits = jnp.asarray(geometry.bend_limits[:used], dtype=jnp.float32)
-    return np.asarray(_gaps(jnp.asarray(positions, dtype=jnp.float32), lengths, limits))
+    projectors = None if geometry.steerable is None else geometry.steerable[:used]
+    targets = jnp.asarray(positions, dtype=jnp.float32)
+    return np.asarray(_gaps(targets, lengths, limits, projectors))
 
 
 @jax.jit
-def _gaps(positions, lengths, limits):
+def _gaps(positions, lengths, limits, projectors):
     size = jnp.sum(lengths)
 
     def end_of(bends):
-        return states_from_bends(bends, lengths)[-1, POSITION]
+        steered = commanded_part(bends, projectors)
+        return states_from_bends(steered, lengths)[-1, POSITION]
 
     def project(bends):
         return limit_lengths(bends, limits)

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
 from s2c2a.goals import Goal
-from s2c2a.kinematics import limit_lengths, norm
+from s2c2a.kinematics import norm
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.reach import BATCH, Reachability, RestingArm, obstacle_rows
@@ -451,6 +451,6 @@ def _improved(
         matrix = matrix * jnp.outer(inner, inner) + jnp.diag(1.0 - inner + DAMPING)
         step = -jnp.linalg.solve(matrix, gradient * inner).reshape(knots.shape)
         largest = jnp.maximum(jnp.max(norm(step)), LARGEST_STEP)
-        return limit_lengths(knots + step * LARGEST_STEP / largest, arm.limits)
+        return arm.within_limits(knots + step * LARGEST_STEP / largest)
 
     return jax.lax.fori_loop(0, IMPROVEMENTS, improve, knots)

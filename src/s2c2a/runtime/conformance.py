@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
@@ -58,7 +59,10 @@ def check_robot(robot: Robot) -> list[str]:
 
 
 class _SmallBend(Player):
-    """Bends all modules a little towards x and back, and checks that the arm does."""
+    """Bends all modules a little towards x and back, and checks that the arm does.
+
+    Modules whose cables cannot bend them towards x bend towards y.
+    """
 
     def __init__(self, robot: Robot):
         super().__init__(robot.arm, (), self._bend())
@@ -67,14 +71,28 @@ class _SmallBend(Player):
     def _bend(self) -> Iterator[Actions]:
         geometry = self._geometry
         rest = geometry.action_neutral
-        scale = geometry.action_scale[:, None]
-        towards_x = scale * TEST_BEND * geometry.cable_matrices[:, :, 0]
+        shares = TEST_BEND * self._directions()
+        bent = geometry.actions_at(shares)
         yield rest
         before = self.reading
-        yield from self.approach(rest + towards_x)
-        yield from self.hold(rest + towards_x, SETTLING_TIME)
-        _check_displacement(self._sensors, before, self.reading, towards_x)
+        yield from self.approach(bent)
+        yield from self.hold(bent, SETTLING_TIME)
+        _check_cables(self._sensors, before, self.reading, bent - rest)
+        levers = np.cumsum(geometry.lengths[::-1])[::-1] - geometry.lengths / 2
+        sideways = levers @ (shares * geometry.action_bends[:, None])
+        _check_tip(self._sensors, before, self.reading, sideways)
         yield from self.approach(rest)
+
+    def _directions(self) -> Float[np.ndarray, "modules 2"]:
+        """Unit vectors towards which cables bend the modules; zeros for passive ones."""
+        steerable = self._geometry.steerable
+        if steerable is None:
+            return np.tile([1.0, 0.0], (self.arm.module_count, 1))
+        towards_x, towards_y = np.moveaxis(steerable, -1, 0)
+        bends_to_x = np.linalg.norm(towards_x, axis=-1, keepdims=True) > TEST_BEND
+        directions = np.where(bends_to_x, towards_x, towards_y)
+        lengths = np.linalg.norm(directions, axis=-1, keepdims=True)
+        return directions / np.where(lengths > 0.0, lengths, 1.0)
 
 
 class _InspectedRobot(Robot):
@@ -379,29 +397,43 @@ def _described_sensors(arm: ArmSpec) -> dict[str, tuple[str, ...]]:
     return described
 
 
-def _check_displacement(
-    sensors: Mapping[str, Sensor], before: Reading, after: Reading, towards_x: Actions
+def _check_cables(
+    sensors: Mapping[str, Sensor], before: Reading, after: Reading, commanded: Actions
 ) -> None:
-    if "cables" in sensors:
-        change = np.subtract(after["cables"], before["cables"], dtype=float)
-        moved = change * towards_x
-        shares = 100 * moved.sum(axis=-1) / np.sum(towards_x**2, axis=-1)
-        wrong = [
-            f"those of module {number} moved {share:.0f} %"
-            for number, share in enumerate(shares, start=1)
-            if not share > 50
-        ]
-        _require(
-            not wrong,
-            f"'cables' do not follow: {', '.join(wrong)} of the commanded "
-            "displacement: wrong sign, or nothing moves",
-        )
-    if "states" in sensors:
-        displacement = after["states"][-1, POSITION] - before["states"][-1, POSITION]
-        _require(
-            displacement[0] > 0 and displacement[0] > 2 * abs(displacement[1]),
-            f"commanded towards +x, the tip moved by {displacement.round(4)} m",
-        )
+    if "cables" not in sensors:
+        return
+    change = np.subtract(after["cables"], before["cables"], dtype=float)
+    moved = np.sum(change * commanded, axis=-1)
+    wanted = np.sum(commanded**2, axis=-1)
+    wrong = [
+        f"those of module {number + 1} moved {100 * moved[number] / wanted[number]:.0f} %"
+        for number in np.flatnonzero(wanted)
+        if not moved[number] > wanted[number] / 2
+    ]
+    _require(
+        not wrong,
+        f"'cables' do not follow: {', '.join(wrong)} of the commanded "
+        "displacement: wrong sign, or nothing moves",
+    )
+
+
+def _check_tip(
+    sensors: Mapping[str, Sensor],
+    before: Reading,
+    after: Reading,
+    sideways: Float[np.ndarray, "2"],
+) -> None:
+    if "states" not in sensors:
+        return
+    displacement = after["states"][-1, POSITION] - before["states"][-1, POSITION]
+    x, y = sideways / np.linalg.norm(sideways)
+    along = displacement[0] * x + displacement[1] * y
+    across = abs(displacement[1] * x - displacement[0] * y)
+    towards = f"({x:.2f}, {y:.2f}) in x and y" if abs(y) > 1e-6 else "+x"
+    _require(
+        along > 0 and along > 2 * across,
+        f"commanded towards {towards}, the tip moved by {displacement.round(4)} m",
+    )
 
 
 def _require(condition: bool, fault: str) -> None:

@@ -153,9 +153,14 @@ def percent_error(
 def full_ranges(
     values: Float[np.ndarray, "samples modules outputs"],
 ) -> Float[np.ndarray, "modules outputs"]:
-    """Range of each output; one for an output that is constant or unknown."""
+    """Range of each output; one for an output that is constant or unknown.
+
+    What moves by less than the resolution of single precision is constant, as across the
+    plane of a planar arm.
+    """
     known = np.isfinite(values)
     low = np.min(values, axis=0, initial=np.inf, where=known)
     high = np.max(values, axis=0, initial=-np.inf, where=known)
     ranges = high - low
-    return np.where(ranges > 0, ranges, 1.0)
+    resolution = np.finfo(np.float32).eps * np.max(np.abs(values[known]), initial=0.0)
+    return np.where(ranges > resolution, ranges, 1.0)

@@ -104,9 +104,8 @@ def _write(axes: Axes, place, text: str, size: float, **style: Any) -> None:
 def _write_heading(axes: Axes, arm: ArmSpec) -> None:
     """Write the arm's name, description and totals."""
     mass = sum(module.mass for module in arm.modules)
-    modules = "1 module" if arm.module_count == 1 else f"{arm.module_count} modules"
     totals = (
-        f"{modules} of {arm.cable_count} cables  ·  {arm.length:.4g} m  ·  "
+        f"{arm.layout}  ·  {arm.length:.4g} m  ·  "
         f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
     )
     description = shorten(arm.description, 104, placeholder="…")

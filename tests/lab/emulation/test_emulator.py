@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.arm.servos import servos_of
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation import Emulator, EmulatorOptions
-from s2c2a.lab.emulation.emulator import default_servos
 
 ARM = load_arm("twin_arm")
 PATIENCE = 60.0  # s
@@ -129,7 +129,7 @@ def test_the_feetech_library_drives_the_servos(tmp_path):
 
 
 def test_an_arm_without_servos_gets_ids_row_by_row():
-    assert default_servos(ARM).ids == ((1, 2, 3), (4, 5, 6), (7, 8, 9))
+    assert servos_of(ARM).ids == ((1, 2, 3), (4, 5, 6), (7, 8, 9))
 
 
 def test_positions_follow_from_directions_and_home(tmp_path):

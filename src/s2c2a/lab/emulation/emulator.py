@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.servos import MODEL_NUMBERS, Servos
+from s2c2a.arm.servos import MODEL_NUMBERS, servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.lab.emulation.fault_texts import Fault
@@ -89,17 +89,6 @@ class EmulatorOptions:
             )
 
 
-def default_servos(arm: ArmSpec) -> Servos:
-    """Return the servos of an arm without a table `[servos]`.
-
-    Ids count from 1, row by row.
-    """
-    count = arm.cable_count
-    rows = range(arm.module_count)
-    ids = tuple(tuple(range(1 + row * count, 1 + (row + 1) * count)) for row in rows)
-    return Servos.model_validate({"ids": ids})
-
-
 class Emulator(RealTimeArm):
     """Servos of an arm on a pseudo-terminal, in real time.
 
@@ -121,7 +110,7 @@ class Emulator(RealTimeArm):
             S2C2AError: the arm cannot be driven by servos, or an option is invalid.
         """
         self.options = options
-        self.table = arm.servos or default_servos(arm)
+        self.table = servos_of(arm)
         self._protocol = protocol_of(self.table)
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(

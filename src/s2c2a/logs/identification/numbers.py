@@ -245,7 +245,7 @@ def _has_effect(arm: ArmSpec, unknown: Unknown) -> bool:
     driven by tension only the friction has an effect.
     """
     is_cable = unknown.kind.group == "backlash" or unknown.path[-2:-1] == ("cable",)
-    if arm.actuation == "tension" and is_cable and unknown.path[-1] != "friction":
+    if arm.actuation != "displacement" and is_cable and unknown.path[-1] != "friction":
         return False
     if unknown.kind.group == "mass" and not any(arm.gravity_direction):
         return False

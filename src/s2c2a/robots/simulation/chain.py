@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import cables_present
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.robots.simulation.mismatched_module import MismatchedModule, cable_routing
 from s2c2a.spaces import CENTER_LINE_POINTS
@@ -357,7 +358,7 @@ def _cable_site_name(owner: int, cable: int, station: tuple[int, int]) -> str:
 def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
     geometry = ArmGeometry.of(arm)
     modules = [MismatchedModule.of(module) for module in arm.modules]
-    for owner, cable in np.ndindex(geometry.pretensions.shape):
+    for owner, cable in np.argwhere(cables_present(arm)).tolist():
         tendon = spec.add_tendon(name=f"cable_{owner}_{cable}")
         rest_length = 0.0
         if fidelity.routed_cables:
@@ -369,6 +370,8 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
         parameters = arm.modules[owner].cable
         actuator = _add_actuator(spec, tendon.name, parameters.viscous_friction)
+        if arm.actuation == "pressure":
+            _push(actuator, arm.modules[owner].chamber_area or 0.0)
         if arm.actuation == "displacement":
             pretension = float(geometry.pretensions[owner, cable])
             _add_spring(actuator, parameters.stiffness, rest_length, pretension)
@@ -410,6 +413,12 @@ def _add_actuator(spec: mujoco.MjSpec, name: str, viscous_friction: float):
     actuator.gainprm[0] = -1.0
     actuator.biasprm[2] = -viscous_friction
     return actuator
+
+
+def _push(actuator, area: float) -> None:
+    """Turn an actuator into a chamber, which takes a pressure and pushes."""
+    actuator.forcerange = (0.0, mujoco.mjMAXVAL)
+    actuator.gainprm[0] = area
 
 
 def _add_spring(

@@ -41,7 +41,6 @@ def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
 
     A quarter of the range plus noise beyond the limits is still plausible.
     """
-    displacement = arm.actuation == "displacement"
     noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
     scale = np.abs(geometry.action_scale)[:, None]
     bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
@@ -49,7 +48,7 @@ def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
     margin = 0.25 * scale + noise
     return Sensor(
         geometry.action_neutral.shape,
-        "m" if displacement else "N",
+        arm.unit,
         low=geometry.action_low - margin,
         high=geometry.action_high + margin,
         fastest=rate + noise * arm.control_rate,

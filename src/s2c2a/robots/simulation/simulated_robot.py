@@ -8,7 +8,7 @@ from jaxtyping import Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm.geometry import cables_present, per_cable, per_module
 from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import SETTLING_TIME, Robot, checked_action
@@ -81,6 +81,7 @@ class SimulatedRobot(Robot):
             )
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
+        self._present = cables_present(arm)
         self._fidelity = get_fidelity(fidelity)
         self._true_arm = load_twin(arm, twin) if twin else arm
         self._seed = seed
@@ -188,7 +189,7 @@ class SimulatedRobot(Robot):
         }
         noise = self.arm.motor.current_noise
         if noise is not None:
-            values["tensions"] = self._currents.read(
+            values["tensions"] = self._present * self._currents.read(
                 self._motor_tensions(), noise, self._random
             )
         if self._center_line is not None:
@@ -246,7 +247,7 @@ class SimulatedRobot(Robot):
         )
         self._motors = path[-1]
         self._currents.move(self._motors)
-        return transmitted.reshape(len(times), -1)
+        return transmitted[:, self._present]
 
     def _record_measurements(self, measurements: Float[np.ndarray, "times n"]) -> None:
         if not self.model.nsensordata:
@@ -300,7 +301,7 @@ class SimulatedRobot(Robot):
         """Shift the zero of every motor by `size` [m] in a random direction."""
         random = random_stream(self._seed, Stream.HOMING_EVENT, self._open_count)
         signs = random.choice([-1.0, 1.0], self._motors.shape)
-        self._homing_errors = self._homing_errors + size * signs
+        self._homing_errors = self._homing_errors + size * self._present * signs
 
     def reduce_cable_stiffness(self, share: float) -> None:
         """Reduce the stiffness of cable 0 of module 0, the most loaded, by a share."""
@@ -327,7 +328,15 @@ class SimulatedRobot(Robot):
 
     def tensions(self) -> Float[np.ndarray, "modules cables"]:
         """Return the tensions at the modules [N], shape (modules, cables)."""
-        return -self.data.actuator_force.reshape(self._geometry.action_neutral.shape)
+        return self._per_cable(-self.data.actuator_force)
+
+    def _per_cable(
+        self, values: Float[np.ndarray, " cables"]
+    ) -> Float[np.ndarray, "modules cables"]:
+        """Values of MuJoCo's cables by module; zero where a module has no cable."""
+        rows = np.zeros(self._present.shape)
+        rows[self._present] = values
+        return rows
 
     def _build_model(self, payload: float) -> mujoco.MjModel:
         if not (np.isfinite(payload) and 0 <= payload <= MAX_PAYLOAD):
@@ -373,14 +382,15 @@ class SimulatedRobot(Robot):
     def _measure_cables(self) -> Actions:
         motor = self.arm.motor
         if self.arm.actuation == "displacement":
-            return read_encoders(self._motors, motor, self._random)
-        noise = self._random.normal(scale=motor.noise_tension, size=self._motors.shape)
-        return self._motors + noise
+            return self._present * read_encoders(self._motors, motor, self._random)
+        scale = motor.measurement_noise(self.arm.actuation)
+        noise = self._random.normal(scale=scale, size=self._motors.shape)
+        return self._motors + self._present * noise
 
     def _sample_homing_errors(self) -> Actions:
         """Sample the offsets of the motors' zeros [m], new at every opening."""
         random = random_stream(self._seed, Stream.HOMING, self._open_count)
-        return random.normal(
+        return self._present * random.normal(
             scale=self._true_arm.motor.homing_error, size=self._motors.shape
         )
 
@@ -389,7 +399,7 @@ class SimulatedRobot(Robot):
         if self.arm.actuation == "tension":
             return self._motors
         friction = per_cable(self._true_arm, "cable.viscous_friction")
-        drag = friction * self.data.ten_velocity.reshape(self._motors.shape)
+        drag = friction * self._per_cable(self.data.ten_velocity)
         spring_tensions = np.maximum(self.tensions() - drag, 0.0)
         return self._transmission.motor_tensions(
             spring_tensions, self._bend_angles(), self._currents.winding

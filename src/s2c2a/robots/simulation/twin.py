@@ -26,7 +26,4 @@ def load_twin(arm: ArmSpec, file: str) -> ArmSpec:
 
 
 def _describe_layout(arm: ArmSpec) -> str:
-    return (
-        f"{arm.module_count} modules of {arm.cable_count} cables "
-        f"with {arm.actuation} actuation"
-    )
+    return f"{arm.layout} with {arm.actuation} actuation"
