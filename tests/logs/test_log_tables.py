@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from s2c2a.logs import array_files, mat_files, tables
+from s2c2a.logs import array_files, mat_files, text_files
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.tables import ColumnRequest, read_table
+from s2c2a.logs.reading import read_table
+from s2c2a.logs.tables import ColumnRequest
 
 AB = ColumnRequest(["a", "b"])
 
@@ -109,7 +110,7 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 
 def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
-    monkeypatch.setattr(tables, "MAX_BYTES", 1000)
+    monkeypatch.setattr(text_files, "MAX_BYTES", 1000)
     monkeypatch.setattr(array_files, "MAX_BYTES", 1000)
     monkeypatch.setattr(mat_files, "MAX_BYTES", 1000)
     with pytest.raises(LogError, match="more than 1000 bytes"):

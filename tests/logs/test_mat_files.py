@@ -15,7 +15,9 @@ from s2c2a.logs import mat_files
 from s2c2a.logs.array_files import read_mat
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.mat_files import read_mat_arrays
+from s2c2a.logs.tables import ColumnRequest
 
+ANY = ColumnRequest(["a"])
 DTYPES = ["f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?"]
 VALUES = {kind: np.arange(12).reshape(2, 3, 2).astype(kind) for kind in DTYPES}
 
@@ -65,7 +67,9 @@ def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
     )
     head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x0100) + b"MI"
     (tmp_path / "log.mat").write_bytes(head + element(14, array))
-    np.testing.assert_array_equal(read_mat(tmp_path / "log.mat")["a"], [1.5, -2.0])
+    np.testing.assert_array_equal(
+        read_mat(tmp_path / "log.mat", ANY).numbers["a"], [1.5, -2.0]
+    )
 
 
 SMALL = mat({"a": np.arange(3.0), "t": "up"})
@@ -75,7 +79,7 @@ PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
 def is_read_or_refused(path, content: bytes) -> None:
     path.write_bytes(content)
     with suppress(LogError):  # any other error fails
-        read_mat(path)
+        read_mat(path, ANY)
 
 
 @pytest.mark.parametrize("whole", [SMALL, PACKED])
@@ -103,7 +107,7 @@ def test_the_type_of_the_numbers_is_checked(tmp_path):
     damaged[place] = 0
     (tmp_path / "log.mat").write_bytes(damaged)
     with pytest.raises(LogError, match=r"log\.mat.*the array 'a' holds no numbers"):
-        read_mat(tmp_path / "log.mat")
+        read_mat(tmp_path / "log.mat", ANY)
 
 
 def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch):
@@ -112,10 +116,10 @@ def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch)
     packed = struct.pack("<II", 15, len(unknown)) + unknown
     path = tmp_path / "log.mat"
     path.write_bytes(SMALL[:128] + 2 * packed)
-    assert read_mat(path) == {}
+    assert read_mat_arrays(path) == {}
     path.write_bytes(SMALL[:128] + 3 * packed)
     with pytest.raises(LogError, match="unpacks to more than"):
-        read_mat(path)
+        read_mat(path, ANY)
 
 
 def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
