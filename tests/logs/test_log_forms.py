@@ -2,10 +2,15 @@
 
 import gzip
 import json
+import re
+import sys
 from datetime import UTC, datetime
 
 import numpy as np
+import openpyxl  # type: ignore[import-untyped]
+import pyarrow  # type: ignore[import-untyped]
 import pytest
+from pyarrow import parquet  # type: ignore[import-untyped]
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
 from s2c2a.logs import map_from_toml
@@ -316,3 +321,80 @@ def test_lines_to_skip_are_one_for_each_joined_file(log):
     text = log[0].map.replace("[arm]", "skip_lines = [0, 1]\n[arm]")
     with pytest.raises(LogError, match="skip_lines has 2 numbers for 1 joined"):
         map_from_toml(text)
+
+
+def write_sheet(path, columns, times):
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.append(list(columns))
+    for time, values in zip(times, zip(*columns.values(), strict=True), strict=True):
+        sheet.append([time, *map(float, values[1:])])
+    book.save(path)
+
+
+@pytest.mark.parametrize("has_stamps", [False, True])
+def test_sheets_are_the_same_session(log, tmp_path, has_stamps):
+    _, columns = log
+    times = columns["t"].tolist()
+    if has_stamps:
+        times = [datetime.fromtimestamp(EPOCH + t, UTC) for t in times]
+        times = [time.replace(tzinfo=None) for time in times]
+    path = tmp_path / "log.xlsx"
+    write_sheet(path, columns, times)
+    simulated, _ = log
+    expected = session_of(simulated.path, simulated.map)
+    session = session_of(path, simulated.map)
+    np.testing.assert_array_equal(session.positions, expected.positions)
+    # Excel stores a day in double precision
+    times = session.time - session.time[0]
+    np.testing.assert_allclose(times, expected.time, atol=2e-3)
+
+
+@pytest.mark.parametrize("has_stamps", [False, True])
+def test_parquet_is_the_same_session(log, tmp_path, has_stamps):
+    simulated, columns = log
+    rows = list(json_rows(columns))
+    if has_stamps:
+        for row in rows:
+            row["t"] = datetime.fromtimestamp(EPOCH + row["t"], UTC)
+    path = tmp_path / "log.parquet"
+    parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+    check_same(log, path, nested(simulated.map))
+
+
+def test_parquet_with_dots_in_its_names_is_the_same_session(log, tmp_path):
+    simulated, columns = log
+    named = {f"a.{name}": values for name, values in columns.items()}
+    text = simulated.map
+    for name in columns:
+        text = text.replace(f'"{name}"', f'"a.{name}"')
+    path = tmp_path / "log.parquet"
+    parquet.write_table(pyarrow.table(named), path)
+    check_same(log, path, text)
+
+
+@pytest.mark.parametrize("name", ["log.xlsx", "log.parquet"])
+def test_without_the_extra_the_way_out_names_it(log, tmp_path, monkeypatch, name):
+    path = tmp_path / name
+    path.write_bytes(b"PK")
+    for module in ("openpyxl", "pyarrow.parquet"):
+        monkeypatch.setitem(sys.modules, module, None)
+    form = {"log.xlsx": "XLSX", "log.parquet": "Parquet"}[name]
+    told = f'{form}: export as CSV, or install the extra: pip install "s2c2a[tables]"'
+    with pytest.raises(LogError, match=re.escape(told)):
+        session_of(path, log[0].map)
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "parquet"])
+def test_damaged_tables_are_errors(log, tmp_path, ending):
+    simulated, columns = log
+    path = tmp_path / f"log.{ending}"
+    if ending == "xlsx":
+        write_sheet(path, columns, columns["t"].tolist())
+    else:
+        parquet.write_table(pyarrow.table(columns), path)
+    content = path.read_bytes()
+    for cut in (0, 4, len(content) // 2, len(content) - 3):
+        path.write_bytes(content[:cut])
+        with pytest.raises(LogError):
+            session_of(path, simulated.map)

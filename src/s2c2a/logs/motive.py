@@ -8,7 +8,7 @@ of assets, "Rotation" or "Position", and "Frame,Time (Seconds),X,Y,Z,W,...".
 import io
 import os
 from collections.abc import Sequence
-from itertools import chain
+from itertools import islice
 
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import LogError
@@ -35,20 +35,21 @@ def read_export(path: str | os.PathLike, text: str) -> CaptureExport:
     """
     rows = split_rows(io.StringIO(text, newline=""), ",")
     header: list[list[str]] = []
-    for _, row in rows:
+    for _, row in islice(rows, MAX_HEADER):
         header.append([cell.strip() for cell in row])
         if header[-1][0] == "Frame":
-            break
-        if len(header) >= MAX_HEADER:
             break
     if header[-1][0] != "Frame":
         raise LogError(
             f'{path} begins as an export of Motive, and has no line "Frame,Time '
             '(Seconds),..."; export it with header'
         )
-    keys = dict(zip(header[0][::2], header[0][1::2], strict=False))
-    unit = UNITS.get(keys.get("Length Units", "").lower(), "")
-    return CaptureExport(_names(header), chain(rows), unit)
+    cells = header[0]
+    unit = ""
+    if "Length Units" in cells[:-1]:
+        stated = cells[cells.index("Length Units") + 1]
+        unit = UNITS.get(stated.lower(), "")
+    return CaptureExport(_names(header), rows, unit)
 
 
 def _names(header: Sequence[list[str]]) -> list[str]:

@@ -8,6 +8,8 @@ from pathlib import Path
 from s2c2a.logs.array_files import read_mat, read_npz
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.json_lines import read_json_lines
+from s2c2a.logs.parquet_files import read_parquet
+from s2c2a.logs.sheet_files import read_xlsx
 from s2c2a.logs.tables import ColumnRequest, Table
 from s2c2a.logs.text_files import read_text_file
 
@@ -32,6 +34,8 @@ class Form:
 FORMS = (
     Form("NPZ", (".npz",), read_npz),
     Form("MAT", (".mat",), read_mat),
+    Form("Parquet", (".parquet", ".pq"), read_parquet),
+    Form("XLSX", (".xlsx", ".xlsm"), read_xlsx),
     Form("JSON lines", (".jsonl", ".ndjson", ".json"), read_json_lines),
 )
 """Forms that endings show; every other file is read as delimited text."""
@@ -43,8 +47,6 @@ WAYS_OUT = {
     ".nc": "netCDF: save the arrays as NPZ, with numpy.savez",
     ".pt": "PyTorch: it could run code; save the arrays as NPZ, with numpy.savez",
     ".tdms": "TDMS: export as CSV from LabVIEW or DIAdem",
-    ".xlsx": "XLSX: export as CSV",
-    ".parquet": "Parquet: save it as CSV",
     ".pkl": "pickle: it could run code; save the arrays as NPZ, with numpy.savez",
     ".pickle": "pickle: it could run code; save the arrays as NPZ, with numpy.savez",
     ".xls": "XLS: export as CSV",

@@ -166,9 +166,12 @@ class TableBuilder:
             name: np.array([row[index] for row in self._label_rows], object)
             for index, name in enumerate(self.labels)
         }
-        stamps = {name for name, count in self._stamp_counts.items() if count}
-        for name in stamps:
-            if self._stamp_counts[name] < np.isfinite(numbers[name]).sum():
+        stamps = set()
+        for name, count in self._stamp_counts.items():
+            if not count:
+                continue
+            stamps.add(name)
+            if count < np.isfinite(numbers[name]).sum():
                 raise LogError(
                     f"{self._path}: column '{name}' has both numbers and time stamps; "
                     "write all times in one form"
