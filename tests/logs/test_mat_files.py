@@ -46,7 +46,9 @@ def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
     ours = read_mat_arrays(path)
     theirs = loadmat(path)
     assert set(values) - set(ours) == {"cell", "struct", "complex"}
-    for name, array in ours.items():
+    assert set(ours) - set(values) == {"cell.0", "cell.1", "struct.a"}
+    for name in set(ours) & set(values):
+        array = ours[name]
         expected = theirs[name]
         if array.dtype.kind == "U":
             expected = np.char.strip(expected)
@@ -72,7 +74,8 @@ def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
     )
 
 
-SMALL = mat({"a": np.arange(3.0), "t": "up"})
+NESTED = {"a": np.arange(3.0), "t": "up", "s": {"c": np.array([1, "x"], object)}}
+SMALL = mat(NESTED)
 PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
 
 
@@ -130,3 +133,31 @@ def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
     monkeypatch.setattr(mat_files, "MAX_ROWS", 2)
     with pytest.raises(LogError, match="a text has 3 rows; at most 2"):
         read_mat_arrays(path)
+
+
+def test_structures_and_cells_are_columns_with_dots(tmp_path):
+    cell = np.empty(3, object)
+    cell[:] = [np.arange(5.0) + index for index in range(3)]
+    samples = np.array(
+        [(k, [k, 2 * k]) for k in range(5)], dtype=[("t", object), ("p", object)]
+    )
+    scalars = np.array([1.0, 2.0, 3.0, 4.0, 5.0], object)
+    log = {"t": np.arange(5.0), "u": np.arange(10.0).reshape(5, 2), "deep": {"c": cell}}
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat({"log": log, "s": samples, "n": scalars}, do_compression=True))
+    names = ["log.t", "log.u.1", "log.deep.c.2", "s.t", "s.p.1", "n"]
+    numbers = read_mat(path, ColumnRequest(names)).numbers
+    count = np.arange(5.0)
+    expected = [count, 2 * count + 1, count + 2, count, 2 * count, count + 1]
+    for name, values in zip(names, expected, strict=True):
+        np.testing.assert_array_equal(numbers[name], values)
+
+
+def test_deep_nests_are_refused(tmp_path):
+    value = {"a": 1.0}
+    for _ in range(9):
+        value = {"a": value}
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat({"log": value}))
+    with pytest.raises(LogError, match="nested more than 8 deep"):
+        read_mat(path, ANY)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from s2c2a.logs.array_orientation import orient_arrays
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 from s2c2a.logs.mat_files import read_mat_arrays
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
@@ -29,7 +30,7 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
                     f"at most {MAX_COLUMNS} arrays and {MAX_BYTES} bytes are read"
                 )
         with np.load(path, allow_pickle=False) as arrays:
-            columns = _split_columns({name: arrays[name] for name in arrays.files})
+            columns = _columns({name: arrays[name] for name in arrays.files}, request)
     except LogError:
         raise
     except Exception as error:  # an untrusted file may raise any error
@@ -47,7 +48,7 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
             large.
     """
     try:
-        columns = _split_columns(read_mat_arrays(path))
+        columns = _columns(read_mat_arrays(path), request)
     except LogError:
         raise
     except Exception as error:  # an untrusted file may raise any error
@@ -56,6 +57,13 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
             "save plain arrays of numbers with -v7"
         ) from error
     return table_of_arrays(path, columns, request)
+
+
+def _columns(
+    arrays: Mapping[str, np.ndarray],
+    request: ColumnRequest,
+) -> dict[str, np.ndarray]:
+    return _split_columns(orient_arrays(arrays, request))
 
 
 def _split_columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:

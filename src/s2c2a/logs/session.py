@@ -232,7 +232,10 @@ def _axes(table: Table, end: End) -> np.ndarray:
 
 
 def _check_rotations(
-    table: Table, columns: Sequence[str], values: np.ndarray, known: np.ndarray
+    table: Table,
+    columns: Sequence[str],
+    values: np.ndarray,
+    known: np.ndarray,
 ) -> None:
     """Refuse matrices that are no rotations."""
     matrices = values.reshape(-1, 3, 3)

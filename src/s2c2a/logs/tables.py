@@ -85,7 +85,9 @@ def list_names(names: Collection[str]) -> str:
 
 
 def check_any_found(
-    path: str | os.PathLike, found: Collection[str], available: Collection[str]
+    path: str | os.PathLike,
+    found: Collection[str],
+    available: Collection[str],
 ) -> None:
     """Refuse a file without any of the columns.
 
@@ -237,7 +239,9 @@ def seconds_of(cell: Any) -> float | None:
 
 
 def table_of_arrays(
-    path: str | os.PathLike, arrays: Mapping[str, np.ndarray], request: ColumnRequest
+    path: str | os.PathLike,
+    arrays: Mapping[str, np.ndarray],
+    request: ColumnRequest,
 ) -> Table:
     """Table of the requested columns among arrays.
 

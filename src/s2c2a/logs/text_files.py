@@ -45,7 +45,9 @@ def _read(path: str | os.PathLike, text: str, request: ColumnRequest) -> Table:
 
 
 def _rows_of(
-    path: str | os.PathLike, text: str, request: ColumnRequest
+    path: str | os.PathLike,
+    text: str,
+    request: ColumnRequest,
 ) -> CaptureExport:
     """Names and rows of a text: an export, or a table without units."""
     for system in (motive, qualisys):
@@ -58,7 +60,9 @@ def _rows_of(
 
 
 def _check_names(
-    path: str | os.PathLike, names: list[str], request: ColumnRequest
+    path: str | os.PathLike,
+    names: list[str],
+    request: ColumnRequest,
 ) -> None:
     if len(names) > MAX_COLUMNS:
         raise LogError(
