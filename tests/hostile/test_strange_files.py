@@ -32,7 +32,8 @@ from s2c2a.lab.tracking.tags.capture import open_device
 from s2c2a.lab.tracking.tags.layout import load_layout
 from s2c2a.lab.tracking.tags.live_calibration import read_pictures
 from s2c2a.logs import load_map
-from s2c2a.logs.tables import ColumnRequest, read_table
+from s2c2a.logs.reading import read_table
+from s2c2a.logs.tables import ColumnRequest
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_networks, load_recipe
 from s2c2a.strategies.files import arm_of_strategy
@@ -63,7 +64,10 @@ BY_PATH = READERS | {
     "own.safetensors": arm_of_strategy,
 }
 """All that reads a file whose path the user gives, beside tables of logs."""
-TABLES = {name: partial(read_table, request=AB) for name in ("t.csv", "t.npz", "t.mat")}
+TABLES = {
+    name: partial(read_table, request=AB)
+    for name in ("t.csv", "t.npz", "t.mat", "t.jsonl")
+}
 
 
 @pytest.fixture

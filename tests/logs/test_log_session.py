@@ -38,6 +38,9 @@ def make_map(
     [
         ("m", 1),
         ("mm", 1e-3),
+        ("cm", 1e-2),
+        ("in", 0.0254),
+        ("ft", 0.3048),
         ("turns", 0.02 * np.pi),
         ("ticks", 2e-5 * np.pi),
         ("deg", np.pi / 18000),
@@ -146,3 +149,31 @@ def test_files_without_common_keys_or_with_duplicates_are_refused():
 def test_a_missing_column_is_named():
     with pytest.raises(LogError, match="names: m"):
         build_session([Table("t", TIP, {})], make_map())
+
+
+COLUMNS = tuple(f"r{index}" for index in range(9))
+MATRIX = POSITION + f"matrix = {list(COLUMNS)}\n"
+
+
+@pytest.mark.parametrize("is_mirror", [False, True])
+def test_a_matrix_is_read_row_by_row_and_a_mirror_is_refused(is_mirror):
+    matrices = Rotation.from_euler("xyz", [[10, 20, 30], [50, 0, -20]], degrees=True)
+    values = matrices.as_matrix()
+    if is_mirror:
+        values[1, 0] *= -1
+    rows = dict(zip(COLUMNS, values.reshape(2, 9).T, strict=True))
+    tables = [Table("t", TIP | rows | {"m": np.zeros(2)}, {})]
+    if is_mirror:
+        with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 rows"):
+            build_session(tables, make_map(ends=MATRIX))
+        return
+    session = build_session(tables, make_map(ends=MATRIX))
+    np.testing.assert_allclose(session.axes[:, 0], values[:, :, 2], atol=1e-12)
+
+
+def test_scales_of_drives_and_ends_are_factors_to_their_units():
+    ends = POSITION + "scale = 2.0\n"
+    log_map = make_map('commanded = "m"\nunit = "mm"\nscale = 0.5\noffset = 4\n', ends)
+    session = build_session([Table("t", TIP | {"m": np.array([4, 8])}, {})], log_map)
+    np.testing.assert_allclose(session.commanded[:, 0], [0, 0.002])
+    np.testing.assert_allclose(session.positions[0, 0], [0.002, 0, 0.4])

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from s2c2a.logs import array_files, mat_files, tables
+from s2c2a.logs import array_files, mat_files, text_files
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.tables import ColumnRequest, read_table
+from s2c2a.logs.reading import read_table
+from s2c2a.logs.tables import ColumnRequest
 
 AB = ColumnRequest(["a", "b"])
 
@@ -109,7 +110,7 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 
 def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
-    monkeypatch.setattr(tables, "MAX_BYTES", 1000)
+    monkeypatch.setattr(text_files, "MAX_BYTES", 1000)
     monkeypatch.setattr(array_files, "MAX_BYTES", 1000)
     monkeypatch.setattr(mat_files, "MAX_BYTES", 1000)
     with pytest.raises(LogError, match="more than 1000 bytes"):
@@ -234,3 +235,29 @@ def test_damaged_files_are_errors(tmp_path, ending):
         except LogError:
             errors += 1
     assert errors > 20
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"t": np.arange(5.0), "p": np.arange(15.0).reshape(5, 3)},
+        {"t": np.arange(5.0), "p": np.arange(15.0).reshape(5, 3).T},
+        {"t": np.arange(5.0).reshape(1, 5), "p": np.arange(15.0).reshape(5, 3).T},
+        {"u": np.zeros((2, 5)), "p": np.arange(15.0).reshape(5, 3).T},
+        {"p": np.arange(15.0).reshape(5, 3).T},
+    ],
+)
+def test_arrays_of_channels_by_samples_are_transposed(tmp_path, ending, values):
+    path = tmp_path / f"log.{ending}"
+    np.savez(path, **values) if ending == "npz" else savemat(path, values)
+    names = ["t", "u.0", "p.0", "p.1", "p.2"]
+    numbers = read_table(path, ColumnRequest(names)).numbers
+    np.testing.assert_array_equal(numbers["p.1"], [1, 4, 7, 10, 13])
+
+
+def test_an_array_that_may_be_read_in_two_ways_is_refused_with_the_way_out(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, p=np.zeros((3, 5)))
+    with pytest.raises(LogError, match=r"'p' is 3 x 5, .* such as p = p\.'"):
+        read_table(path, ColumnRequest(["p.0", "p.1"]))

@@ -15,7 +15,9 @@ from s2c2a.logs import mat_files
 from s2c2a.logs.array_files import read_mat
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.mat_files import read_mat_arrays
+from s2c2a.logs.tables import ColumnRequest
 
+ANY = ColumnRequest(["a"])
 DTYPES = ["f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?"]
 VALUES = {kind: np.arange(12).reshape(2, 3, 2).astype(kind) for kind in DTYPES}
 
@@ -44,7 +46,9 @@ def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
     ours = read_mat_arrays(path)
     theirs = loadmat(path)
     assert set(values) - set(ours) == {"cell", "struct", "complex"}
-    for name, array in ours.items():
+    assert set(ours) - set(values) == {"cell.0", "cell.1", "struct.a"}
+    for name in set(ours) & set(values):
+        array = ours[name]
         expected = theirs[name]
         if array.dtype.kind == "U":
             expected = np.char.strip(expected)
@@ -65,17 +69,20 @@ def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
     )
     head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x0100) + b"MI"
     (tmp_path / "log.mat").write_bytes(head + element(14, array))
-    np.testing.assert_array_equal(read_mat(tmp_path / "log.mat")["a"], [1.5, -2.0])
+    np.testing.assert_array_equal(
+        read_mat(tmp_path / "log.mat", ANY).numbers["a"], [1.5, -2.0]
+    )
 
 
-SMALL = mat({"a": np.arange(3.0), "t": "up"})
+NESTED = {"a": np.arange(3.0), "t": "up", "s": {"c": np.array([1, "x"], object)}}
+SMALL = mat(NESTED)
 PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
 
 
 def is_read_or_refused(path, content: bytes) -> None:
     path.write_bytes(content)
     with suppress(LogError):  # any other error fails
-        read_mat(path)
+        read_mat(path, ANY)
 
 
 @pytest.mark.parametrize("whole", [SMALL, PACKED])
@@ -103,7 +110,7 @@ def test_the_type_of_the_numbers_is_checked(tmp_path):
     damaged[place] = 0
     (tmp_path / "log.mat").write_bytes(damaged)
     with pytest.raises(LogError, match=r"log\.mat.*the array 'a' holds no numbers"):
-        read_mat(tmp_path / "log.mat")
+        read_mat(tmp_path / "log.mat", ANY)
 
 
 def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch):
@@ -112,10 +119,10 @@ def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch)
     packed = struct.pack("<II", 15, len(unknown)) + unknown
     path = tmp_path / "log.mat"
     path.write_bytes(SMALL[:128] + 2 * packed)
-    assert read_mat(path) == {}
+    assert read_mat_arrays(path) == {}
     path.write_bytes(SMALL[:128] + 3 * packed)
     with pytest.raises(LogError, match="unpacks to more than"):
-        read_mat(path)
+        read_mat(path, ANY)
 
 
 def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
@@ -126,3 +133,31 @@ def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
     monkeypatch.setattr(mat_files, "MAX_ROWS", 2)
     with pytest.raises(LogError, match="a text has 3 rows; at most 2"):
         read_mat_arrays(path)
+
+
+def test_structures_and_cells_are_columns_with_dots(tmp_path):
+    cell = np.empty(3, object)
+    cell[:] = [np.arange(5.0) + index for index in range(3)]
+    samples = np.array(
+        [(k, [k, 2 * k]) for k in range(5)], dtype=[("t", object), ("p", object)]
+    )
+    scalars = np.array([1.0, 2.0, 3.0, 4.0, 5.0], object)
+    log = {"t": np.arange(5.0), "u": np.arange(10.0).reshape(5, 2), "deep": {"c": cell}}
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat({"log": log, "s": samples, "n": scalars}, do_compression=True))
+    names = ["log.t", "log.u.1", "log.deep.c.2", "s.t", "s.p.1", "n"]
+    numbers = read_mat(path, ColumnRequest(names)).numbers
+    count = np.arange(5.0)
+    expected = [count, 2 * count + 1, count + 2, count, 2 * count, count + 1]
+    for name, values in zip(names, expected, strict=True):
+        np.testing.assert_array_equal(numbers[name], values)
+
+
+def test_deep_nests_are_refused(tmp_path):
+    value = {"a": 1.0}
+    for _ in range(9):
+        value = {"a": value}
+    path = tmp_path / "log.mat"
+    path.write_bytes(mat({"log": value}))
+    with pytest.raises(LogError, match="nested more than 8 deep"):
+        read_mat(path, ANY)

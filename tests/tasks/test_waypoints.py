@@ -189,8 +189,6 @@ def test_a_missing_file_is_reported_with_the_columns(tmp_path):
         "time,x,y",
         "x,y,z",
         "time,x,y,z,speed",
-        "time;x;y;z",
-        "Time,x,y,z",
         "time,x,y,z,axis_x",
         "time,x,x,y,z",
         "time,x,y,z,axis_x,axis_y",
@@ -357,3 +355,28 @@ def test_positions_in_millimeters_are_refused(twin):
         TargetError, match=r"coordinates of up to 300 m \(at 1 s\).* in meters"
     ):
         waypoints_task("millimeters", [far], twin)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time;x;y;z\n0;0,05;0;0,58\n1;0;0,05;0,6\n",
+        "time\tx\ty\tz\n0\t0.05\t0\t0.58\n1\t0\t0.05\t0.6\n",
+        "Time,X,Y,Z\n0,0.05,0,0.58\n1,0,0.05,0.6\n",
+        "time [s],x [mm],y (mm),z [cm]\n0,50,0,58\n1,0,50,60\n",
+        "\ufefftime x  y z\n0 0.05 0 0.58\n1 0 0.05 0.6\n",
+        "# a path\n# time x y z\n0 0.05 0 0.58\n1 0 0.05 0.6\n",
+    ],
+)
+def test_tables_of_other_programs_are_the_same_path(table, text):
+    (track,) = load_waypoints(table(text))
+    np.testing.assert_allclose(track.positions, [[0.05, 0, 0.58], [0, 0.05, 0.6]])
+    np.testing.assert_array_equal(track.times, [0, 1])
+
+
+@pytest.mark.parametrize("column", ["x [kg]", "time [mm]"])
+def test_an_unknown_unit_is_refused_with_the_known_ones(table, column):
+    name = column.split()[0]
+    text = "time,x,y,z\n0,0,0,0.6\n".replace(name, column)
+    with pytest.raises(TargetError, match="write one of these: "):
+        load_waypoints(table(text))

@@ -2,7 +2,9 @@
 
 The pipeline (`pipeline.import_logs`):
 
-1. `tables` (with `array_files`) reads CSV, NPZ, and MAT files as named columns.
+1. `reading` chooses the reader of a file (`text_files`, `json_lines`, `array_files`,
+   `sheet_files`, `parquet_files`, `motive`, `qualisys`), which gives named columns
+   (`tables`).
 2. `log_map` validates the map, which describes columns, units, and the frame.
 3. `session` converts the columns to SI units, in the frame of the log.
    `cleaning` excludes poses that cannot be true.

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from s2c2a.logs.array_orientation import orient_arrays
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
 from s2c2a.logs.mat_files import read_mat_arrays
+from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
 
-def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
-    """Columns of an NPZ file.
+def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read the requested columns of an NPZ file.
 
     The columns of an array with several axes are named `name.0`, `name.1`, and so on.
 
@@ -28,24 +30,25 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
                     f"at most {MAX_COLUMNS} arrays and {MAX_BYTES} bytes are read"
                 )
         with np.load(path, allow_pickle=False) as arrays:
-            return _split_columns({name: arrays[name] for name in arrays.files})
+            columns = _columns({name: arrays[name] for name in arrays.files}, request)
     except LogError:
         raise
     except Exception as error:  # an untrusted file may raise any error
         raise LogError(
             f"{path} cannot be read as NPZ: {error}; save plain arrays of numbers"
         ) from error
+    return table_of_arrays(path, columns, request)
 
 
-def read_mat(path: str | os.PathLike) -> dict[str, np.ndarray]:
-    """Columns of a MAT file of version 5, named as in `read_npz`.
+def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read the requested columns of a MAT file of version 5, named as in `read_npz`.
 
     Raises:
         LogError: the file does not exist, is damaged, of version 7.3 (HDF5), or too
             large.
     """
     try:
-        return _split_columns(read_mat_arrays(path))
+        columns = _columns(read_mat_arrays(path), request)
     except LogError:
         raise
     except Exception as error:  # an untrusted file may raise any error
@@ -53,6 +56,14 @@ def read_mat(path: str | os.PathLike) -> dict[str, np.ndarray]:
             f"{path} cannot be read as MAT: {error}; "
             "save plain arrays of numbers with -v7"
         ) from error
+    return table_of_arrays(path, columns, request)
+
+
+def _columns(
+    arrays: Mapping[str, np.ndarray],
+    request: ColumnRequest,
+) -> dict[str, np.ndarray]:
+    return _split_columns(orient_arrays(arrays, request))
 
 
 def _split_columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -61,7 +72,7 @@ def _split_columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     for name, array in arrays.items():
         array = np.asarray(array)
         # structures, cells, objects, and arrays without any value are skipped
-        if array.dtype.kind not in "fiubU" or not array.size:
+        if array.dtype.kind not in "fiubUM" or not array.size:
             continue
         if array.ndim == 2 and 1 in array.shape:
             array = array.reshape(-1)

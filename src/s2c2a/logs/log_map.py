@@ -54,6 +54,9 @@ BodyDirection = Annotated[
 ]
 ModuleIndex = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
 MapText = Annotated[str, Field(max_length=MAX_TEXT)]
+SkippedLines = Annotated[int, Field(ge=0, le=1000)]
+Scale = Annotated[Number, Field(gt=0, le=1e6)]
+LengthUnit = Literal["mm", "cm", "m", "in", "ft"]
 ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
 
 
@@ -86,7 +89,8 @@ class Rows(MapTable):
         kind: "timed": samples, resampled to the control rate; "steps": settled poses,
             one control step each.
         time: time column; without it, rows follow at `rate`.
-        unit: unit of the time column, or its length in seconds.
+        unit: unit of the time column, or its length in seconds. By default seconds, and
+            for times since 1970 the unit that their size shows; time stamps need none.
         rate: row rate of a log without a time column [Hz].
         longest_gap: longest interval that is interpolated; a longer one ends an
             episode; estimated by default [s].
@@ -97,7 +101,7 @@ class Rows(MapTable):
         shortest: fewest steps of an episode; shorter ones are dropped.
         first_row: number of rows to skip at the beginning.
         rows: number of rows to read; all by default.
-        skip_lines: number of lines above the header.
+        skip_lines: number of lines above the header, or one for each joined file.
         broken_rows: whether an unreadable row is an error or a gap.
         outliers: whether poses that cannot be true, such as marker jumps, become
             unknown.
@@ -105,7 +109,7 @@ class Rows(MapTable):
 
     kind: Literal["timed", "steps"] = "timed"
     time: Column | None = None
-    unit: Literal["s", "ms", "us", "ns", "min"] | Number = "s"
+    unit: Literal["s", "ms", "us", "ns", "min"] | Number | None = None
     rate: Number | None = Field(default=None, gt=0, le=1e5)
     longest_gap: Number | None = Field(default=None, gt=0, le=1e6)
     label: Column | None = None
@@ -113,7 +117,7 @@ class Rows(MapTable):
     shortest: int = Field(default=8, ge=2, le=100_000)
     first_row: int = Field(default=0, ge=0)
     rows: int | None = Field(default=None, ge=1)
-    skip_lines: int = Field(default=0, ge=0, le=1000)
+    skip_lines: SkippedLines | tuple[SkippedLines, ...] = 0
     broken_rows: Literal["refuse", "gap"] = "refuse"
     outliers: Literal["exclude", "keep"] = "exclude"
 
@@ -166,6 +170,7 @@ class Drive(MapTable):
         measured: column of the measured position or tension.
         unit: unit of both columns; free: proportional to the bend, with a factor that
             is estimated.
+        scale: factor of both columns, and of `offset`, to that unit.
         positive: effect of a larger number on the cable; estimated if unknown.
         offset: value of the columns at rest, in their unit.
         module: module at which the cables end, 0 at the base; estimated by default.
@@ -175,7 +180,8 @@ class Drive(MapTable):
 
     commanded: Column | None = None
     measured: Column | None = None
-    unit: Literal["mm", "m", "ticks", "deg", "rad", "turns", "N", "free"]
+    unit: LengthUnit | Literal["ticks", "deg", "rad", "turns", "N", "free"]
+    scale: Scale = 1.0
     positive: Literal["pulls", "releases", "unknown"] = "unknown"
     offset: Number = 0.0
     module: ModuleIndex | None = None
@@ -203,9 +209,12 @@ class End(MapTable):
         module: module, 0 at the base; the last one by default.
         position: columns of x, y, z.
         unit: unit of the position.
+        scale: factor of the position to that unit.
         axis: columns of a vector along the arm.
         quaternion: columns of a unit quaternion.
         order: order of the quaternion's columns.
+        matrix: columns of a rotation matrix, row by row: from the tracked frame to that
+            of the log.
         euler: columns of three Euler angles.
         sequence: axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic.
         euler_unit: unit of the Euler angles.
@@ -214,10 +223,12 @@ class End(MapTable):
 
     module: ModuleIndex | None = None
     position: tuple[Column, Column, Column]
-    unit: Literal["mm", "cm", "m", "in"]
+    unit: LengthUnit
+    scale: Scale = 1.0
     axis: tuple[Column, Column, Column] | None = None
     quaternion: tuple[Column, Column, Column, Column] | None = None
     order: Literal["xyzw", "wxyz"] | None = None
+    matrix: tuple[Column, ...] | None = Field(None, min_length=9, max_length=9)
     euler: tuple[Column, Column, Column] | None = None
     sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3})$")
     euler_unit: Literal["deg", "rad"] = "deg"
@@ -225,7 +236,7 @@ class End(MapTable):
 
     @model_validator(mode="after")
     def _check_rotation(self):
-        names = ("axis", "quaternion", "euler")
+        names = ("axis", "quaternion", "matrix", "euler")
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(
@@ -345,6 +356,17 @@ class LogMap(MapTable):
         return self
 
     @model_validator(mode="after")
+    def _check_skipped_lines(self):
+        skipped = self.rows.skip_lines
+        files = self.join.files if self.join else 1
+        if not isinstance(skipped, int) and len(skipped) != files:
+            raise ValueError(
+                f"skip_lines has {len(skipped)} numbers for {files} joined file(s); "
+                "give one for each, or a single number"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_units(self):
         units = {drive.unit for drive in self.drives}
         if units.intersection(ROTATING_UNITS) and self.arm.pulley_radius is None:
@@ -381,9 +403,16 @@ class LogMap(MapTable):
         for drive in self.drives:
             columns |= {drive.commanded, drive.measured}
         for end in self.ends:
-            for group in (end.position, end.axis, end.quaternion, end.euler):
+            columns.update(end.position)
+            for group in (end.axis, end.quaternion, end.matrix, end.euler):
                 columns.update(group or ())
         return {column for column in columns if column is not None}
+
+    @property
+    def time_columns(self) -> set[str]:
+        """Names of the columns that may hold time stamps."""
+        keys = {self.rows.time, self.join.key if self.join else None}
+        return {key for key in keys if key is not None}
 
     @property
     def label_columns(self) -> set[str]:

@@ -40,9 +40,16 @@ TEXTS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
 """Encodings of characters by the type of the element."""
 TEXT_CLASS = 4
 NUMBER_CLASSES = range(6, 16)
-"""Classes of arrays of numbers; others are cells, structures, objects or sparse."""
+"""Classes of arrays of numbers; others are objects or sparse."""
+CELL_CLASS = 1
+STRUCT_CLASS = 2
+MAX_DEPTH = 8  # of cells and structures in each other
 COMPLEX = 0x0800  # flag of an array
 MAX_AXES = 32
+
+
+Arrays = dict[str, np.ndarray]
+"""Arrays by name."""
 
 
 class _Element(NamedTuple):
@@ -62,6 +69,9 @@ class _Array(NamedTuple):
 def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
     """Arrays of numbers and of text, by name; other values are left out.
 
+    Fields of structures are `log.t`, cells `u.0`; equal parts of an array of structures
+    or cells are one array, one row for each.
+
     A matrix of characters becomes an array of its rows.
 
     Raises:
@@ -79,9 +89,8 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
             element = next(_elements(unpacked, order), element)
         if element.kind != MATRIX:
             continue
-        array = _array_of(element.content, order)
-        if array is not None:
-            arrays[array[0]] = array[1]
+        found = _arrays_of(element.content, order)
+        arrays |= {name: array for name, array in found.items() if name}
         if len(arrays) > MAX_COLUMNS:
             raise LogError(f"it holds more than {MAX_COLUMNS} arrays; save fewer")
     return arrays
@@ -154,32 +163,124 @@ def _unpacked(content: memoryview, limit: int, path: str | os.PathLike) -> memor
     return memoryview(unpacked)
 
 
-def _array_of(content: memoryview, order: str) -> tuple[str, np.ndarray] | None:
-    """Name and values of an array; None for what is neither numbers nor text.
+def _arrays_of(
+    content: memoryview,
+    order: str,
+    depth: int = 0,
+) -> Arrays:
+    """Numbers and texts of an array by name; its own name is that of its file.
+
+    Parts of structures and cells follow after the name and a dot. Values of other
+    classes are left out.
 
     Raises:
         ValueError: it is damaged.
     """
     if not content:  # an empty cell
-        return None
-    flags, shape, name, parts = _parts_of(content, order)
-    kind = flags & 0xFF
-    if not name or name.startswith("__"):
-        return None
+        return {}
+    array = _parts_of(content, order)
+    kind = array.flags & 0xFF
+    if array.name.startswith("__"):
+        return {}
+    if kind in (CELL_CLASS, STRUCT_CLASS):
+        return _group(array, order, depth)
     if kind == TEXT_CLASS:
-        return name, _text(next(parts, None), shape, order)
-    if kind not in NUMBER_CLASSES or flags & COMPLEX:
-        return None
-    element = next(parts, None)
+        text = _text(next(array.parts, None), array.shape, order)
+        return {array.name: text}
+    if kind not in NUMBER_CLASSES or array.flags & COMPLEX:
+        return {}
+    return {array.name: _numbers(array, order)}
+
+
+def _numbers(array: _Array, order: str) -> np.ndarray:
+    """Numbers of an array."""
+    element = next(array.parts, None)
     if element is None or element.kind not in NUMBERS:
-        raise ValueError(f"the array '{name}' holds no numbers")
+        raise ValueError(f"the array '{array.name}' holds no numbers")
     dtype = np.dtype(order + NUMBERS[element.kind])
-    if len(element.content) != math.prod(shape) * dtype.itemsize:
+    if len(element.content) != math.prod(array.shape) * dtype.itemsize:
         raise ValueError(
-            f"the array '{name}' of shape {shape} holds {len(element.content)} bytes"
+            f"the array '{array.name}' of shape {array.shape} holds "
+            f"{len(element.content)} bytes"
         )
-    values = np.frombuffer(element.content, dtype).reshape(shape, order="F")
-    return name, values.astype(dtype.newbyteorder("="))
+    values = np.frombuffer(element.content, dtype)
+    values = values.reshape(array.shape, order="F")
+    return values.astype(dtype.newbyteorder("="))
+
+
+def _group(
+    array: _Array,
+    order: str,
+    depth: int,
+) -> Arrays:
+    """Arrays within a structure or a cell."""
+    if depth >= MAX_DEPTH:
+        raise ValueError(f"structures and cells are nested more than {MAX_DEPTH} deep")
+    fields = [""]
+    if array.flags & 0xFF == STRUCT_CLASS:
+        fields = _field_names(array, order)
+    count = math.prod(array.shape)
+    entries: dict[str, list[Arrays]] = {field: [] for field in fields}
+    for _ in range(count):
+        for field in fields:
+            element = next(array.parts, None)
+            if element is None or element.kind != MATRIX:
+                raise ValueError(f"'{array.name}' is cut off")
+            entries[field].append(_arrays_of(element.content, order, depth + 1))
+    arrays: Arrays = {}
+    for field, parts in entries.items():
+        name = _joined(array.name, field)
+        if field and count == 1:
+            arrays |= _named(name, parts[0])
+        else:
+            arrays |= _combined(name, parts)
+    return arrays
+
+
+def _field_names(array: _Array, order: str) -> list[str]:
+    """Names of the fields of a structure, all of them padded to one length."""
+    size = next(array.parts, None)
+    names = next(array.parts, None)
+    if size is None or names is None or size.kind != INT32:
+        raise ValueError(f"the structure '{array.name}' has no names of fields")
+    length = sum(_integers(size.content, "i4", order))
+    if length < 1 or len(names.content) // length > MAX_COLUMNS:
+        raise ValueError(f"the structure '{array.name}' has wrong names of fields")
+    text = bytes(names.content).decode("latin-1")
+    padded = [text[begin : begin + length] for begin in range(0, len(text), length)]
+    return [name.partition("\0")[0] for name in padded]
+
+
+def _named(name: str, arrays: Arrays) -> Arrays:
+    """The same arrays as parts of a name."""
+    return {_joined(name, part): array for part, array in arrays.items()}
+
+
+def _joined(name: str, part: str) -> str:
+    """A name with a dot before its part; either may be empty."""
+    if name and part:
+        return f"{name}.{part}"
+    return name or part
+
+
+def _combined(name: str, parts: list[Arrays]) -> Arrays:
+    """One array of equal small parts, one row for each; otherwise each by its number."""
+    shapes = {each.shape for part in parts for each in part.values()}
+    names = {tuple(part) for part in parts}
+    if len(names) == 1 and len(shapes) == 1 and math.prod(*shapes) < len(parts):
+        rows = {
+            key: np.stack([part[key].reshape(-1) for part in parts]) for key in parts[0]
+        }
+        return _named(name, rows)
+    if len(parts) > MAX_COLUMNS:
+        raise LogError(
+            f"'{name}' has {len(parts)} cells; at most {MAX_COLUMNS} of different sizes "
+            "are read. Save plain arrays"
+        )
+    arrays: Arrays = {}
+    for index, part in enumerate(parts):
+        arrays |= _named(_joined(name, str(index)), part)
+    return arrays
 
 
 def _parts_of(content: memoryview, order: str) -> _Array:

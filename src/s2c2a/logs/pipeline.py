@@ -21,6 +21,7 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
+from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import Registration, estimate_registration
 from s2c2a.logs.resampling import split_segments
 from s2c2a.logs.rig import (
@@ -33,7 +34,7 @@ from s2c2a.logs.rig import (
 )
 from s2c2a.logs.session import LogSession, build_session, effective_drives
 from s2c2a.logs.session_change import SessionChange, find_change
-from s2c2a.logs.tables import ColumnRequest, read_table
+from s2c2a.logs.tables import ColumnRequest
 from s2c2a.spaces import POSITION
 
 MAX_FITTED = 200  # rows that are fitted, evenly spread
@@ -283,17 +284,26 @@ def _read_sessions(
             f"{len(paths)} files are given, and the map joins {count} to a session; "
             "give a multiple of that"
         )
-    request = ColumnRequest(
-        log_map.number_columns,
-        log_map.label_columns,
-        log_map.rows.skip_lines,
-        log_map.rows.broken_rows == "gap",
-    )
-    tables = [read_table(path, request) for path in paths]
+    tables = [
+        read_table(path, _request(log_map, index % count))
+        for index, path in enumerate(paths)
+    ]
     return [
         build_session(tables[begin : begin + count], log_map)
         for begin in range(0, len(tables), count)
     ]
+
+
+def _request(log_map: LogMap, place: int) -> ColumnRequest:
+    """Columns to read of the file at this place among those of a session."""
+    skipped = log_map.rows.skip_lines
+    return ColumnRequest(
+        log_map.number_columns,
+        log_map.label_columns,
+        skipped if isinstance(skipped, int) else skipped[place],
+        log_map.rows.broken_rows == "gap",
+        log_map.time_columns,
+    )
 
 
 def _register(segments: Sequence[LogSession], log_map: LogMap) -> Registration:

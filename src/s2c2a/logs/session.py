@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import ROTATING_UNITS, Drive, End, LogMap, Vector
 from s2c2a.logs.tables import Table, list_names
+from s2c2a.tables import METERS, SECONDS
 
-METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+EPOCH_UNITS = {"ns": 1e17, "us": 1e14, "ms": 1e11}
+"""Smallest times since 1970 in these units: those of 1973. As seconds, 1e11 is 5138."""
+ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
     Raises:
         LogError: a column is missing, or the files have no rows in common.
     """
+    for each in tables:
+        _check_length_unit(each, log_map)
     table = _join(tables, log_map.join.key) if log_map.join else tables[0]
     table = _select_rows(table, log_map)
     missing = log_map.number_columns - set(table.numbers)
@@ -66,7 +70,10 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
             f"{table.path} lacks columns that the map names: "
             f"{list_names(sorted(missing))}"
         )
-    positions = [_stack(table, end.position) * METERS[end.unit] for end in log_map.ends]
+    positions = [
+        _stack(table, end.position) * (end.scale * METERS[end.unit])
+        for end in log_map.ends
+    ]
     label = log_map.rows.label
     return LogSession(
         _time(table, log_map),
@@ -85,8 +92,31 @@ def _time(table: Table, log_map: LogMap) -> np.ndarray:
     if rows.time is None:
         rate = rows.rate or log_map.arm.control_rate
         return np.arange(len(table), dtype=float) / rate
-    unit = SECONDS[rows.unit] if isinstance(rows.unit, str) else rows.unit
-    return table.numbers[rows.time] * unit
+    times = table.numbers[rows.time]
+    if rows.time in table.stamps:
+        return times
+    unit = _epoch_unit(times) if rows.unit is None else rows.unit
+    return times * (SECONDS[unit] if isinstance(unit, str) else unit)
+
+
+def _epoch_unit(times: np.ndarray) -> str:
+    """Unit of times since 1970 by their size; seconds of all others."""
+    known = times[np.isfinite(times)]
+    smallest = known.min(initial=np.inf) if len(known) else 0.0
+    fitting = [unit for unit, bound in EPOCH_UNITS.items() if smallest > bound]
+    return fitting[0] if fitting else "s"
+
+
+def _check_length_unit(table: Table, log_map: LogMap) -> None:
+    """Refuse ends in another unit than the file states."""
+    for end in log_map.ends:
+        has_end = not set(end.position).isdisjoint(table.numbers)
+        if has_end and table.length_unit not in ("", end.unit) and end.scale == 1.0:
+            raise LogError(
+                f"{table.path} states lengths in {table.length_unit}, and the map "
+                f'{end.unit}; write unit = "{table.length_unit}" for the end '
+                f"'{end.position[0]}'"
+            )
 
 
 def _select_rows(table: Table, log_map: LogMap) -> Table:
@@ -169,14 +199,14 @@ def effective_drives(
 def drive_scale(drive: Drive, log_map: LogMap) -> float:
     """Meters or newtons per unit of a drive's columns; 1 for free units."""
     if drive.unit not in ROTATING_UNITS:
-        return 1e-3 if drive.unit == "mm" else 1.0
+        return drive.scale * METERS.get(drive.unit, 1.0)
     radians = {
         "turns": 2 * np.pi,
         "ticks": 2 * np.pi / log_map.arm.ticks_per_turn,
         "deg": np.pi / 180,
         "rad": 1.0,
     }
-    return radians[drive.unit] * (log_map.arm.pulley_radius or 0.0)
+    return drive.scale * radians[drive.unit] * (log_map.arm.pulley_radius or 0.0)
 
 
 def _stack(table: Table, columns: Sequence[str]) -> np.ndarray:
@@ -188,15 +218,40 @@ def _axes(table: Table, end: End) -> np.ndarray:
     if end.axis is not None:
         return _normalize(_stack(table, end.axis))
     axes = np.full((len(table), 3), np.nan)
-    columns = end.quaternion or end.euler
+    columns = end.quaternion or end.matrix or end.euler
     if columns is None:
         return axes
     values = _stack(table, columns)
     known = np.isfinite(values).all(axis=1)
-    if end.quaternion is not None:
+    if end.euler is None:
         known &= np.abs(values).sum(axis=1) > 0
+    if end.matrix is not None:
+        _check_rotations(table, end.matrix, values, known)
     axes[known] = _rotate_along(values[known], end)
     return axes
+
+
+def _check_rotations(
+    table: Table,
+    columns: Sequence[str],
+    values: np.ndarray,
+    known: np.ndarray,
+) -> None:
+    """Refuse matrices that are no rotations."""
+    matrices = values.reshape(-1, 3, 3)
+    products = matrices @ matrices.transpose(0, 2, 1)
+    errors = np.abs(products - np.eye(3)).max(axis=(1, 2))
+    finite = np.where(known[:, None, None], matrices, 0.0)
+    is_wrong = errors > ROTATION_TOLERANCE
+    is_wrong |= np.linalg.det(finite) < 0
+    wrong = np.flatnonzero(known & is_wrong)
+    if len(wrong):
+        matrix = matrices[wrong[0]].round(3).tolist()
+        raise LogError(
+            f"{table.path}: the matrix '{columns[0]}', ... is no rotation in "
+            f"{len(wrong)} rows, such as {matrix} in row {wrong[0]}; name its nine "
+            "columns row by row, of unit vectors of a right-handed frame"
+        )
 
 
 def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
@@ -204,6 +259,8 @@ def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
     if end.quaternion is not None:
         columns = [0, 1, 2, 3] if end.order == "xyzw" else [1, 2, 3, 0]
         rotation = Rotation.from_quat(values[:, columns])
+    elif end.matrix is not None:
+        rotation = Rotation.from_matrix(values.reshape(-1, 3, 3))
     else:
         degrees = end.euler_unit == "deg"
         rotation = Rotation.from_euler(end.sequence or "", values, degrees=degrees)

@@ -1,25 +1,18 @@
-"""Log files as tables of named columns: CSV, NPZ, and MAT.
+"""Tables of named columns, which the readers of all forms of logs fill."""
 
-File sizes are checked before anything is loaded, and unreadable values are errors.
-"""
-
-import csv
-import gzip
-import io
 import os
-import zlib
 from array import array
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import chain, islice
-from pathlib import Path
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from itertools import islice
+from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.array_files import read_mat, read_npz
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.errors import MAX_ROWS, LogError
+from s2c2a.tables import BLANK, parse_number, parse_stamp
 
-BLANK = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)"}
 MAX_CELL_LENGTH = 400
 MAX_SHOWN = 12
 
@@ -33,12 +26,16 @@ class Table:
         numbers: numeric columns by name; blank cells and infinite values are NaN.
         labels: text columns by name.
         broken_rows: number of unreadable rows, which are NaN.
+        stamps: columns of time stamps, which are seconds since 1970 in `numbers`.
+        length_unit: unit of lengths that the file states, such as "mm"; empty if none.
     """
 
     path: str
     numbers: Mapping[str, np.ndarray]
     labels: Mapping[str, np.ndarray]
     broken_rows: int = 0
+    stamps: frozenset[str] = frozenset()
+    length_unit: str = ""
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -49,7 +46,7 @@ class Table:
         """Table of the rows with these indices."""
         numbers = {name: column[rows] for name, column in self.numbers.items()}
         labels = {name: column[rows] for name, column in self.labels.items()}
-        return Table(self.path, numbers, labels, self.broken_rows)
+        return replace(self, numbers=numbers, labels=labels)
 
 
 @dataclass(frozen=True)
@@ -62,43 +59,21 @@ class ColumnRequest:
         skip_lines: number of lines above the header.
         allow_broken_rows: whether an unreadable row becomes NaN; otherwise it is an
             error.
+        times: names of the numeric columns that may hold time stamps.
+        topic: topic of a bag.
     """
 
     numbers: Collection[str]
     labels: Collection[str] = ()
     skip_lines: int = 0
     allow_broken_rows: bool = False
+    times: Collection[str] = ()
+    topic: str | None = None
 
-
-def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
-    """Read those requested columns that a file has.
-
-    Args:
-        path: file ending in .npz or .mat, or delimited text, which may be gzipped.
-        request: columns to read.
-
-    Raises:
-        LogError: the file cannot be read or is too large, or a row is cut off or holds
-            text in a numeric column.
-    """
-    if Path(path).suffix.lower() in (".npz", ".mat"):
-        return _read_arrays(path, request)
-    if not Path(path).is_file():
-        raise LogError(f"{path} does not exist; check the path of the log")
-    try:
-        return _read_text(path, request)
-    except (
-        OSError,
-        EOFError,
-        UnicodeError,
-        zlib.error,
-        csv.Error,
-        ValueError,
-    ) as error:
-        raise LogError(
-            f"{path} cannot be read as delimited text: {error}; "
-            "check that it is a complete CSV file"
-        ) from error
+    @property
+    def names(self) -> set[str]:
+        """Names of all columns."""
+        return {*self.numbers, *self.labels}
 
 
 def list_names(names: Collection[str]) -> str:
@@ -109,42 +84,16 @@ def list_names(names: Collection[str]) -> str:
     return shown + (", ..." if len(names) > MAX_SHOWN else "")
 
 
-def _read_arrays(path: str | os.PathLike, request: ColumnRequest) -> Table:
-    read = read_npz if Path(path).suffix.lower() == ".npz" else read_mat
-    arrays = read(path)
-    numbers = {}
-    labels = {}
-    lengths = {}
-    for name, column in arrays.items():
-        if name in request.labels:
-            labels[name] = column.astype(str)
-            lengths[name] = len(column)
-        if name in request.numbers:
-            numbers[name] = _as_numbers(path, name, column)
-            lengths[name] = len(column)
-    if len(set(lengths.values())) > 1:
-        raise LogError(
-            f"{path} has columns of different lengths: {lengths}; "
-            "save arrays with the same number of rows"
-        )
-    _check_any_found(path, lengths, arrays)
-    return Table(str(path), numbers, labels)
-
-
-def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.ndarray:
-    try:
-        values = column.astype(float)
-    except ValueError as error:
-        raise LogError(
-            f"{path}: column '{name}' holds text where numbers are expected: {error}; "
-            "correct the column"
-        ) from error
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _check_any_found(
-    path: str | os.PathLike, found: Collection[str], available: Collection[str]
+def check_any_found(
+    path: str | os.PathLike,
+    found: Collection[str],
+    available: Collection[str],
 ) -> None:
+    """Refuse a file without any of the columns.
+
+    Raises:
+        LogError: nothing is found.
+    """
     if not found:
         raise LogError(
             f"{path} has none of the columns that the map names; "
@@ -152,184 +101,183 @@ def _check_any_found(
         )
 
 
-def _read_text(path: str | os.PathLike, request: ColumnRequest) -> Table:
-    lines = io.StringIO(_decode(path), newline="")
-    for _ in range(request.skip_lines):
-        lines.readline()
-    return _TextParser(path, lines, request).read()
+class TableBuilder:
+    """Builder of a table from rows of cells: text, numbers, times, or nothing.
 
-
-def _decode(path: str | os.PathLike) -> str:
-    """Text of a file, unpacked to at most the size limit."""
-    with open(path, "rb") as file:
-        is_gzip = file.read(2) == b"\x1f\x8b"
-    with gzip.open(path, "rb") if is_gzip else open(path, "rb") as file:
-        content = file.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise LogError(
-            f"{path} has more than {MAX_BYTES} bytes of text; "
-            "save fewer rows or columns"
-        )
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return content.decode("utf-16")
-    return content.decode("utf-8-sig")
-
-
-def _detect_delimiter(lines: io.StringIO) -> str:
-    """Delimiter of the first line that is neither blank nor a comment."""
-    begin = lines.tell()
-    delimiter = ","
-    for line in lines:
-        if line.strip() and not line.startswith("#"):
-            if ";" in line:
-                delimiter = ";"
-            elif "\t" in line:
-                delimiter = "\t"
-            break
-    lines.seek(begin)
-    return delimiter
-
-
-def _blank_comments(lines: io.StringIO) -> Iterator[str]:
-    """Lines with comments replaced by blank lines, which preserves line numbers."""
-    for line in lines:
-        yield "\n" if line.startswith("#") else line
-
-
-class _TextParser:
-    """Parser of delimited text into columns."""
+    Attributes:
+        numbers: names of the numeric columns, in the order of the cells.
+        labels: names of the text columns, whose cells follow.
+    """
 
     def __init__(
-        self, path: str | os.PathLike, lines: io.StringIO, request: ColumnRequest
+        self,
+        path: str | os.PathLike,
+        request: ColumnRequest,
+        available: Collection[str],
+        decimal_comma: bool = False,
     ):
-        delimiter = _detect_delimiter(lines)
+        self.numbers = [name for name in request.numbers if name in available]
+        self.labels = [name for name in request.labels if name in available]
+        check_any_found(path, [*self.numbers, *self.labels], available)
         self._path = path
         self._request = request
-        self._reader = csv.reader(
-            _blank_comments(lines), delimiter=delimiter, skipinitialspace=True
-        )
-        self._decimal_comma = delimiter != ","
+        self._decimal_comma = decimal_comma
+        self._values = array("d")
+        self._label_rows: list[list[str]] = []
+        self._stamp_counts = dict.fromkeys(request.times, 0)
         self._broken_rows = 0
 
-    def read(self) -> Table:
-        """Parse all rows."""
-        names, first_rows = self._read_header()
-        numbers = _find_columns(names, self._request.numbers)
-        labels = _find_columns(names, self._request.labels)
-        _check_any_found(self._path, {*numbers, *labels}, names)
-        positions = list(numbers.values())
-        values = array("d")
-        label_rows: list[list[str]] = []
-        for row in chain(first_rows, self._reader):
-            if _is_blank(row):
-                continue
-            values.extend(self._parse_row(row, names, positions))
-            label_rows.append(_cells(row, labels.values()))
-            if len(label_rows) > MAX_ROWS:
-                raise LogError(
-                    f"{self._path} has more than {MAX_ROWS} rows; split the file"
-                )
-        columns = np.array(values).reshape(len(label_rows), len(positions)).T
-        label_columns = {
-            name: np.array([row[index] for row in label_rows], object)
-            for index, name in enumerate(labels)
+    def add(self, place: str, cells: Sequence[Any], fault: str = "") -> None:
+        """Add a row.
+
+        Args:
+            place: where it is in the file, such as "line 3".
+            cells: of the numeric columns, then of the text columns.
+            fault: why the row as a whole is unreadable; empty if it is not.
+
+        Raises:
+            LogError: the row is unreadable and must not be, or there are too many.
+        """
+        values = []
+        for name, cell in zip(self.numbers, cells, strict=False):
+            value = self._number(name, cell)
+            if value is None:
+                fault = fault or f"column '{name}': '{cell!s:.40}' is not a number"
+                break
+            values.append(value)
+        if fault:
+            values = self._replace_broken(place, fault)
+        self._values.extend(values)
+        texts = [
+            "" if cell is None else str(cell) for cell in cells[len(self.numbers) :]
+        ]
+        self._label_rows.append(texts)
+        if len(self._label_rows) > MAX_ROWS:
+            raise LogError(f"{self._path} has more than {MAX_ROWS} rows; split it")
+
+    def build(self, length_unit: str = "") -> Table:
+        """The table of all rows.
+
+        Raises:
+            LogError: a column mixes numbers and time stamps.
+        """
+        rows = len(self._label_rows)
+        columns = np.array(self._values).reshape(rows, len(self.numbers)).T
+        numbers = dict(zip(self.numbers, columns, strict=True))
+        labels = {
+            name: np.array([row[index] for row in self._label_rows], object)
+            for index, name in enumerate(self.labels)
         }
+        stamps = set()
+        for name, count in self._stamp_counts.items():
+            if not count:
+                continue
+            stamps.add(name)
+            if count < np.isfinite(numbers[name]).sum():
+                raise LogError(
+                    f"{self._path}: column '{name}' has both numbers and time stamps; "
+                    "write all times in one form"
+                )
         return Table(
             str(self._path),
-            dict(zip(numbers, columns, strict=True)),
-            label_columns,
-            self._broken_rows,
+            numbers=numbers,
+            labels=labels,
+            broken_rows=self._broken_rows,
+            stamps=frozenset(stamps),
+            length_unit=length_unit,
         )
 
-    def _read_header(self) -> tuple[list[str], list[list[str]]]:
-        """Column names, and the first row if the file has no header.
-
-        The columns of a file without a header are named `1`, `2`, and so on.
-        """
-        first = next((row for row in self._reader if not _is_blank(row)), None)
-        if first is None:
-            raise LogError(f"{self._path} is empty")
-        if len(first) > MAX_COLUMNS:
-            raise LogError(
-                f"{self._path} has {len(first)} columns; at most {MAX_COLUMNS} are read"
-            )
-        names = [cell.strip() for cell in first]
-        if all(self._parse_number(name) is not None for name in names):
-            numbers = [str(index + 1) for index in range(len(names))]
-            return numbers, [first]
-        requested = {*self._request.numbers, *self._request.labels}
-        duplicates = {name for name in requested if name and names.count(name) > 1}
-        if duplicates:
-            raise LogError(
-                f"{self._path} has several columns called "
-                f"{list_names(sorted(duplicates))}; give each its own name"
-            )
-        return names, []
-
-    def _parse_row(
-        self, row: list[str], names: list[str], positions: list[int]
-    ) -> list[float]:
-        """Numbers at some positions of the row that was read last."""
-        values = [
-            self._parse_number(row[position]) if position < len(row) else None
-            for position in positions
-        ]
-        error = _find_error(row, values, names, positions)
-        if not error:
-            return [value for value in values if value is not None]
+    def _replace_broken(self, place: str, fault: str) -> list[float]:
         if not self._request.allow_broken_rows:
             raise LogError(
-                f"{self._path}: line {self._reader.line_num}, {error}; correct the row, or set "
+                f"{self._path}: {place}, {fault}; correct the row, or set "
                 'broken_rows = "gap" in the map to treat such rows as gaps'
             )
         self._broken_rows += 1
-        return [np.nan] * len(values)
+        return [np.nan] * len(self.numbers)
 
-    def _parse_number(self, cell: str) -> float | None:
+    def _number(self, name: str, cell: Any) -> float | None:
         """Number in a cell; NaN for a blank one, None for text."""
-        cell = cell.strip()
-        if cell.lower() in BLANK:
+        value = self._parse(name, cell)
+        return value if value is None or np.isfinite(value) else np.nan
+
+    def _parse(self, name: str, cell: Any) -> float | None:
+        if cell is None:
             return np.nan
-        # `float` would accept 1_000
-        if len(cell) > MAX_CELL_LENGTH or "_" in cell:
-            return None
-        if self._decimal_comma and cell.count(",") == 1 and "." not in cell:
-            cell = cell.replace(",", ".")
-        try:
-            value = float(cell)
-        except ValueError:
-            return None
-        return value if np.isfinite(value) else np.nan
+        if isinstance(cell, int | float):
+            return number_or_nan(cell)
+        value = None
+        if isinstance(cell, str):
+            if cell.strip().lower() in BLANK:
+                return np.nan
+            if len(cell) > MAX_CELL_LENGTH:
+                return None
+            value = parse_number(cell, self._decimal_comma)
+        if value is None and name in self._stamp_counts:
+            value = seconds_of(cell)
+            self._stamp_counts[name] += value is not None
+        return value
 
 
-def _find_columns(names: list[str], requested: Collection[str]) -> dict[str, int]:
-    """Positions of those requested columns that exist."""
-    return {name: index for index, name in enumerate(names) if name in requested}
+def number_or_nan(value: float) -> float:
+    """A number in double precision; NaN beyond its range."""
+    try:
+        return float(value)
+    except OverflowError:
+        return np.nan
 
 
-def _is_blank(row: list[str]) -> bool:
-    return not any(cell.strip() for cell in row)
+def seconds_of(cell: Any) -> float | None:
+    """Time since 1970 of a time stamp or a date [s]; None for anything else."""
+    if isinstance(cell, str):
+        return parse_stamp(cell)
+    if isinstance(cell, datetime):
+        return (cell if cell.tzinfo else cell.replace(tzinfo=UTC)).timestamp()
+    if isinstance(cell, date):
+        return datetime(cell.year, cell.month, cell.day, tzinfo=UTC).timestamp()
+    return None
 
 
-def _cells(row: list[str], positions: Collection[int]) -> list[str]:
-    """Text at some positions; empty where the row is cut off."""
-    return [row[place].strip() if place < len(row) else "" for place in positions]
+def table_of_arrays(
+    path: str | os.PathLike,
+    arrays: Mapping[str, np.ndarray],
+    request: ColumnRequest,
+) -> Table:
+    """Table of the requested columns among arrays.
+
+    Raises:
+        LogError: none is found, their lengths differ, or one holds text where numbers
+            are expected.
+    """
+    numbers = {}
+    labels = {}
+    stamps = set()
+    for name, column in arrays.items():
+        if name in request.labels:
+            labels[name] = column.astype(str)
+        if name in request.numbers:
+            numbers[name] = _as_numbers(path, name, column)
+            if column.dtype.kind == "M":
+                stamps.add(name)
+    lengths = {name: len(column) for name, column in (numbers | labels).items()}
+    if len(set(lengths.values())) > 1:
+        raise LogError(
+            f"{path} has columns of different lengths: {lengths}; "
+            "save arrays with the same number of rows"
+        )
+    check_any_found(path, lengths, arrays)
+    return Table(str(path), numbers, labels, stamps=frozenset(stamps))
 
 
-def _find_error(
-    row: list[str],
-    values: Sequence[float | None],
-    names: list[str],
-    positions: list[int],
-) -> str:
-    """First error of a row, empty if there is none."""
-    for position, value in zip(positions, values, strict=True):
-        if value is not None:
-            continue
-        if position < len(row):
-            cell = row[position][:40]
-            return f"column '{names[position]}': '{cell}' is not a number"
-        return f"column '{names[position]}': the row is cut off"
-    if len(row) < len(names):
-        return f"column '{names[len(row)]}': the row is cut off"
-    return ""
+def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.ndarray:
+    if column.dtype.kind == "M":
+        since = column - np.datetime64(0, "s")
+        return since / np.timedelta64(1, "s")
+    try:
+        values = column.astype(float)
+    except (TypeError, ValueError) as error:
+        raise LogError(
+            f"{path}: column '{name}' holds text where numbers are expected: {error}; "
+            "correct the column"
+        ) from error
+    return np.where(np.isfinite(values), values, np.nan)

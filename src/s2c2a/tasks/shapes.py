@@ -3,6 +3,7 @@
 The curve is a table with the columns x, y and z: its points from base to tip.
 """
 
+import csv
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +13,14 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
-from s2c2a.files import read_text
 from s2c2a.spaces import CENTER_LINE_POINTS
+from s2c2a.tables import parse_rows, read_any_text
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 from s2c2a.tasks.waypoints import (
     MAX_BYTES,
     Waypoints,
+    column_units,
     load_waypoints,
     read_table,
     waypoints_task,
@@ -62,8 +64,12 @@ def is_curve(path: str | os.PathLike) -> bool:
     """
     if not Path(path).is_file():
         return False  # the reader of waypoints says what is missing
-    header = read_text(path, TargetError, MAX_BYTES).partition("\n")[0]
-    return sorted(name.strip(' "\r') for name in header.split(",")) == [*COLUMNS]
+    text = read_any_text(path, TargetError, MAX_BYTES)
+    try:
+        names = parse_rows(text).names
+    except csv.Error:
+        return False  # the same
+    return sorted(column_units(Path(path), names)[0]) == [*COLUMNS]
 
 
 def load_curve(path: str | os.PathLike) -> Curve:

@@ -1,10 +1,10 @@
 """Waypoint tasks: paths from a table with the columns time, x, y and z.
 
-The columns axis_x, axis_y, axis_z and module are optional.
+The columns axis_x, axis_y, axis_z and module are optional. Lengths may have a unit in
+their name, such as `x [mm]`.
 """
 
 import csv
-import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,9 +17,10 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.spec import MAX_MODULES
-from s2c2a.errors import TargetError
-from s2c2a.files import LARGEST, MAX_BYTES, MAX_COUNT, read_text
+from s2c2a.errors import MAX_NAME_LENGTH, TargetError
+from s2c2a.files import LARGEST, MAX_BYTES, MAX_COUNT
 from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
+from s2c2a.tables import METERS, SECONDS, parse_number, parse_rows, read_any_text
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
 REQUIRED = ("time", "x", "y", "z")
@@ -60,7 +61,7 @@ class OutOfReach:
 
 
 def load_waypoints(path: str | os.PathLike) -> list[Waypoints]:
-    """Read a table of comma-separated waypoints, one track for each module in it.
+    """Read a table of waypoints, one track for each module in it.
 
     Raises:
         TargetError: no file, no waypoints, a missing or unknown column, a value that is
@@ -150,34 +151,66 @@ def _step_times(name: str, tracks: Sequence[Waypoints], rate: float) -> np.ndarr
 def read_table(
     path: Path, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """Read a table of comma-separated numbers: columns by name.
+    """Read a table of numbers: columns by name, in SI units.
 
     Raises:
-        TargetError: no file, a missing or unknown column, or a value that is no number.
+        TargetError: no file, a missing or unknown column or unit, or a value that is no
+            number.
     """
     if not path.is_file():
         raise TargetError(
             f"no waypoints at {path}; give a table with the columns "
             f"{', '.join(required)}"
         )
-    text = io.StringIO(read_text(path, TargetError, MAX_BYTES), newline="")
-    lines = csv.reader(text, skipinitialspace=True)
     try:
-        columns = [name.strip() for name in next(lines, ())]
+        table = parse_rows(read_any_text(path, TargetError, MAX_BYTES))
+        columns, scales = column_units(path, table.names)
         _check_columns(path, columns, required, optional)
-        rows = (_numbers(path, lines.line_num, row, columns) for row in lines if row)
+        rows = (
+            _numbers(path, line, row, columns, table.decimal_comma)
+            for line, row in table.rows
+        )
         numbers = np.array(list(islice(rows, MAX_COUNT + 1)))
     except csv.Error as error:
         raise TargetError(
-            f"{path} cannot be read as a table of text: {error}"
+            f"{path} cannot be read as a table of text: {error}; quote no cells"
         ) from error
-    numbers = numbers.reshape(-1, len(columns))
+    numbers = numbers.reshape(-1, len(columns)) * scales
     if len(numbers) > MAX_COUNT:
         raise TargetError(
             f"{path} has more than {MAX_COUNT} lines; give fewer waypoints, the path "
             "between them is straight"
         )
     return dict(zip(columns, numbers.T, strict=True))
+
+
+def column_units(
+    path: Path, names: Sequence[str]
+) -> tuple[list[str], Float[np.ndarray, " columns"]]:
+    """Names of columns in small letters, and the SI value of the unit behind each.
+
+    A unit stands in brackets or parentheses, such as `x [mm]`; without one, columns are
+    in meters and seconds.
+
+    Raises:
+        TargetError: an unknown unit.
+    """
+    columns = []
+    scales = []
+    for name in names:
+        column, _, unit = name.lower().replace("(", "[").partition("[")
+        column = column.strip()
+        unit = unit.strip(" )]")
+        known = SECONDS if column == "time" else METERS
+        if unit and (column in OPTIONAL or unit not in known):
+            allowed = "none" if column in OPTIONAL else ", ".join(known)
+            raise TargetError(
+                f"{path}: '{name[:MAX_NAME_LENGTH]}' has the unit '{unit[:9]}'; write one "
+                f"of these: {allowed}"
+            )
+        columns.append(column)
+        scales.append(known[unit] if unit else 1.0)
+    return columns, np.array(scales)
 
 
 def _check_columns(
@@ -196,16 +229,14 @@ def _check_columns(
 
 
 def _numbers(
-    path: Path, line: int, row: list[str], columns: Sequence[str]
+    path: Path, line: int, row: list[str], columns: Sequence[str], decimal_comma: bool
 ) -> list[float]:
-    try:
-        numbers = list(map(float, row))
-        if len(numbers) != len(columns):
-            raise ValueError("the row and the header have different lengths")
-    except ValueError as error:
+    found = [parse_number(cell, decimal_comma) for cell in row]
+    numbers = [number for number in found if number is not None]
+    if len(numbers) < len(found) or len(numbers) != len(columns):
         raise TargetError(
             f"{path}, line {line}: every column must hold one number, got {row!r:.200}"
-        ) from error
+        )
     module = numbers[columns.index("module")] if "module" in columns else -1
     if not all(map(isfinite, numbers)) or module % 1:
         raise TargetError(

@@ -23,14 +23,15 @@ def import_(
     like: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Convert logs (CSV, NPZ or MAT) to a recording (docs/guides/import.md).
+    """Convert logs to a recording (docs/guides/import.md).
 
     A map file describes the columns. The command identifies the arm and writes its arm
     file next to the recording, with the uncertainty of each number; with --like, it
     writes the recording alone.
 
     Args:
-        logs: files of measurements. Each is one session, unless the map joins several.
+        logs: files of measurements: text, JSON lines, NPZ, MAT, XLSX, Parquet, or
+            exports of motion capture. Each is one session, unless the map joins several.
         map: description of the columns (TOML).
         out: the recording, such as mine.episodes.
         arm: use this arm, and match its cables with those of the logs, instead of

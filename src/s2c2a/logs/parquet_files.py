@@ -1,0 +1,82 @@
+"""Parquet files as tables."""
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.extra_packages import extra_module
+from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
+
+MAX_VALUES = MAX_BYTES // 8
+"""Largest number of values of all columns: so many fill the limit of bytes."""
+
+
+def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read the requested columns; fields of structures and lists are `p.x` and `u.0`.
+
+    Raises:
+        LogError: the extra is missing, or the file is damaged, too large, or has none
+            of the columns.
+    """
+    parquet = extra_module("pyarrow.parquet", path, "Parquet")
+    try:
+        with parquet.ParquetFile(path) as file:
+            _check_size(path, file.metadata)
+            columns = dict.fromkeys(file.schema_arrow.names, np.empty(0))
+            for name in list(columns):
+                if not _is_requested(name, request):
+                    continue
+                values = file.read(columns=[name]).column(name)
+                columns |= _leaves(name, values.combine_chunks())
+        return table_of_arrays(path, columns, request)
+    except LogError:
+        raise
+    except Exception as error:  # an untrusted file may raise any error
+        raise LogError(
+            f"{path} cannot be read as Parquet: {error!s:.200}; save it as CSV"
+        ) from error
+
+
+def _check_size(path: str | os.PathLike, metadata: Any) -> None:
+    values = 0
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        for column in range(metadata.num_columns):
+            values += group.column(column).num_values
+    limits = {
+        "rows": (metadata.num_rows, MAX_ROWS),
+        "columns": (metadata.num_columns, MAX_COLUMNS),
+        "values": (values, MAX_VALUES),
+    }
+    for name, (count, limit) in limits.items():
+        if count > limit:
+            raise LogError(
+                f"{path} has {count} {name}; at most {limit} are read. Split the file"
+            )
+
+
+def _is_requested(name: str, request: ColumnRequest) -> bool:
+    """Whether a column, or a part of it, is requested."""
+    if name in request.names:
+        return True
+    return any(each.startswith(f"{name}.") for each in request.names)
+
+
+def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and values of each column within a column."""
+    kind = values.type
+    if hasattr(kind, "fields"):
+        for field, part in zip(kind.fields, values.flatten(), strict=True):
+            yield from _leaves(f"{name}.{field.name}", part)
+    elif hasattr(kind, "value_type") and not hasattr(kind, "index_type"):
+        size = len(values.flatten()) // max(len(values), 1)
+        lists = values.to_pylist()
+        if any(each is None or len(each) != size for each in lists):
+            return  # of different lengths: no columns
+        for index, column in enumerate(np.array(lists).T):
+            yield f"{name}.{index}", column
+    else:
+        yield name, values.to_numpy(zero_copy_only=False)

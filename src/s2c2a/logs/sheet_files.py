@@ -1,0 +1,84 @@
+"""XLSX files as tables: the first sheet, with names in its first row."""
+
+import os
+import zipfile
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
+from typing import Any
+
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.extra_packages import extra_module
+from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
+
+Rows = Iterator[tuple[int, Sequence[Any]]]
+
+
+def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read the requested columns of the first sheet.
+
+    Raises:
+        LogError: the extra is missing, or the file is damaged, too large, or has none
+            of the columns.
+    """
+    openpyxl = extra_module("openpyxl", path, "XLSX")
+    try:
+        _check_size(path)
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+        try:
+            sheet = book.worksheets[0]
+            # the stated size may be wrong
+            sheet.reset_dimensions()
+            return _read(
+                path, _filled(path, sheet.iter_rows(values_only=True)), request
+            )
+        finally:
+            book.close()
+    except LogError:
+        raise
+    except Exception as error:  # an untrusted file may raise any error
+        raise LogError(
+            f"{path} cannot be read as XLSX: {error!s:.200}; export it as CSV"
+        ) from error
+
+
+def _check_size(path: str | os.PathLike) -> None:
+    with zipfile.ZipFile(path) as file:
+        size = sum(entry.file_size for entry in file.infolist())
+    if size > MAX_BYTES:
+        raise LogError(
+            f"{path} unpacks to {size} bytes; at most {MAX_BYTES} are read. Split it"
+        )
+
+
+def _filled(path: str | os.PathLike, rows: Iterator[Sequence[Any]]) -> Rows:
+    """Number and cells of each row; blank rows count, since a file may claim many."""
+    for number, row in enumerate(rows, 1):
+        if number > MAX_ROWS:
+            raise LogError(f"{path} has more than {MAX_ROWS} rows; split the sheet")
+        if len(row) > MAX_COLUMNS:
+            raise LogError(
+                f"{path} has {len(row)} columns; at most {MAX_COLUMNS} are read"
+            )
+        yield number, row
+
+
+def _read(path: str | os.PathLike, rows: Rows, request: ColumnRequest) -> Table:
+    filled: Rows = filter(_is_filled, islice(rows, request.skip_lines, None))
+    first = next(filled, None)
+    if first is None:
+        raise LogError(f"{path} has an empty first sheet; put the log there")
+    names = ["" if cell is None else str(cell).strip() for cell in first[1]]
+    if not any(isinstance(cell, str) for cell in first[1]):
+        names = [str(index + 1) for index in range(len(names))]
+        filled = chain([first], filled)
+    builder = TableBuilder(path, request, names)
+    places = [names.index(name) for name in (*builder.numbers, *builder.labels)]
+    for line, row in filled:
+        cells = [row[place] if place < len(row) else None for place in places]
+        builder.add(f"row {line}", cells)
+    return builder.build()
+
+
+def _is_filled(numbered: tuple[int, Sequence[Any]]) -> bool:
+    _, row = numbered
+    return any(str(cell).strip() for cell in row if cell is not None)
