@@ -1,4 +1,7 @@
+import csv
 import json
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,7 @@ from s2c2a.arm import arm_from_toml
 from s2c2a.cli.export import export
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError
+from s2c2a.logs import import_logs, load_map
 
 RECORDING = Path(__file__).parents[1] / "fixtures" / "twin.episodes"
 
@@ -51,6 +55,108 @@ def test_exported_episodes_read_back_equal(recording, tmp_path, ending):
         np.testing.assert_array_equal(array, values)
 
 
+def check_table(columns, episodes):
+    """Every number of the episodes is in the table, in full precision."""
+    rows = np.cumsum([len(episode) for episode in episodes])
+    for number, episode in enumerate(episodes):
+        part = slice(rows[number] - len(episode), rows[number])
+        assert (columns["episode"][part] == number + 1).all()
+        np.testing.assert_array_equal(columns["time"][part], episode["time"])
+        for module, cable in np.ndindex(episode["actions"].shape[1:]):
+            np.testing.assert_array_equal(
+                columns[f"actions.{module + 1}.{cable + 1}"][part],
+                episode["actions"][:, module, cable],
+            )
+        tip = [columns[f"sensor.states.3.{axis}"][part] for axis in "xyz"]
+        np.testing.assert_array_equal(tip, episode.sensor("states")[:, 2, :3].T)
+    assert (np.diff(columns["log_time"]) > 0).all()
+    numbers = sum(values[0].size for values in episodes[0].columns.values())
+    assert len(columns) == numbers + 2
+
+
+def test_an_exported_csv_reads_back_equal(recording, tmp_path):
+    out = tmp_path / "two.csv"
+    export(recording, out)
+    with open(out, encoding="utf-8") as file:
+        comment = file.readline()
+        header, *rows = csv.reader(file)
+    assert "actions [m]" in comment
+    values = [[float(cell or "nan") for cell in row] for row in rows]
+    columns = dict(zip(header, np.array(values).T, strict=True))
+    check_table(columns, load_episodes(recording)[0])
+    genfromtxt = np.genfromtxt(out, delimiter=",", skip_header=2)
+    np.testing.assert_array_equal(genfromtxt, values)
+
+
+def test_missing_values_are_empty_cells(tmp_path):
+    (episode, *_), options = load_episodes(RECORDING)
+    states = np.array(episode.sensor("states"))
+    states[3, 1] = np.nan
+    lost = replace(episode, columns={**episode.columns, "sensor.states": states})
+    short = replace(
+        episode, columns={name: episode[name] for name in ("time", "actions")}
+    )
+    path = tmp_path / "lost.episodes"
+    save_episodes([lost, short], path, options)
+    export(path, tmp_path / "lost.csv")
+    text = (tmp_path / "lost.csv").read_text()
+    rows = list(csv.DictReader(text.splitlines()[1:]))
+    assert rows[3]["sensor.states.2.x"] == ""
+    assert float(rows[3]["sensor.states.1.x"]) == states[3, 0, 0]
+    assert rows[len(episode)]["sensor.states.1.x"] == ""
+    assert "nan" not in text
+
+
+def test_an_exported_parquet_file_reads_back_equal(recording, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    out = tmp_path / "two.parquet"
+    export(recording, out)
+    table = parquet.read_table(out)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    episodes, options = load_episodes(recording)
+    check_table(columns, episodes)
+    metadata = table.schema.metadata
+    assert arm_from_toml(metadata[b"arm"].decode(), "arm") == episodes[0].arm
+    assert json.loads(metadata[b"options"]) == options
+    assert json.loads(metadata[b"units"])["actions"] == "m"
+
+
+def test_without_pyarrow_the_extra_is_named(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(S2C2AError, match=r"s2c2a\[tables\]"):
+        export(recording, tmp_path / "two.parquet")
+    assert not (tmp_path / "two.parquet").exists()
+
+
+def test_an_exported_csv_is_imported_again_with_its_map(recording, tmp_path):
+    out = tmp_path / "two.csv"
+    export(recording, out)
+    imported = import_logs([out], load_map(f"{out}.map.toml"))
+    episodes, _ = load_episodes(recording)
+    arm = episodes[0].arm
+    assert len(imported.episodes) == len(episodes)
+    assert imported.arm.coupled_cables == arm.coupled_cables
+    std = imported.fit.std
+    assert std is not None
+    # an import sorts cables by their angles, and drives are written by cable
+    drives = imported.layout.drive
+    for module, (found, true) in enumerate(
+        zip(imported.arm.modules, arm.modules, strict=True)
+    ):
+        assert found.length == pytest.approx(true.length, rel=0.01)
+        assert found.cable_radius == pytest.approx(true.cable_radius, abs=1e-5)
+        assert found.bend_limit_deg == true.bend_limit_deg
+        cables = drives[module] - module * arm.cable_count
+        errors = np.subtract(
+            found.cable_angles_deg, np.array(true.cable_angles_deg)[cables]
+        )
+        deviations = np.rad2deg(std.angles[drives[module]])
+        assert (np.abs((errors + 180) % 360 - 180) < 4 * deviations).all()
+    for found, true in zip(imported.episodes, episodes, strict=True):
+        actions = true["actions"].reshape(len(true), -1)[:, drives]
+        np.testing.assert_allclose(found["actions"], actions[: len(found)], atol=2e-4)
+
+
 def test_another_ending_is_refused(recording, tmp_path):
-    with pytest.raises(S2C2AError, match=r"none of \.npz, \.mat"):
-        export(recording, tmp_path / "two.csv")
+    with pytest.raises(S2C2AError, match=r"none of \.npz, \.mat, \.csv, \.parquet"):
+        export(recording, tmp_path / "two.xls")

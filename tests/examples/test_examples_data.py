@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
 from s2c2a.live.viewing import drawable
@@ -59,6 +59,12 @@ def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsy
     assert recording.arm == load_arm(tmp_path / "opencr.arm.toml")
     assert recording.options["license"] == "MIT"
     assert recording.options["residual_mm"] < 8
+    actions = recording.episodes[0]["actions"]
+    geometry = ArmGeometry.of(recording.arm)
+    assert (actions >= geometry.action_low).all()
+    assert (actions <= geometry.action_high).all()
+    # arcs at the bend limit, without what the cables have in common, hold less
+    assert np.abs(actions).max() > (geometry.cable_radii * geometry.bend_limits).max()
     states = recording.episodes[0].sensor("states")
     assert np.isfinite(states[:, 2, :3]).all()
     assert np.isnan(states[:, :2]).all()

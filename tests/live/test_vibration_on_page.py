@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from s2c2a.arm import ArmGeometry
+from s2c2a.spaces import Stage
+
 VIBRATION = "commands of module 2 vibrate at 1.5 Hz with 4.0 deg"
 
 
@@ -45,3 +48,17 @@ def test_every_step_is_compared_with_its_prediction_also_between_two_frames(
         control._show(replace(latest, step=step))
     page._draw(0.0)
     assert [step.number for step in seen][-3:] == [0, 1, 2]
+
+
+def test_commands_at_the_limit_of_their_range_are_shown(control, page):
+    assert "at a limit" not in page._status_of(control.latest)
+    high = ArmGeometry.of(page.arm).action_high
+    page._watched.clear()
+    step = replace(control.latest.step, stage=Stage.RUN, action=high)
+    for stage in (Stage.HOLD, Stage.RUN):
+        control._show(replace(control.latest, step=replace(step, stage=stage)))
+    page._sent.clear()
+    page._draw(0.0)
+    assert "limit of their range in 100 % of the steps" in page._status_of(
+        control.latest
+    )

@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.logs import (
+    Imported,
     import_logs,
     import_session,
     map_from_toml,
     model_fit,
     save_imported,
+    summary,
 )
 
 
@@ -22,6 +24,16 @@ def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:
         for module, module_angles in zip(arm.modules, angles, strict=False)
     ]
     return arm.model_copy(update={"name": name, "modules": tuple(modules)})
+
+
+def within_range(imported: Imported) -> None:
+    """All rows of a log are within the range of its arm file."""
+    geometry = ArmGeometry.of(imported.arm)
+    for episode in imported.episodes:
+        for name in ("actions", "sensor.cables"):
+            assert (episode[name] <= geometry.action_high + 1e-9).all()
+            assert (episode[name] >= geometry.action_low - 1e-9).all()
+    assert not any("beyond the range" in line for line in summary.summary(imported))
 
 
 TWIN = load_arm("twin_arm")
@@ -58,8 +70,12 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     identified = np.rad2deg(imported.fit.parameters.angles) + 180 * is_reversed
     errors = (identified - angles + 180) % 360 - 180
     assert np.abs(errors).max() < 15
+    within_range(imported)
     # at most 5.2 deg in the recording
     assert 2.0 < imported.arm.step_limit_deg < 12.0
+    acceleration = imported.arm.acceleration_limit_deg
+    assert acceleration is not None
+    assert 0.1 < acceleration <= 2.0 * imported.arm.step_limit_deg
     assert imported.fit.std is not None
     std = np.rad2deg(imported.fit.std.angles)
     assert std.max() < 30

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.runtime import CommandLimits
-from s2c2a.runtime.limits import arm_at
+from s2c2a.runtime.limits import CommandLimiter, arm_at
 
 SLACK = 1 + 1e-6
 KINDS = st.fixed_dictionaries(
@@ -300,3 +300,14 @@ def test_faster_commands_have_the_same_speed_and_acceleration(twin):
     faster = CommandLimits.of(arm_at(twin, 5 * twin.control_rate))
     assert np.allclose(5 * faster.step_limit, own.step_limit)
     assert np.allclose(25 * faster.acceleration_limit, own.acceleration_limit)
+
+
+def test_a_held_command_beyond_the_range_is_approached_from_the_first_step(make_arm):
+    arm = make_arm(1, 3, None, actuation="displacement", step_limit_deg=4.0)
+    geometry = ArmGeometry.of(arm)
+    limiter = CommandLimiter(CommandLimits.of(arm))
+    desired = 2.0 * geometry.actions_at(np.array([[1.0, 0.0]]))
+    reachable = np.clip(desired, geometry.action_low, geometry.action_high)
+    distances = [np.abs(reachable - limiter.limit(desired)).max() for _ in range(60)]
+    assert (np.diff(distances) <= 1e-12).all()
+    assert distances[-1] < 1e-9

@@ -93,10 +93,10 @@ def raised(
         return actions
     xp = actions.__array_namespace__()
     is_cable = balance > 0.0
-    missing = xp.where(
-        is_cable, (low - actions) / xp.where(is_cable, balance, 1.0), 0.0
-    )
-    return actions + xp.maximum(xp.max(missing, axis=-1, keepdims=True), 0.0) * balance
+    parts = xp.where(is_cable, balance, 1.0)
+    missing = xp.where(is_cable, (low - actions) / parts, 0.0)
+    largest = xp.max(missing, axis=-1, keepdims=True)
+    return actions + xp.maximum(largest, 0.0) * balance
 
 
 def _spreads(
@@ -105,10 +105,12 @@ def _spreads(
 ) -> Float[np.ndarray, " modules"]:
     """Return the largest pressure of a raised full bend, in units of its scale."""
     angles = np.linspace(0.0, 2.0 * np.pi, 361)
-    shares = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    pushes = np.einsum("mck,dk->dmc", matrices, shares)
-    pressures = raised(pushes, np.zeros_like(balance), balance)
-    return np.maximum(pressures.max(axis=(0, 2)), 1.0)
+    shares = np.stack([np.cos(angles), np.sin(angles)])
+    pushes = np.einsum("mck,kd->dmc", matrices, shares)
+    none = np.zeros_like(balance)
+    pressures = raised(pushes, none, balance)
+    largest = pressures.max(axis=(0, 2))
+    return np.maximum(largest, 1.0)
 
 
 # Share of the bend limit that plans may use by encoders, which do not see lost motion.
@@ -195,9 +197,11 @@ class ArmGeometry:
             neutral = pretensions
             scale = -per_module(arm, "tension_range")
         if arm.actuation == "pressure":  # it falls towards the bend
-            neutral = per_module(arm, "rest_pressure")[:, None] * balance
+            rest = per_module(arm, "rest_pressure")
             limits = per_module(arm, "pressure_limit")
-            scale = (limits - neutral.max(axis=-1)) / _spreads(matrices, balance)
+            neutral = rest[:, None] * balance
+            scale = limits - neutral.max(axis=-1)
+            scale = scale / _spreads(matrices, balance)
         action_range = present * np.abs(scale)[:, None]
         low = neutral - action_range
         high = neutral + action_range

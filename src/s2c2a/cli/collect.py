@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
 from s2c2a.cli.emergency import emergency_controls
@@ -103,8 +105,11 @@ def _print_summary(recording: "data.Recording", out: Path) -> None:
     text = f"{recording.time.size} samples of {sensors}: {out}"
     if coverage := draw_coverage(recording, out):
         text += f"; coverage: {coverage}"
+    arm = recording.arm
+    actions = np.concatenate([episode["actions"] for episode in recording.episodes])
+    if saturation := evaluation.describe_saturation(arm, actions):
+        text += f"; {saturation}"
     if "states" in recording.sensors:
-        arm = recording.arm
         states = recording.sensor("states").reshape(-1, arm.module_count, 6)
         text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
         if lost := evaluation.describe_lost_states(states):

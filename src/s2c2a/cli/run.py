@@ -455,6 +455,7 @@ def _report(
     print_results(title, rows, draw_runs(directory, runs, video), directory)
     describe_all = (
         evaluation.describe_plans,
+        evaluation.describe_run_saturation,
         evaluation.describe_lasting_error,
         evaluation.describe_disagreement,
         evaluation.describe_extrapolation,

@@ -23,6 +23,7 @@ from s2c2a.evaluation.report import (
     describe_vibrations,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout
+from s2c2a.evaluation.saturation import describe_run_saturation, describe_saturation
 from s2c2a.evaluation.session_report import (
     DisagreementWatch,
     describe_disagreement,

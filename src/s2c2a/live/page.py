@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from s2c2a.evaluation import (
     DisagreementWatch,
+    describe_saturation,
     describe_step_estimates,
     describe_step_plan,
 )
@@ -87,6 +88,7 @@ class LivePage(Window):
         self._trail: deque[np.ndarray] = deque(
             maxlen=round(TRAIL * self.arm.control_rate)
         )
+        self._sent: deque[np.ndarray] = deque(maxlen=self._trail.maxlen)
         self._snapshots: deque[Snapshot] = deque(maxlen=2)
         self._drawn: StepRecord | None = None
         self._disagreement = DisagreementWatch(self.arm)
@@ -198,8 +200,9 @@ class LivePage(Window):
         if not self._snapshots or latest.step is not self._snapshots[-1].step:
             self._snapshots.append(latest)
             self._plots.add(latest)
-            count = len(self._watched)
-            self._disagreement.add(self._watched.popleft() for _ in range(count))
+            steps = [self._watched.popleft() for _ in range(len(self._watched))]
+            self._disagreement.add(steps)
+            self._sent += [step.action for step in steps if step.stage is Stage.RUN]
             self._draw_trails(latest)
             control = self._control
             self.scene.draw_payload(latest.tip, control.request, control.limits)
@@ -296,6 +299,7 @@ class LivePage(Window):
         step = f"step {latest.task_step + 1} of {latest.task_steps}"
         measured = "states" in latest.step.reading.sensors
         plan = describe_step_plan(latest.step.diagnostics)
+        saturation = self._saturation()
         texts = {
             f"error {100 * error:.1f} cm": np.isfinite(error),
             f"clearance {100 * clearance:.1f} cm": np.isfinite(clearance),
@@ -303,12 +307,20 @@ class LivePage(Window):
             "recording": self._recorder.running,
             f"**{100 * self._gap:.1f} cm out of reach**": self._gap > REACH_TOLERANCE,
             f"**{plan}**": plan,
+            f"**{saturation}**": saturation,
             MODEL_DRAWN: not measured,
             f"**{latest.step.vibration}**": latest.step.vibration,
             f"**{latest.fault}**": latest.fault,
             f"**{self._disagreement.text}**": self._disagreement.text,
         }
         return [text for text, applies in texts.items() if applies]
+
+    def _saturation(self) -> str:
+        """Sentence on commands at the limits of their range, lately."""
+        if not self._sent:
+            return ""
+        text = describe_saturation(self.arm, np.array(self._sent))
+        return text and f"in the last {TRAIL:.0f} s of motion, {text}"
 
 
 def _desired(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:

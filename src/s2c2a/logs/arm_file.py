@@ -1,6 +1,6 @@
 """Arm file of an identified arm, with the uncertainty of each number as a comment."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,19 +8,17 @@ import tomli_w
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmSpec, arm_from_toml
 from s2c2a.arm.geometry import per_module
 from s2c2a.files import toml_comment
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
+from s2c2a.logs.command_range import Commands, range_lines, rate_lines
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import KnownArm, LogMap
 from s2c2a.logs.model_fit import CableFit
 
 MARGIN_DEG = 5.0  # of the bend limit above the largest bend in the log
-MIN_STEP = 1e-3  # rad; smaller changes are not steps
-# range of the step limit: a jump between random poses does not justify one step
-STEP_RANGE_DEG = (0.1, 20.0)
 MAX_BEND_DEG = 150.0
 MAX_ANGLE_ERROR_DEG = 60.0
 MIN_RADIUS = 0.0015  # m
@@ -49,6 +47,12 @@ class CableLayout:
     radii: np.ndarray
     gains: np.ndarray
     turn: float = 0.0
+
+    def cables(
+        self, columns: Float[np.ndarray, "rows drives"]
+    ) -> Float[np.ndarray, "rows modules cables"]:
+        """Displacements [m] or tensions [N] of the cables, from the drives' columns."""
+        return columns[:, self.drive] * self.factor
 
 
 def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> CableLayout:
@@ -139,7 +143,9 @@ def format_arm(
     assignment: Assignment,
     layout: CableLayout,
     log_map: LogMap,
-    bends: Sequence[np.ndarray],
+    bends: Float[np.ndarray, "rows modules 2"],
+    commands: Commands,
+    cables: Float[np.ndarray, "rows modules cables"],
     residual: float,
 ) -> str:
     """Text of the arm file: TOML with standard deviations as comments.
@@ -149,13 +155,14 @@ def format_arm(
         assignment: modules and signs of the motors.
         layout: drives of the arm's cables.
         log_map: the map.
-        bends: bends of the model in each segment [rad], each of shape (rows, modules,
-            2).
+        bends: bends of the model [rad].
+        commands: displacements [m] or tensions [N] of the cables in each segment.
+        cables: the same while each row was measured, of all segments.
         residual: rms distance of the model's ends from the measured ones [m].
     """
     arm = log_map.arm
     source = f" ({log_map.source.name})" if log_map.source.name else ""
-    lines = [
+    head = [
         toml_comment(
             f"Identified from a log{source}: the ends of the model are "
             f"{1e3 * residual:.1f} mm (rms) from the measured ones."
@@ -169,22 +176,28 @@ def format_arm(
         f"coupled_cables = {str(assignment.coupled).lower()}",
         f"gravity_direction = {[float(value) for value in arm.gravity_direction]}",
         f"control_rate = {float(arm.control_rate)}",
-        f"step_limit_deg = {_step_limit_deg(bends):.1f}"
-        "  # 99 of 100 steps of the log are shorter",
     ]
-    limits = _quantile_deg(np.concatenate(bends), 0.995) + MARGIN_DEG
-    for module in range(arm.modules):
-        lines += _module_lines(module, fit, layout, log_map)
-        lines += _property_lines(arm, float(limits[module]))
-    return "\n".join(lines) + "\n"
+    limits = _bend_limits_deg(arm, bends)
+    every = np.concatenate([*commands, cables])
+    modules: list[str] = []
+    for module, limit in enumerate(limits):
+        full_bend = layout.radii[module] * np.deg2rad(limit)
+        modules += _module_lines(module, fit, layout, log_map)
+        modules += _property_lines(arm, limit)
+        modules += range_lines(every[:, module], log_map.actuation, full_bend)
+    draft = arm_from_toml("\n".join([*head, *modules]), "the identified arm")
+    rates = rate_lines(draft, commands, moving=log_map.rows.kind == "timed")
+    return "\n".join([*head, *rates, *modules]) + "\n"
 
 
-def _step_limit_deg(bends: Sequence[np.ndarray]) -> float:
-    steps = np.concatenate([np.diff(segment, axis=0) for segment in bends])
-    is_step = np.linalg.norm(steps, axis=-1).max(axis=-1) > MIN_STEP
-    if is_step.any():
-        steps = steps[is_step]
-    return float(np.clip(_quantile_deg(steps, 0.99).max(), *STEP_RANGE_DEG))
+def _bend_limits_deg(
+    arm: KnownArm, bends: Float[np.ndarray, "rows modules 2"]
+) -> list[float]:
+    """Stated bend limit, or above the largest bend in the log, of each module [deg]."""
+    if arm.bend_limit_deg is not None:
+        return [float(arm.bend_limit_deg)] * arm.modules
+    limits = np.clip(_quantile_deg(bends, 0.995) + MARGIN_DEG, 1.0, MAX_BEND_DEG)
+    return limits.round(1).tolist()
 
 
 def _quantile_deg(
@@ -241,13 +254,10 @@ def _property_lines(arm: KnownArm, limit: float) -> list[str]:
     for key in ("mass", "bending_stiffness"):
         origin = "stated" if key in arm.model_fields_set else "a guess"
         lines.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
-    if arm.bend_limit_deg is not None:
-        lines.append(f"bend_limit_deg = {float(arm.bend_limit_deg)}  # stated")
-    else:
-        limit = float(np.clip(limit, 1.0, MAX_BEND_DEG))
-        margin = f"{MARGIN_DEG:.0f} above the largest in the log"
-        lines.append(f"bend_limit_deg = {limit:.1f}  # {margin}")
-    return lines
+    origin = "stated"
+    if arm.bend_limit_deg is None:
+        origin = f"{MARGIN_DEG:.0f} above the largest in the log"
+    return [*lines, f"bend_limit_deg = {limit}  # {origin}"]
 
 
 def _origin(std: float, stated: object) -> str:

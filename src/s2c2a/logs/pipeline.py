@@ -124,8 +124,11 @@ def import_logs(
     errors = states - transform_states(observations.states, base, axes)
     squares = np.sum(errors[..., POSITION] ** 2, axis=-1)
     residual = float(np.sqrt(np.nanmean(squares)))
-    segment_bends = _split_rows(bends, segments.sessions)
-    text = format_arm(fit, assignment, layout, log_map, segment_bends, residual)
+    commands = [layout.cables(session.commands) for session in segments.sessions]
+    cables = layout.cables(observations.columns)
+    text = format_arm(
+        fit, assignment, layout, log_map, bends, commands, cables, residual
+    )
     if arm is None:
         arm = arm_from_toml(text, "the identified arm")
     else:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from s2c2a.episodes import Episode
+from s2c2a.logs.command_range import describe_range
 from s2c2a.logs.pipeline import Imported, ImportedSession
 from s2c2a.logs.rig import SimilarRows
 from s2c2a.logs.session_change import describe_change
@@ -38,6 +39,7 @@ def summary(imported: Imported) -> list[str]:
         f"ones; cables of outer modules {effect} inner modules",
         f"base in the frame of the log: {_vector(rig.base)} m, "
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
+        *describe_range(imported.episodes),
     ]
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
@@ -46,6 +48,7 @@ def session_summary(session: ImportedSession) -> list[str]:
     """Lines: the same for another session, and the tip's offset from the first one."""
     return [
         *_describe_episodes(session),
+        *describe_range(session.episodes),
         "frame and cables: as in the first recording",
         _describe_offset(session.similar, session.episodes[0].arm.actuation),
         *([describe_change(session.change)] if session.change else []),

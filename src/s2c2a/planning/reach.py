@@ -290,16 +290,22 @@ def _solutions(
 
     def errors(states: States) -> Float[Array, " residuals"]:
         """Of the target and of the obstacles, in parts of the arm's length."""
-        depths = jnp.maximum(-_clearances(points_of, states, goal), 0.0) / length
+        clearances = _clearances(points_of, states, goal)
+        depths = jnp.maximum(-clearances, 0.0) / length
         aims = _target_errors(states, goal, length)
         return jnp.concatenate([aims, DEPTH_WEIGHT * depths])
 
     aims = jax.vmap(lambda states: _target_errors(states, goal, length))
-    misses = jnp.sum(aims(shapes.states) ** 2, axis=-1).reshape(count, -1)
-    _, nearest = jax.lax.top_k(-misses, BESIDE if goal.thresholds.size else 1)
-    rows = (jnp.arange(count) * misses.shape[1])[:, None] + nearest
-    costs = jnp.sum(jax.vmap(jax.vmap(errors))(shapes.states[rows]) ** 2, axis=-1)
-    starts = shapes.bends[rows[jnp.arange(count), jnp.argmin(costs, axis=1)]]
+    squares = aims(shapes.states) ** 2
+    misses = jnp.sum(squares, axis=-1).reshape(count, -1)
+    beside = BESIDE if goal.thresholds.size else 1
+    _, nearest = jax.lax.top_k(-misses, beside)
+    numbers = jnp.arange(count)
+    rows = (numbers * misses.shape[1])[:, None] + nearest
+    every = jax.vmap(jax.vmap(errors))
+    costs = jnp.sum(every(shapes.states[rows]) ** 2, axis=-1)
+    best = jnp.argmin(costs, axis=1)
+    starts = shapes.bends[rows[numbers, best]]
 
     def residuals(bends: Bends) -> Float[Array, " residuals"]:
         even = EVENNESS * jnp.diff(bends, axis=0).reshape(-1)

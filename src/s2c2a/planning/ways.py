@@ -202,10 +202,14 @@ class Roadmap:
         corners = self._cut_short(bends[path], tips[path], space, floor)
         knots = self._smoothed(corners, space)
         way_tips, clear = self._observe(knots, space)
-        miss = float(misses[path[-1] - len(bends)])
-        without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
-        detained = miss - float(self._reach.solutions(without).misses.min())
-        return Way(knots, way_tips, clear + least, miss, detained, len(corners) == 2)
+        end = path[-1] - len(bends)
+        miss = float(misses[end])
+        none = np.zeros_like(goal.thresholds)
+        without = goal._replace(thresholds=none)
+        free = self._reach.solutions(without)
+        detained = miss - float(free.misses.min())
+        is_straight = len(corners) == 2
+        return Way(knots, way_tips, clear + least, miss, detained, is_straight)
 
     def _ends(
         self, goal: Goal, space: FreeSpace, least: float
@@ -420,15 +424,19 @@ def _improved(
     space: FreeSpace,
 ) -> Float[Array, "knots modules 2"]:
     """The knots after some steps of Gauss-Newton; both ends stay."""
-    count, size = len(knots), knots[0].size
+    count = len(knots)
+    size = knots[0].size
     length = jnp.sum(jnp.asarray(arm.lengths))
-    changes = np.diff(np.eye(count), axis=0) * np.sqrt(count - 1.0)
-    turns = np.diff(np.eye(count), 2, axis=0) * (count - 1.0) ** 1.5 / count
-    smooth = CHANGE**2 * changes.T @ changes + TURN**2 * turns.T @ turns / count
-    smoothness = jnp.asarray(np.kron(smooth, np.eye(size)), jnp.float32)
-    inner = jnp.asarray(
-        np.repeat(np.arange(count) % (count - 1) > 0, size), jnp.float32
-    )
+    intervals = count - 1.0
+    changes = np.diff(np.eye(count), axis=0) * np.sqrt(intervals)
+    turns = np.diff(np.eye(count), 2, axis=0) * intervals**1.5 / count
+    smooth = CHANGE**2 * changes.T @ changes
+    smooth += TURN**2 * turns.T @ turns / count
+    smoothness = np.kron(smooth, np.eye(size)).astype(np.float32)
+    is_inner = np.arange(count) % (count - 1) > 0
+    inner = np.repeat(is_inner, size).astype(np.float32)
+    is_free = np.outer(inner, inner)
+    held = np.diag(1.0 - inner + np.float32(DAMPING))
 
     def seen(bends: Bends) -> Float[Array, " values"]:
         """Tip, and depths of points in the margin around obstacles."""
@@ -439,17 +447,21 @@ def _improved(
 
     def improve(_: int, knots: Array) -> Array:
         values, slopes = jax.vmap(lambda bends: linearize(seen, bends))(knots)
-        steps = jnp.einsum("dk,kri->drki", changes, slopes[:, :3]).reshape(
-            -1, inner.size
-        )
-        depths, blocks = values[:, 3:], slopes[:, 3:]
-        gradient = steps.T @ (changes @ values[:, :3]).reshape(-1)
-        gradient += jnp.einsum("kri,kr->ki", blocks, depths).reshape(-1)
+        steps = jnp.einsum("dk,kri->drki", changes, slopes[:, :3])
+        steps = steps.reshape(-1, inner.size)
+        moved = changes @ values[:, :3]
+        depths = values[:, 3:]
+        blocks = slopes[:, 3:]
+        pushed = jnp.einsum("kri,kr->ki", blocks, depths)
+        gradient = steps.T @ moved.reshape(-1)
+        gradient += pushed.reshape(-1)
         gradient += smoothness @ knots.reshape(-1)
         own = jnp.einsum("kri,krj->kij", blocks, blocks)
-        matrix = steps.T @ steps + smoothness + jax.scipy.linalg.block_diag(*own)
-        matrix = matrix * jnp.outer(inner, inner) + jnp.diag(1.0 - inner + DAMPING)
-        step = -jnp.linalg.solve(matrix, gradient * inner).reshape(knots.shape)
+        matrix = steps.T @ steps
+        matrix += smoothness
+        matrix += jax.scipy.linalg.block_diag(*own)
+        solution = jnp.linalg.solve(matrix * is_free + held, gradient * inner)
+        step = -solution.reshape(knots.shape)
         largest = jnp.maximum(jnp.max(norm(step)), LARGEST_STEP)
         return arm.within_limits(knots + step * LARGEST_STEP / largest)
 

@@ -87,7 +87,9 @@ class CommandLimits:
         """
         target = self._in_range(np.where(np.isfinite(desired), desired, last))
         displacement = target - last
-        target_change = target - np.where(np.isfinite(before), before, target)
+        # a desired command beyond the range does not move while it stays there
+        last_target = self._in_range(np.where(np.isfinite(before), before, target))
+        target_change = target - last_target
         lag = displacement - target_change
         size, acceleration, lag_size = self.change_sizes(
             np.stack([displacement, displacement - change, lag])
@@ -159,6 +161,21 @@ class CommandLimits:
         """Shorten a change to a largest size, in the same direction."""
         size = np.maximum(self.change_sizes(change), ROUNDING)
         return change * np.minimum(1.0, max_size / size)
+
+
+def command_range(arm: ArmSpec) -> tuple[Actions, Actions]:
+    """Return the least and largest commands [m or N] that an arm takes.
+
+    They are those of its cables, or of its servos if that is less.
+    """
+    geometry = ArmGeometry.of(arm)
+    limit = arm.servos.limits.displacement if arm.servos is not None else None
+    if limit is None:
+        return geometry.action_low, geometry.action_high
+    return (
+        np.maximum(geometry.action_low, -limit),
+        np.minimum(geometry.action_high, limit),
+    )
 
 
 def arm_at(arm: ArmSpec, rate: float) -> ArmSpec:

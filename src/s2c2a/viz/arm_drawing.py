@@ -143,12 +143,15 @@ def _draw_side(axes: Axes, arm: ArmSpec) -> None:
     side = int(np.argmax(np.abs(directions[:, :2]).sum(axis=0)))
     axes.set_aspect("equal")
 
+    plane = directions[:, [side, 2]].T
+
     def at(z, across):
-        points = np.stack(np.broadcast_arrays(across, z), axis=-1)
-        return points @ directions[:, [side, 2]].T
+        points = np.broadcast_arrays(across, z)
+        return np.stack(points, axis=-1) @ plane
 
     def draw_box(z, radius: float, color: str) -> None:
-        corners = at(np.repeat(z, 2), radius * np.array([-1, 1, 1, -1]))
+        across = radius * np.array([-1, 1, 1, -1])
+        corners = at(np.repeat(z, 2), across)
         axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none"))
 
     ends = np.cumsum([0.0, *(module.length for module in arm.modules)])
@@ -160,10 +163,13 @@ def _draw_side(axes: Axes, arm: ArmSpec) -> None:
     ):
         radius = module.cable_radius
         draw_box((low, high), radius, color + "38")
-        angles = np.deg2rad(np.subtract(module.cable_angles_deg, 90.0 * side))
-        for offset in radius * np.cos(angles):
-            axes.plot(*at([low, high], offset).T, color=color, linewidth=1.2)
-        disc = at(high, DISC_RADIUS * radius * np.array([-1, 1]))
+        angles_deg = np.subtract(module.cable_angles_deg, 90.0 * side)
+        offsets = radius * np.cos(np.deg2rad(angles_deg))
+        for offset in offsets:
+            cable = at([low, high], offset)
+            axes.plot(*cable.T, color=color, linewidth=1.2)
+        edges = DISC_RADIUS * radius * np.array([-1, 1])
+        disc = at(high, edges)
         axes.plot(*disc.T, color=INK, linewidth=1.8, solid_capstyle="butt")
     numbered = ends[:: -(-len(ends) // MAX_NUMBERED)]
     labels = [f"{1000 * end:.4g}" for end in numbered]

@@ -1,24 +1,13 @@
-"""Range of the cables: limits of commands, and what is plausible beyond them."""
+"""Range of the cables: what is plausible beyond the limits of commands."""
 
 import numpy as np
 
-from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
+from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import RobotError
+from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions
 
 MARGIN = 0.25  # of the range, beyond the limits; more shows a wrong calibration
-
-
-def displacement_limits(arm: ArmSpec) -> tuple[Actions, Actions]:
-    """Return the smallest and largest displacements [m], shape (modules, cables)."""
-    geometry = ArmGeometry.of(arm)
-    limit = servos_of(arm).limits.displacement
-    if limit is None:
-        return geometry.action_low, geometry.action_high
-    return (
-        np.maximum(geometry.action_low, -limit),
-        np.minimum(geometry.action_high, limit),
-    )
 
 
 def check_plausible(displacements: Actions, arm: ArmSpec) -> None:
@@ -31,7 +20,7 @@ def check_plausible(displacements: Actions, arm: ArmSpec) -> None:
     Raises:
         RobotError: a cable is further out of its range than `MARGIN`.
     """
-    low, high = displacement_limits(arm)
+    low, high = command_range(arm)
     room = MARGIN * (high - low)
     outside = (displacements < low - room) | (displacements > high + room)
     if outside.any():

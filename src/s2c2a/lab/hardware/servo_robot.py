@@ -21,13 +21,14 @@ from s2c2a.lab.hardware.bus import (
     ServoState,
 )
 from s2c2a.lab.hardware.buses import open_bus
-from s2c2a.lab.hardware.cable_range import MARGIN, check_plausible, displacement_limits
+from s2c2a.lab.hardware.cable_range import MARGIN, check_plausible
 from s2c2a.lab.hardware.calibration import default_path, load_calibration
 from s2c2a.lab.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
 from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions, Reading, Sensor
 
 READ_SHARE = 0.25  # of a control period, in which servos are asked again
@@ -82,7 +83,7 @@ class ServoRobot(Robot):
         self._ids = np.array(self._servos.ids)
         self._bus: ServoBus | None = None
         self._is_halted = False
-        self._low, self._high = displacement_limits(arm)
+        self._low, self._high = command_range(arm)
         self._goal = self._geometry.action_neutral
         self._has_warned = False
         self._monitor = CableMonitor(

@@ -1,0 +1,58 @@
+"""Saturation: commands at the limits of their range, not those of their rate."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.episodes import Episode
+from s2c2a.runtime.limits import EQUAL, command_range
+
+
+def describe_saturation(
+    arm: ArmSpec, actions: Float[np.ndarray, "*batch modules cables"]
+) -> str:
+    """Describe how often sent commands were at a limit of their range, and which cable.
+
+    Args:
+        arm: with the range.
+        actions: that were sent [m or N].
+
+    Returns:
+        A sentence; empty if no command was at a limit.
+    """
+    steps = actions.reshape(-1, arm.module_count, arm.cable_count)
+    is_limited = _is_at_limit(arm, steps)
+    if not is_limited.any():
+        return ""
+    share = is_limited.any(axis=(1, 2)).mean()
+    counts = is_limited.sum(axis=0)
+    module, cable = np.unravel_index(counts.argmax(), counts.shape)
+    return (
+        f"commands were at a limit of their range in {100 * share:.3g} % of the steps, "
+        f"most often cable {cable + 1} of module {module + 1}; a larger "
+        f"{_range_key(arm)} in the arm file allows more, if the arm bears it"
+    )
+
+
+def describe_run_saturation(episode: Episode) -> str:
+    """Describe the same of the steps of a run."""
+    return describe_saturation(episode.arm, episode.ran("actions"))
+
+
+def _is_at_limit(
+    arm: ArmSpec, actions: Float[np.ndarray, "steps modules cables"]
+) -> Bool[np.ndarray, "steps modules cables"]:
+    low, high = command_range(arm)
+    tolerance = EQUAL * (high - low)
+    # the slack cables of a tension arm are at zero as they should
+    is_low = (actions <= low + tolerance) & (low != 0.0)
+    return is_low | (actions >= high - tolerance)
+
+
+def _range_key(arm: ArmSpec) -> str:
+    """Key of the arm file that limits commands."""
+    if arm.actuation == "tension":
+        return "tension_range"
+    if arm.servos is not None and arm.servos.limits.displacement is not None:
+        return "cable.travel or servos.limits.displacement"
+    return "cable.travel"
