@@ -6,14 +6,14 @@ from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
+from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import ROTATING_UNITS, Drive, End, LogMap, Vector
 from s2c2a.logs.tables import Table, list_names
+from s2c2a.logs.time_join import as_rotations, join_by_time, seconds_of
 
 METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class LogSession:
         axes: unit vectors along the arm at the ends, same frame and shape.
         labels: text, shape (rows,); empty where the map names no label.
         broken_rows: number of unreadable rows.
+        clocks: clocks of later files, if files are joined by time.
     """
 
     time: Float[np.ndarray, " rows"]
@@ -39,6 +40,7 @@ class LogSession:
     axes: Float[np.ndarray, "rows ends 3"]
     labels: np.ndarray
     broken_rows: int = 0
+    clocks: tuple[LogClock, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -57,9 +59,11 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
     Raises:
         LogError: a column is missing, or the files have no rows in common.
     """
-    table = _join(tables, log_map.join.key) if log_map.join else tables[0]
+    table, clocks = _join(tables, log_map)
     table = _select_rows(table, log_map)
-    missing = log_map.number_columns - set(table.numbers)
+    # a time column ends with the join, or is the time of all files
+    joined = set(log_map.join.times or ()) if log_map.join else set()
+    missing = log_map.number_columns - joined - set(table.numbers)
     missing |= log_map.label_columns - set(table.labels)
     if missing:
         raise LogError(
@@ -76,6 +80,7 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
         np.stack([_axes(table, end) for end in log_map.ends], axis=1),
         table.labels[label] if label else np.full(len(table), ""),
         table.broken_rows,
+        clocks,
     )
 
 
@@ -85,8 +90,7 @@ def _time(table: Table, log_map: LogMap) -> np.ndarray:
     if rows.time is None:
         rate = rows.rate or log_map.arm.control_rate
         return np.arange(len(table), dtype=float) / rate
-    unit = SECONDS[rows.unit] if isinstance(rows.unit, str) else rows.unit
-    return table.numbers[rows.time] * unit
+    return table.numbers[rows.time] * seconds_of(rows.unit)
 
 
 def _select_rows(table: Table, log_map: LogMap) -> Table:
@@ -102,7 +106,18 @@ def _select_rows(table: Table, log_map: LogMap) -> Table:
     return selected
 
 
-def _join(tables: Sequence[Table], key: str) -> Table:
+def _join(
+    tables: Sequence[Table], log_map: LogMap
+) -> tuple[Table, tuple[LogClock, ...]]:
+    """Table of all files of a session, and the clocks of those joined by time."""
+    if log_map.join is None:
+        return tables[0], ()
+    if log_map.join.key is None:
+        return join_by_time(tables, log_map)
+    return _join_by_key(tables, log_map.join.key), ()
+
+
+def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     """Rows whose key occurs in every table, sorted by the key."""
     for table in tables:
         _check_key(table, key)
@@ -201,13 +216,7 @@ def _axes(table: Table, end: End) -> np.ndarray:
 
 def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
     """Direction along the arm, rotated by quaternions or Euler angles."""
-    if end.quaternion is not None:
-        columns = [0, 1, 2, 3] if end.order == "xyzw" else [1, 2, 3, 0]
-        rotation = Rotation.from_quat(values[:, columns])
-    else:
-        degrees = end.euler_unit == "deg"
-        rotation = Rotation.from_euler(end.sequence or "", values, degrees=degrees)
-    return rotation.apply(unit_vector(end.along))
+    return as_rotations(values, end).apply(unit_vector(end.along))
 
 
 def _normalize(vectors: np.ndarray) -> np.ndarray:
