@@ -60,6 +60,8 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     assert np.abs(errors).max() < 15
     # at most 5.2 deg in the recording
     assert 2.0 < imported.arm.step_limit_deg < 12.0
+    guess = "gravity_direction = [0.0, 0.0, -1.0]  # a guess"
+    assert guess in imported.text
     assert imported.fit.std is not None
     std = np.rad2deg(imported.fit.std.angles)
     assert std.max() < 30

@@ -49,6 +49,17 @@ def test_offset_and_drift_of_an_arm_with_backlash_and_lag_are_within_5_ms(seed):
     assert 0 < clock.drift_std < 100e-6
 
 
+def test_gaps_and_marker_jumps_do_not_move_the_clock():
+    log = two_clocks(4)
+    kept = (log.drives.time < 40) | (log.drives.time > 48)
+    drives = TimedMotion(log.drives.time[kept], log.drives.values[kept])
+    tip = log.tip.values.copy()
+    tip[::50] += 0.3
+    clock = estimate_clock(drives, TimedMotion(log.tip.time, tip))
+    errors = clock.convert(log.tip.time) - log.truth
+    assert np.abs(errors).max() < 0.01
+
+
 def test_files_with_clocks_since_1970_and_since_0_are_joined():
     log = two_clocks(5, offset=0.37)
     epoch = 1.7e9

@@ -167,7 +167,8 @@ def format_arm(
         f"description = {quote(arm.description or 'Identified from a log.')}",
         f"actuation = {quote(log_map.actuation)}",
         f"coupled_cables = {str(assignment.coupled).lower()}",
-        f"gravity_direction = {[float(value) for value in arm.gravity_direction]}",
+        f"gravity_direction = {[float(value) for value in arm.gravity_direction]}"
+        f"  # {_stated_or_guess(arm, 'gravity_direction')}",
         f"control_rate = {float(arm.control_rate)}",
         f"step_limit_deg = {_step_limit_deg(bends):.1f}"
         "  # 99 of 100 steps of the log are shorter",
@@ -239,7 +240,7 @@ def _property_lines(arm: KnownArm, limit: float) -> list[str]:
     """Properties that a log does not show."""
     lines = []
     for key in ("mass", "bending_stiffness"):
-        origin = "stated" if key in arm.model_fields_set else "a guess"
+        origin = _stated_or_guess(arm, key)
         lines.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
     if arm.bend_limit_deg is not None:
         lines.append(f"bend_limit_deg = {float(arm.bend_limit_deg)}  # stated")
@@ -248,6 +249,10 @@ def _property_lines(arm: KnownArm, limit: float) -> list[str]:
         margin = f"{MARGIN_DEG:.0f} above the largest in the log"
         lines.append(f"bend_limit_deg = {limit:.1f}  # {margin}")
     return lines
+
+
+def _stated_or_guess(arm: KnownArm, key: str) -> str:
+    return "stated" if key in arm.model_fields_set else "a guess"
 
 
 def _origin(std: float, stated: object) -> str:

@@ -20,14 +20,16 @@ from scipy.optimize import least_squares
 from scipy.signal import correlate, lfilter
 
 from s2c2a.logs.errors import LogError
+from s2c2a.logs.interpolation import is_near
 
-MAX_GRID = 2**17  # points of a grid in time; bounds time and memory
+MAX_GRID = 2**16  # points of a grid in time; bounds time and memory
 MAX_FITTED = 3000  # rows of the ends that are fitted, evenly spread
 MIN_ROWS = 60
 """Rows with known drives and ends; fewer hardly hold the blocks of the deviation."""
 DRIFTS = 500e-6 * np.linspace(-1, 1, 21)
 """Drifts of the first search; clocks of computers and cameras are within 100 ppm."""
 CANDIDATES = 4  # peaks of the correlation that are refined
+LONGEST_GAP = 4.0  # rows of the ends in longer gaps of the drives are not fitted, rows
 BLOCKS = 20  # stretches of the log whose scatter gives the deviation
 WIDTHS = tuple(0.01 * step for step in range(21))
 """Half widths of the backlash, relative to a drive's travel; between them, linear."""
@@ -249,6 +251,7 @@ def _refine(
     samples = time + start.parameters[0] + start.parameters[1] * (time - middle)
     # rows at the borders stay out, so that the same rows are fitted for all offsets
     inside = (samples > step) & (samples < drives.span - step)
+    inside &= is_near(drives.time, samples, LONGEST_GAP * drives.interval)
     time, values = time[inside], values[inside]
     if len(time) < MIN_ROWS:
         return start
@@ -345,6 +348,8 @@ class _Features:
         grid = interval * np.arange(int(drives.span / interval) + 2)
         # straight lines between few rows would damp fast motion as a lag does
         values = CubicSpline(drives.time, drives.values)(grid)
+        # a spline swings far out in a gap
+        values = values.clip(drives.values.min(axis=0), drives.values.max(axis=0))
         self._interval = interval
         self._values = [_backlash(values, width) for width in WIDTHS]
         self._powers = _powers(values, rows)

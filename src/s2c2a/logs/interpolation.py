@@ -29,10 +29,10 @@ def _interpolate_channel(
         return np.full(len(samples), np.nan)
     times = time[known]
     values = np.interp(samples, times, channel[known], left=np.nan, right=np.nan)
-    return np.where(_is_near(times, samples, limit), values, np.nan)
+    return np.where(is_near(times, samples, limit), values, np.nan)
 
 
-def _is_near(times: np.ndarray, samples: np.ndarray, limit: float) -> np.ndarray:
+def is_near(times: np.ndarray, samples: np.ndarray, limit: float) -> np.ndarray:
     """Whether the neighbors of each sample are no further apart than a limit."""
     after = np.searchsorted(times, samples).clip(0, len(times) - 1)
     before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
@@ -51,5 +51,5 @@ def interpolate_rotations(
         limit: largest distance of neighbors in time.
     """
     inside = (samples >= time[0]) & (samples <= time[-1])
-    inside &= _is_near(time, samples, limit)
+    inside &= is_near(time, samples, limit)
     return Slerp(time, rotations)(samples.clip(time[0], time[-1])), inside
