@@ -7,7 +7,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.signal import lfilter
 
 from s2c2a.kinematics import states_from_bends
-from s2c2a.logs.clocks import TimedMotion
+from s2c2a.logs.timed_motion import TimedMotion
 
 STEP = 0.002  # s
 LAG = 0.06  # s
@@ -24,7 +24,15 @@ class TwoClocks(NamedTuple):
     truth: np.ndarray
 
 
-def two_clocks(seed, offset=0.37, drift=50e-6, span=100.0, poses=None) -> TwoClocks:
+def two_clocks(
+    seed,
+    offset=0.37,
+    drift=50e-6,
+    span=100.0,
+    poses=None,
+    lag=LAG,
+    backlash=BACKLASH,
+) -> TwoClocks:
     """Drives at 10 Hz and a tip at 25 Hz, with noise; `poses` are repeated bends."""
     random = np.random.default_rng(seed)
     time = np.arange(-2.0, span + 4.0, STEP)
@@ -35,7 +43,9 @@ def two_clocks(seed, offset=0.37, drift=50e-6, span=100.0, poses=None) -> TwoClo
     bends = PchipInterpolator(knots, targets)(time)
     inner, outer = bends[:, :2] @ DIRECTIONS.T, bends[:, 2:] @ DIRECTIONS.T
     cables = 0.02 * np.concatenate([inner, outer], axis=1)
-    states = states_from_bends(_followed(bends).reshape(-1, 2, 2), LENGTHS)
+    states = states_from_bends(
+        _followed(bends, lag, backlash).reshape(-1, 2, 2), LENGTHS
+    )
     drive_time = np.arange(0.0, span, 0.1)
     drive_time += random.normal(0.0, 0.001, len(drive_time))
     drives = _sample(time, cables, drive_time)
@@ -47,14 +57,14 @@ def two_clocks(seed, offset=0.37, drift=50e-6, span=100.0, poses=None) -> TwoClo
     return TwoClocks(TimedMotion(drive_time, drives), TimedMotion(own, tip), truth)
 
 
-def _followed(bends):
+def _followed(bends, lag, backlash):
     """Bends after backlash and a first-order lag."""
     state = bends[0]
     played = np.empty_like(bends)
     for row, bend in enumerate(bends):
-        state = np.clip(state, bend - BACKLASH, bend + BACKLASH)
+        state = np.clip(state, bend - backlash, bend + backlash)
         played[row] = state
-    decay = np.exp(-STEP / LAG)
+    decay = np.exp(-STEP / lag)
     start = decay * played[:1]
     return lfilter([1 - decay], [1, -decay], played, axis=0, zi=start)[0]
 

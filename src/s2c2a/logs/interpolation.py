@@ -8,7 +8,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 
 def interpolate(
-    time: np.ndarray, values: np.ndarray, samples: np.ndarray, limit: float
+    time: np.ndarray,
+    values: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
 ) -> np.ndarray:
     """Linear interpolation; NaN between neighbors further apart than a limit.
 
@@ -22,7 +25,10 @@ def interpolate(
 
 
 def _interpolate_channel(
-    time: np.ndarray, channel: np.ndarray, samples: np.ndarray, limit: float
+    time: np.ndarray,
+    channel: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
 ) -> np.ndarray:
     known = np.isfinite(channel)
     if not known.any():
@@ -32,7 +38,11 @@ def _interpolate_channel(
     return np.where(is_near(times, samples, limit), values, np.nan)
 
 
-def is_near(times: np.ndarray, samples: np.ndarray, limit: float) -> np.ndarray:
+def is_near(
+    times: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
+) -> np.ndarray:
     """Whether the neighbors of each sample are no further apart than a limit."""
     after = np.searchsorted(times, samples).clip(0, len(times) - 1)
     before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
@@ -40,7 +50,10 @@ def is_near(times: np.ndarray, samples: np.ndarray, limit: float) -> np.ndarray:
 
 
 def interpolate_rotations(
-    time: np.ndarray, rotations: Rotation, samples: np.ndarray, limit: float
+    time: np.ndarray,
+    rotations: Rotation,
+    samples: np.ndarray,
+    limit: float,
 ) -> tuple[Rotation, np.ndarray]:
     """Spherical interpolation, and which samples have near neighbors.
 

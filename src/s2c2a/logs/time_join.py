@@ -5,11 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2c2a.logs.clocks import LogClock, TimedMotion, estimate_clock
+from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate, interpolate_rotations
 from s2c2a.logs.log_map import End, Join, LogMap
 from s2c2a.logs.tables import Table, list_names
+from s2c2a.logs.timed_motion import TimedMotion
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 # default longest gap, in median row intervals of a file
