@@ -76,6 +76,8 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     acceleration = imported.arm.acceleration_limit_deg
     assert acceleration is not None
     assert 0.1 < acceleration <= 2.0 * imported.arm.step_limit_deg
+    guess = "gravity_direction = [0.0, 0.0, -1.0]  # a guess"
+    assert guess in imported.text
     assert imported.fit.std is not None
     std = np.rad2deg(imported.fit.std.angles)
     assert std.max() < 30

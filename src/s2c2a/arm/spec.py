@@ -133,7 +133,7 @@ class Module(Frozen):
             "[deg]"
         ),
     )
-    mass: Number = between(0, 10, "kg", "mass")
+    mass: Number = between(1e-6, 10, "kg", "mass")
     bending_stiffness: Number = RIGIDITY.key("EI")
     torsional_stiffness: Number | None = RIGIDITY.key("GJ; default: EI", None)
     damping_time: Number = between(0.005, 2, "s", "damping divided by stiffness", 0.05)

@@ -6,7 +6,8 @@ The pipeline (`pipeline.import_logs`):
    `sheet_files`, `parquet_files`, `motive`, `qualisys`), which gives named columns
    (`tables`).
 2. `log_map` validates the map, which describes columns, units, and the frame.
-3. `session` converts the columns to SI units, in the frame of the log.
+3. `session` converts the columns to SI units, in the frame of the log; `time_join` joins
+   files with clocks of their own, which `clocks` estimates.
    `cleaning` excludes poses that cannot be true.
 4. `resampling` splits sessions into segments without gaps, at the control rate.
 5. `registration` estimates the base frame and the module lengths.

@@ -174,7 +174,8 @@ def format_arm(
         f"description = {quote(arm.description or 'Identified from a log.')}",
         f"actuation = {quote(log_map.actuation)}",
         f"coupled_cables = {str(assignment.coupled).lower()}",
-        f"gravity_direction = {[float(value) for value in arm.gravity_direction]}",
+        f"gravity_direction = {[float(value) for value in arm.gravity_direction]}"
+        f"  # {_stated_or_guess(arm, 'gravity_direction')}",
         f"control_rate = {float(arm.control_rate)}",
     ]
     limits = _bend_limits_deg(arm, bends)
@@ -252,12 +253,16 @@ def _property_lines(arm: KnownArm, limit: float) -> list[str]:
     """Properties that a log does not show."""
     lines = []
     for key in ("mass", "bending_stiffness"):
-        origin = "stated" if key in arm.model_fields_set else "a guess"
+        origin = _stated_or_guess(arm, key)
         lines.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
     origin = "stated"
     if arm.bend_limit_deg is None:
         origin = f"{MARGIN_DEG:.0f} above the largest in the log"
     return [*lines, f"bend_limit_deg = {limit}  # {origin}"]
+
+
+def _stated_or_guess(arm: KnownArm, key: str) -> str:
+    return "stated" if key in arm.model_fields_set else "a guess"
 
 
 def _origin(std: float, stated: object) -> str:

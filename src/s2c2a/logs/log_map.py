@@ -57,6 +57,7 @@ MapText = Annotated[str, Field(max_length=MAX_TEXT)]
 SkippedLines = Annotated[int, Field(ge=0, le=1000)]
 Scale = Annotated[Number, Field(gt=0, le=1e6)]
 LengthUnit = Literal["mm", "cm", "m", "in", "ft"]
+TimeUnit = Literal["s", "ms", "us", "ns", "min"] | Number
 ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
 
 
@@ -109,7 +110,7 @@ class Rows(MapTable):
 
     kind: Literal["timed", "steps"] = "timed"
     time: Column | None = None
-    unit: Literal["s", "ms", "us", "ns", "min"] | Number | None = None
+    unit: TimeUnit | None = None
     rate: Number | None = Field(default=None, gt=0, le=1e5)
     longest_gap: Number | None = Field(default=None, gt=0, le=1e6)
     label: Column | None = None
@@ -139,15 +140,48 @@ class Rows(MapTable):
 
 
 class Join(MapTable):
-    """Files that form one session, with rows matched by a key.
+    """Files that form one session, with rows matched by a key or by time.
 
     Attributes:
+        by: "key": rows with equal keys; "time": later files are interpolated at the
+            times of the first one.
         key: column that every file has.
         files: number of files in a session, in the order of the command line.
+        times: time column of each file; `rows.time` by default.
+        units: unit of each file's time; `rows.unit` by default.
+        offset: time of the first file's clock minus that of each later file [s];
+            estimated, with the drift, from the motion of drives and ends by default.
     """
 
-    key: Column
+    by: Literal["key", "time"] = "key"
+    key: Column | None = None
     files: int = Field(default=2, ge=2, le=16)
+    times: tuple[Column, ...] | None = None
+    units: tuple[TimeUnit, ...] | None = None
+    offset: tuple[Number, ...] | None = None
+
+    @model_validator(mode="after")
+    def _check_method(self):
+        if (self.by == "time") == (self.key is not None):
+            raise ValueError(
+                "files are joined either by equal keys or by time; give the column "
+                '(key), or set by = "time" and leave key out'
+            )
+        if self.by == "key" and (self.times or self.units or self.offset is not None):
+            raise ValueError('times, units and offset need by = "time"; set it')
+        return self
+
+    @model_validator(mode="after")
+    def _check_counts(self):
+        entries = (("times", self.times, 0), ("units", self.units, 0))
+        for name, values, fewer in (*entries, ("offset", self.offset, 1)):
+            expected = self.files - fewer
+            if values is not None and len(values) != expected:
+                raise ValueError(
+                    f"{len(values)} {name} for {self.files} files; give {expected}: "
+                    + ("one for each later file" if fewer else "one for each file")
+                )
+        return self
 
 
 class DrivenCable(MapTable):
@@ -367,6 +401,15 @@ class LogMap(MapTable):
         return self
 
     @model_validator(mode="after")
+    def _check_join(self):
+        if self.join and self.join.by == "time" and self.rows.time is None:
+            raise ValueError(
+                "files are joined by time only with a time column; "
+                'add rows.time, or join by = "key"'
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_units(self):
         units = {drive.unit for drive in self.drives}
         if units.intersection(ROTATING_UNITS) and self.arm.pulley_radius is None:
@@ -399,7 +442,9 @@ class LogMap(MapTable):
     @property
     def number_columns(self) -> set[str]:
         """Names of the numeric columns."""
-        columns = {self.rows.time, self.join.key if self.join else None}
+        columns = {self.rows.time}
+        if self.join:
+            columns |= {self.join.key, *(self.join.times or ())}
         for drive in self.drives:
             columns |= {drive.commanded, drive.measured}
         for end in self.ends:
@@ -411,7 +456,9 @@ class LogMap(MapTable):
     @property
     def time_columns(self) -> set[str]:
         """Names of the columns that may hold time stamps."""
-        keys = {self.rows.time, self.join.key if self.join else None}
+        keys = {self.rows.time}
+        if self.join:
+            keys |= {self.join.key, *(self.join.times or ())}
         return {key for key in keys if key is not None}
 
     @property

@@ -17,6 +17,7 @@ from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_lay
 from s2c2a.logs.cable_model import CableParameters, tilt_rotation
 from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
+from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
@@ -52,6 +53,7 @@ class Segments:
         broken_rows: number of unreadable rows among them.
         excluded: poses that are excluded.
         frame_motions: jumps and drifts of the frame.
+        clocks: clocks of later files of each session, if files are joined by time.
     """
 
     sessions: list[LogSession]
@@ -59,6 +61,7 @@ class Segments:
     broken_rows: int
     excluded: Excluded
     frame_motions: tuple[FrameMotion, ...]
+    clocks: tuple[tuple[LogClock, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -247,6 +250,8 @@ def save_imported(
         "at_rest": imported.at_rest,
         KEY: imported.rig.model_dump(),
     }
+    if clocks := imported.segments.clocks:
+        options["clocks"] = [[clock.summary() for clock in each] for each in clocks]
     if isinstance(imported, ImportedSession):
         save_episodes(imported.episodes, path, options)
         return None
@@ -275,7 +280,8 @@ def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segme
     rows = sum(len(session) for session in sessions)
     broken_rows = sum(session.broken_rows for session in sessions)
     motions = find_frame_motions(sessions, log_map)
-    return Segments(segments, rows, broken_rows, excluded, motions)
+    clocks = tuple(session.clocks for session in sessions if session.clocks)
+    return Segments(segments, rows, broken_rows, excluded, motions, clocks)
 
 
 def _read_sessions(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.logs.errors import LogError
+from s2c2a.logs.interpolation import interpolate
 from s2c2a.logs.log_map import Rows
 from s2c2a.logs.session import LogSession
 
@@ -94,30 +95,3 @@ def _resample(segment: LogSession, period: float, limit: float) -> LogSession:
     after = np.searchsorted(times, samples, side="right").clip(1, len(times) - 1)
     labels = segment.labels[after - 1]
     return replace(segment, time=samples, labels=labels, **columns)
-
-
-def interpolate(
-    time: np.ndarray, values: np.ndarray, samples: np.ndarray, limit: float
-) -> np.ndarray:
-    """Linear interpolation; NaN between neighbors further apart than a limit.
-
-    Each channel has its own neighbors, so one missing channel does not hide the others.
-    """
-    channels = values.reshape(len(values), -1).T
-    columns = [
-        _interpolate_channel(time, channel, samples, limit) for channel in channels
-    ]
-    return np.stack(columns, axis=1).reshape(len(samples), *values.shape[1:])
-
-
-def _interpolate_channel(
-    time: np.ndarray, channel: np.ndarray, samples: np.ndarray, limit: float
-) -> np.ndarray:
-    known = np.isfinite(channel)
-    if not known.any():
-        return np.full(len(samples), np.nan)
-    times = time[known]
-    values = np.interp(samples, times, channel[known], left=np.nan, right=np.nan)
-    after = np.searchsorted(times, samples).clip(0, len(times) - 1)
-    before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
-    return np.where(times[after] - times[before] <= limit, values, np.nan)

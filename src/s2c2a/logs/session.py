@@ -6,15 +6,15 @@ from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
+from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import ROTATING_UNITS, Drive, End, LogMap, Vector
+from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, list_names
-from s2c2a.tables import METERS, SECONDS
+from s2c2a.logs.time_join import as_rotations, join_by_time
+from s2c2a.tables import METERS
 
-EPOCH_UNITS = {"ns": 1e17, "us": 1e14, "ms": 1e11}
-"""Smallest times since 1970 in these units: those of 1973. As seconds, 1e11 is 5138."""
 ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
 
 
@@ -32,6 +32,7 @@ class LogSession:
         axes: unit vectors along the arm at the ends, same frame and shape.
         labels: text, shape (rows,); empty where the map names no label.
         broken_rows: number of unreadable rows.
+        clocks: clocks of later files, if files are joined by time.
     """
 
     time: Float[np.ndarray, " rows"]
@@ -41,6 +42,7 @@ class LogSession:
     axes: Float[np.ndarray, "rows ends 3"]
     labels: np.ndarray
     broken_rows: int = 0
+    clocks: tuple[LogClock, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -61,9 +63,11 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
     """
     for each in tables:
         _check_length_unit(each, log_map)
-    table = _join(tables, log_map.join.key) if log_map.join else tables[0]
+    table, clocks = _join(tables, log_map)
     table = _select_rows(table, log_map)
-    missing = log_map.number_columns - set(table.numbers)
+    # a time column ends with the join, or is the time of all files
+    joined = set(log_map.join.times or ()) if log_map.join else set()
+    missing = log_map.number_columns - joined - set(table.numbers)
     missing |= log_map.label_columns - set(table.labels)
     if missing:
         raise LogError(
@@ -83,6 +87,7 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
         np.stack([_axes(table, end) for end in log_map.ends], axis=1),
         table.labels[label] if label else np.full(len(table), ""),
         table.broken_rows,
+        clocks,
     )
 
 
@@ -92,19 +97,7 @@ def _time(table: Table, log_map: LogMap) -> np.ndarray:
     if rows.time is None:
         rate = rows.rate or log_map.arm.control_rate
         return np.arange(len(table), dtype=float) / rate
-    times = table.numbers[rows.time]
-    if rows.time in table.stamps:
-        return times
-    unit = _epoch_unit(times) if rows.unit is None else rows.unit
-    return times * (SECONDS[unit] if isinstance(unit, str) else unit)
-
-
-def _epoch_unit(times: np.ndarray) -> str:
-    """Unit of times since 1970 by their size; seconds of all others."""
-    known = times[np.isfinite(times)]
-    smallest = known.min(initial=np.inf) if len(known) else 0.0
-    fitting = [unit for unit, bound in EPOCH_UNITS.items() if smallest > bound]
-    return fitting[0] if fitting else "s"
+    return row_times(table, rows.time, rows.unit)
 
 
 def _check_length_unit(table: Table, log_map: LogMap) -> None:
@@ -132,7 +125,18 @@ def _select_rows(table: Table, log_map: LogMap) -> Table:
     return selected
 
 
-def _join(tables: Sequence[Table], key: str) -> Table:
+def _join(
+    tables: Sequence[Table], log_map: LogMap
+) -> tuple[Table, tuple[LogClock, ...]]:
+    """Table of all files of a session, and the clocks of those joined by time."""
+    if log_map.join is None:
+        return tables[0], ()
+    if log_map.join.key is None:
+        return join_by_time(tables, log_map)
+    return _join_by_key(tables, log_map.join.key), ()
+
+
+def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     """Rows whose key occurs in every table, sorted by the key."""
     for table in tables:
         _check_key(table, key)
@@ -155,7 +159,9 @@ def _join(tables: Sequence[Table], key: str) -> Table:
             "give each column its own name"
         )
     path = " + ".join(table.path for table in tables)
-    return Table(path, numbers, labels, sum(table.broken_rows for table in tables))
+    broken_rows = sum(table.broken_rows for table in tables)
+    stamps = frozenset().union(*(table.stamps for table in tables))
+    return Table(path, numbers, labels, broken_rows, stamps)
 
 
 def _check_key(table: Table, key: str) -> None:
@@ -256,15 +262,7 @@ def _check_rotations(
 
 def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
     """Direction along the arm, rotated by quaternions or Euler angles."""
-    if end.quaternion is not None:
-        columns = [0, 1, 2, 3] if end.order == "xyzw" else [1, 2, 3, 0]
-        rotation = Rotation.from_quat(values[:, columns])
-    elif end.matrix is not None:
-        rotation = Rotation.from_matrix(values.reshape(-1, 3, 3))
-    else:
-        degrees = end.euler_unit == "deg"
-        rotation = Rotation.from_euler(end.sequence or "", values, degrees=degrees)
-    return rotation.apply(unit_vector(end.along))
+    return as_rotations(values, end).apply(unit_vector(end.along))
 
 
 def _normalize(vectors: np.ndarray) -> np.ndarray:

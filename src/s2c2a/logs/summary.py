@@ -93,6 +93,10 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
         f"{read.rows} rows{broken}",
         f"measured: {_describe_ends(imported.episodes)}",
     ]
+    for number, clocks in enumerate(read.clocks, 1):
+        session = f"session {number}, " if len(read.clocks) > 1 else ""
+        for file, clock in enumerate(clocks, 2):
+            lines.append(f"clock of {session}file {file}: {clock}")
     if excluded := str(read.excluded):
         lines.append(excluded)
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]

@@ -75,7 +75,7 @@ KINDS = (
     ),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
-    Kind("mass", "modules.*.mass", 0.5, 0.0005, 10, ratio=True),
+    Kind("mass", "modules.*.mass", 0.5, 1e-6, 10, ratio=True),
     Kind("rest", "modules.*.mismatch.rest_bend_deg.*", 5.0, -90, 90),
     Kind(
         "shortening",

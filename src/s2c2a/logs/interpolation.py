@@ -1,0 +1,68 @@
+"""Interpolation of columns in time: numbers linearly, rotations along the shortest arc.
+
+Nothing is interpolated between neighbors that are further apart than a limit.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+
+def interpolate(
+    time: np.ndarray,
+    values: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
+) -> np.ndarray:
+    """Linear interpolation; NaN between neighbors further apart than a limit.
+
+    Each channel has its own neighbors, so one missing channel does not hide the others.
+    """
+    channels = values.reshape(len(values), -1).T
+    columns = [
+        _interpolate_channel(time, channel, samples, limit) for channel in channels
+    ]
+    return np.stack(columns, axis=1).reshape(len(samples), *values.shape[1:])
+
+
+def _interpolate_channel(
+    time: np.ndarray,
+    channel: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
+) -> np.ndarray:
+    known = np.isfinite(channel)
+    if not known.any():
+        return np.full(len(samples), np.nan)
+    times = time[known]
+    values = np.interp(samples, times, channel[known], left=np.nan, right=np.nan)
+    return np.where(is_near(times, samples, limit), values, np.nan)
+
+
+def is_near(
+    times: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
+) -> np.ndarray:
+    """Whether the neighbors of each sample are no further apart than a limit."""
+    after = np.searchsorted(times, samples).clip(0, len(times) - 1)
+    before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
+    return times[after] - times[before] <= limit
+
+
+def interpolate_rotations(
+    time: np.ndarray,
+    rotations: Rotation,
+    samples: np.ndarray,
+    limit: float,
+) -> tuple[Rotation, np.ndarray]:
+    """Spherical interpolation, and which samples have near neighbors.
+
+    Args:
+        time: increasing times of the rotations, at least two.
+        rotations: as many rotations.
+        samples: times of the results.
+        limit: largest distance of neighbors in time.
+    """
+    inside = (samples >= time[0]) & (samples <= time[-1])
+    inside &= is_near(time, samples, limit)
+    return Slerp(time, rotations)(samples.clip(time[0], time[-1])), inside

@@ -1,0 +1,234 @@
+"""Files of one session with clocks of their own, joined at the times of the first."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from s2c2a.logs.clocks import LogClock, estimate_clock
+from s2c2a.logs.errors import LogError
+from s2c2a.logs.interpolation import interpolate, interpolate_rotations
+from s2c2a.logs.log_map import End, LogMap
+from s2c2a.logs.row_times import row_times
+from s2c2a.logs.tables import Table, list_names
+from s2c2a.logs.timed_motion import TimedMotion
+
+# default longest gap, in median row intervals of a file
+DEFAULT_GAP = 4.0
+TIME = ""
+"""Name of the time column of each file while files are joined; maps cannot use it."""
+
+
+def join_by_time(
+    tables: Sequence[Table], log_map: LogMap
+) -> tuple[Table, tuple[LogClock, ...]]:
+    """Interpolate later files at the times of the first one.
+
+    Args:
+        tables: files of a session.
+        log_map: the map, which joins by time.
+
+    Returns:
+        The joined table, with the clock of the first file, and the clocks of later
+        files.
+
+    Raises:
+        LogError: a file lacks its time column, times fall, columns occur twice, or the
+            motion does not determine an offset that is not stated.
+    """
+    join = log_map.join
+    assert join is not None
+    assert log_map.rows.time is not None
+    columns = join.times or (log_map.rows.time,) * len(tables)
+    units = join.units or (log_map.rows.unit,) * len(tables)
+    first, *later = map(_sort_out_times, tables, columns, units)
+    _check_duplicates([first, *later])
+    times = first.numbers[TIME]
+    numbers = {name: column for name, column in first.numbers.items() if name != TIME}
+    numbers[log_map.rows.time] = times
+    labels = dict(first.labels)
+    clocks = []
+    for index, table in enumerate(later, 1):
+        own_times = table.numbers[TIME]
+        clock = _find_clock(first, times, table, own_times, index, log_map)
+        converted = clock.convert(own_times)
+        numbers |= _resample_numbers(table, converted, times, log_map)
+        labels |= _resample_labels(table, converted, times)
+        clocks.append(clock)
+    path = " + ".join(table.path for table in tables)
+    broken_rows = sum(table.broken_rows for table in tables)
+    in_seconds = frozenset([log_map.rows.time])
+    return Table(path, numbers, labels, broken_rows, in_seconds), tuple(clocks)
+
+
+def _sort_out_times(
+    table: Table,
+    column: str,
+    unit: str | float | None,
+) -> Table:
+    """Rows with a time, the first of equal ones; the time column is renamed, in seconds.
+
+    Raises:
+        LogError: the column is missing, times fall, or fewer than two are left.
+    """
+    if column not in table.numbers:
+        raise LogError(
+            f"{table.path} lacks the time column '{column}'; name that of each file in "
+            "join.times"
+        )
+    times = row_times(table, column, unit)
+    known = np.flatnonzero(np.isfinite(times))
+    falls = np.flatnonzero(np.diff(times[known]) < 0)
+    if len(falls):
+        row = known[falls[0]]
+        raise LogError(
+            f"{table.path}: '{column}' falls after row {row}; sort the rows, or split "
+            "the file where the clock was set back"
+        )
+    known = known[np.diff(times[known], prepend=-np.inf) > 0]
+    if len(known) < 2:
+        raise LogError(
+            f"{table.path}: '{column}' has {len(known)} different times; at least two "
+            "are needed"
+        )
+    rows = table.select(known)
+    numbers = {name: value for name, value in rows.numbers.items() if name != column}
+    return Table(
+        table.path, numbers | {TIME: times[known]}, rows.labels, table.broken_rows
+    )
+
+
+def _check_duplicates(tables: Sequence[Table]) -> None:
+    seen: set[str] = set()
+    duplicates: set[str] = set()
+    for table in tables:
+        columns = {*table.numbers, *table.labels} - {TIME}
+        duplicates |= columns & seen
+        seen |= columns
+    if duplicates:
+        raise LogError(
+            f"several of the joined files have {list_names(sorted(duplicates))}; "
+            "give each column its own name"
+        )
+
+
+def _find_clock(
+    first: Table,
+    times: np.ndarray,
+    later: Table,
+    later_times: np.ndarray,
+    index: int,
+    log_map: LogMap,
+) -> LogClock:
+    """Stated clock, or the one that the motion of drives and ends determines."""
+    join = log_map.join
+    if join is not None and join.offset is not None:
+        middle = float(later_times.mean())
+        return LogClock(float(join.offset[index - 1]), middle=middle)
+    try:
+        drives = _motion(first, times, _drive_columns(log_map))
+        ends = _motion(later, later_times, _end_columns(log_map))
+        if drives and ends:
+            return estimate_clock(drives, ends)
+        ends = _motion(first, times, _end_columns(log_map))
+        drives = _motion(later, later_times, _drive_columns(log_map))
+        if drives and ends:
+            return estimate_clock(drives, ends).inverted()
+    except LogError as error:
+        raise LogError(f"{first.path} and {later.path}: {error}") from error
+    raise LogError(
+        f"{first.path} and {later.path}: the offset between the clocks is estimated "
+        "only between drives in one file and ends in the other; state join.offset"
+    )
+
+
+def _drive_columns(log_map: LogMap) -> list[str]:
+    columns = [(drive.measured, drive.commanded) for drive in log_map.drives]
+    measured = [first for first, _ in columns if first]
+    return measured or [second for _, second in columns if second]
+
+
+def _end_columns(log_map: LogMap) -> list[str]:
+    return [column for end in log_map.ends for column in end.position]
+
+
+def _motion(
+    table: Table, times: np.ndarray, columns: Sequence[str]
+) -> TimedMotion | None:
+    """Rows with all of these columns that the table has; None if it has none."""
+    present = [table.numbers[name] for name in columns if name in table.numbers]
+    # an end that is never measured hides no other
+    present = [column for column in present if np.isfinite(column).any()]
+    if not present:
+        return None
+    values = np.stack(present, axis=1)
+    known = np.isfinite(values).all(axis=1)
+    return TimedMotion(times[known], values[known])
+
+
+def _resample_numbers(
+    table: Table, times: np.ndarray, samples: np.ndarray, log_map: LogMap
+) -> dict[str, np.ndarray]:
+    """Columns at other times; NaN beyond the longest gap; rotations stay rotations."""
+    limit = log_map.rows.longest_gap
+    if limit is None:
+        limit = DEFAULT_GAP * float(np.median(np.diff(times)))
+    columns = {
+        name: interpolate(times, column[:, None], samples, limit)[:, 0]
+        for name, column in table.numbers.items()
+        if name != TIME
+    }
+    for end in log_map.ends:
+        names = end.quaternion or end.matrix or end.euler or ()
+        if names and set(names) <= set(columns):
+            columns |= _resample_rotation(table.numbers, end, times, samples, limit)
+    return columns
+
+
+def _resample_rotation(
+    numbers: Mapping[str, np.ndarray],
+    end: End,
+    times: np.ndarray,
+    samples: np.ndarray,
+    limit: float,
+) -> dict[str, np.ndarray]:
+    """Columns of an end's rotation, by spherical interpolation."""
+    names = end.quaternion or end.matrix or end.euler or ()
+    values = np.stack([numbers[name] for name in names], axis=1)
+    known = np.isfinite(values).all(axis=1)
+    if not end.euler:  # zeros mark poses that were not measured
+        known &= np.abs(values).sum(axis=1) > 0
+    result = np.full((len(samples), len(names)), np.nan)
+    if known.sum() > 1:
+        rotations, near = interpolate_rotations(
+            times[known], as_rotations(values[known], end), samples, limit
+        )
+        result[near] = _as_columns(rotations[near], end)
+    return dict(zip(names, result.T, strict=True))
+
+
+def as_rotations(values: np.ndarray, end: End) -> Rotation:
+    """Rotations of an end, from its quaternions, matrices or Euler angles."""
+    if end.quaternion is not None:
+        return Rotation.from_quat(values, scalar_first=end.order == "wxyz")
+    if end.matrix is not None:
+        return Rotation.from_matrix(values.reshape(-1, 3, 3))
+    degrees = end.euler_unit == "deg"
+    return Rotation.from_euler(end.sequence or "", values, degrees=degrees)
+
+
+def _as_columns(rotations: Rotation, end: End) -> np.ndarray:
+    """Numbers of rotations, in the order of an end's columns."""
+    if end.quaternion:
+        return rotations.as_quat(scalar_first=end.order == "wxyz")
+    if end.matrix:
+        return rotations.as_matrix().reshape(-1, 9)
+    return rotations.as_euler(end.sequence or "", degrees=end.euler_unit == "deg")
+
+
+def _resample_labels(
+    table: Table, times: np.ndarray, samples: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Labels of the last row at or before each time."""
+    rows = (np.searchsorted(times, samples, side="right") - 1).clip(0)
+    return {name: column[rows] for name, column in table.labels.items()}
