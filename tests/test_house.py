@@ -14,10 +14,10 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live")
-MAX_CORE = 23_345
+MAX_CORE = 23_398
 """Code lines of the core; the aim is 20,000, and nothing may move away from it but what
 the core did not do before: the last were scene files with solids of all kinds, shapes of
-the whole arm, and projection to what is within reach."""
+the whole arm, projection to what is within reach, and servo models of arm files."""
 MAX_NUMBERS = 520
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {
