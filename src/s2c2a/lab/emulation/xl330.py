@@ -199,8 +199,9 @@ class XL330(Servo):
         limit = CURRENT_UNIT * self["current_limit"]
         if self["operating_mode"] == CURRENT_BASED_POSITION_MODE:
             limit = min(limit, CURRENT_UNIT * abs(self["goal_current"]))
-        # at stall, the current is in proportion to the voltage
-        limit = min(limit, STALL_CURRENT * abs(self["goal_pwm"]) / FULL_PWM)
+        if abs(self["goal_pwm"]) < FULL_PWM:
+            # at stall, the current is in proportion to the voltage
+            limit = min(limit, STALL_CURRENT * abs(self["goal_pwm"]) / FULL_PWM)
         profile = VELOCITY_UNIT * self["profile_velocity"]
         speed = min(NO_LOAD_SPEED, profile) if profile else NO_LOAD_SPEED
         goal = self["goal_position"] - self._present_offset
