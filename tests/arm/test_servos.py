@@ -22,3 +22,38 @@ def test_each_protocol_has_a_default_model(protocol, model):
     servos = Servos.model_validate(table)
     assert servos.model == model
     assert Servos.model_validate(servos.model_dump(mode="json")) == servos
+
+
+OWN = {"number": 1270, "max_current": 2.0, "torque_constant": 1.5}
+
+
+def servos(**table):
+    return Servos.model_validate({"ids": [[1, 2, 3]], **table})
+
+
+def test_an_arm_file_describes_a_model_of_its_own():
+    table = servos(model="mine", own_model={**OWN, "registers": {"torque": 512}})
+    assert table.model_number == 1270
+    assert Servos.model_validate(table.model_dump(mode="json")) == table
+    assert "own_model" not in servos().model_dump()
+
+
+@pytest.mark.parametrize(
+    ("table", "fault"),
+    [
+        ({"model": "mine"}, r"xl430-w250.*\[servos\.own_model\]"),
+        ({"own_model": OWN}, "another name"),
+        ({"model": "mine", "protocol": "feetech", "own_model": OWN}, "another name"),
+        ({"model": "mine", "own_model": {**OWN, "number": 0}}, "number"),
+        ({"model": "mine", "own_model": {**OWN, "max_current": 2000}}, "max_current"),
+        ({"model": "mine", "own_model": {"number": 1270}}, "max_current"),
+        ({"model": "mine", "own_model": {**OWN, "registers": {"torq": 64}}}, "torq"),
+        (
+            {"model": "mine", "own_model": {**OWN, "registers": {"torque": -1}}},
+            "torque",
+        ),
+    ],
+)
+def test_faults_of_models_are_named(table, fault):
+    with pytest.raises(ValueError, match=fault):
+        servos(**table)

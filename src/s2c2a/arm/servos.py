@@ -11,13 +11,30 @@ if TYPE_CHECKING:
 
 MAX_SERVO_ID = 252  # of Dynamixel's protocol 2.0; the higher numbers address no servo
 MODEL_NUMBERS = {
-    "dynamixel": {"xl330-m288": 1200, "xl330-m077": 1190, "xm430-w350": 1020},
+    "dynamixel": {
+        "xl330-m288": 1200,
+        "xl330-m077": 1190,
+        "xc330-t288": 1220,
+        "xc330-m288": 1240,
+        "xl430-w250": 1060,
+        "xm430-w350": 1020,
+        "xm540-w270": 1120,
+        "xm540-w150": 1130,
+        "mx-28": 30,
+        "mx-64": 311,
+        "mx-106": 321,
+    },
     "feetech": {"sts3215": 777, "sts3215-12v": 777},
 }
 """Known models by protocol, with the number that they state on the bus; the first one
 is the default. The packages of the protocols hold their other data."""
 TurningDirection = Literal[-1, 1]
 ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
+ModelNumber = Annotated[int, Field(ge=1, le=65_535)]  # two bytes
+Address = Annotated[int, Field(ge=0, le=1023)]  # the X series ends at 661
+Current = Annotated[Number, Field(ge=0.0001, le=20)]  # A
+TorqueConstant = Annotated[Number, Field(ge=0.001, le=20)]  # N m/A
+WAY_OUT = "or describe the model in a table [servos.own_model] of the arm file"
 
 
 class ServoLimits(Frozen):
@@ -49,6 +66,57 @@ class ServoLimits(Frozen):
         return self
 
 
+def _address(meaning: str) -> Any:
+    return Field(default=None, description=f"address of {meaning}; default: as XM430")
+
+
+class OwnRegisters(Frozen):
+    """Registers of a DYNAMIXEL model whose addresses are not those of the XM430."""
+
+    drive_mode: Address | None = _address("the drive mode")
+    operating_mode: Address | None = _address("the operating mode")
+    homing_offset: Address | None = _address("the homing offset")
+    pwm_limit: Address | None = _address("the stored limit of the PWM")
+    current_limit: Address | None = _address("the stored limit of the current")
+    torque: Address | None = _address("the switch of the torque")
+    status_return_level: Address | None = _address("the status return level")
+    hardware_error: Address | None = _address("the hardware error status")
+    watchdog: Address | None = _address("the bus watchdog")
+    goal_pwm: Address | None = _address("the limit of the PWM")
+    goal_current: Address | None = _address("the limit of the current")
+    profile_acceleration: Address | None = _address("the profile acceleration")
+    profile_velocity: Address | None = _address("the profile velocity")
+    goal_position: Address | None = _address("the goal position")
+    measurements: Address | None = _address("the first of 27 bytes of measurements")
+    current: Address | None = _address("the present current")
+    velocity: Address | None = _address("the present velocity")
+    position: Address | None = _address("the present position")
+    voltage: Address | None = _address("the present input voltage")
+    temperature: Address | None = _address("the present temperature")
+    indirect_address: Address | None = _address("indirect address 1")
+    indirect_data: Address | None = _address("indirect data 1")
+
+
+class OwnModel(Frozen):
+    """A DYNAMIXEL model with protocol 2.0 that the package does not know.
+
+    Sizes and units of its registers are those of the X series, with 4096 ticks a turn.
+    """
+
+    number: ModelNumber = Field(description="number that the servos state")
+    max_current: Current = Field(
+        description="largest current limit; at stall, if they measure no current [A]"
+    )
+    torque_constant: TorqueConstant = Field(
+        description="stall torque over stall current [N m/A]"
+    )
+    current_unit: Current | None = Field(
+        default=None,
+        description="unit of currents [A]; default: the servos measure no current",
+    )
+    registers: OwnRegisters = OwnRegisters()
+
+
 class Servos(Frozen):
     """Bus servos with one pulley for each cable.
 
@@ -57,7 +125,7 @@ class Servos(Frozen):
     tenth of the default limit, and the watchdog four default control periods.
     """
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits",))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits", "own_model"))
 
     protocol: Literal["dynamixel", "feetech"] = Field(
         default="dynamixel", description="protocol of the bus"
@@ -66,9 +134,12 @@ class Servos(Frozen):
         default="xl330-m288",
         pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
         description=(
-            "model of the servos; dynamixel: xl330-m288, xl330-m077, xm430-w350; "
+            f"model of the servos; dynamixel: {', '.join(MODEL_NUMBERS['dynamixel'])}; "
             "feetech: sts3215 (default), sts3215-12v"
         ),
+    )
+    own_model: OwnModel | None = Field(
+        default=None, description="facts of a model with another name"
     )
     port: str = Field(
         default="",
@@ -140,10 +211,18 @@ class Servos(Frozen):
 
     def _check_model(self):
         known = MODEL_NUMBERS[self.protocol]
-        if self.model not in known:
+        names = ", ".join(known)
+        if self.own_model is not None:
+            if self.protocol != "dynamixel" or self.model in known:
+                raise ValueError(
+                    "servos.own_model describes a model of the protocol 'dynamixel' "
+                    f"with a servos.model other than {names}; choose another name, or "
+                    "leave the table out"
+                )
+        elif self.model not in known:
             raise ValueError(
                 f"servos.model '{self.model}' is no known model with the protocol "
-                f"'{self.protocol}'; choose one of {', '.join(known)}"
+                f"'{self.protocol}'; choose one of {names}, {WAY_OUT}"
             )
 
     def _check_home_current(self):
@@ -152,6 +231,13 @@ class Servos(Frozen):
                 f"servos.home_current {self.home_current} A is not below "
                 f"servos.limits.current {self.limits.current} A; lower it"
             )
+
+    @property
+    def model_number(self) -> int:
+        """Number that the servos state."""
+        if self.own_model is not None:
+            return self.own_model.number
+        return MODEL_NUMBERS[self.protocol][self.model]
 
     def number_of(self, id: int) -> str:
         """Return the place of a servo for users, such as "module 2, cable 1"."""

@@ -243,6 +243,42 @@ def test_an_old_frame_is_dropped(frame, time, arrival, sender, reason):
     assert order.restarts == 0
 
 
+def timed_order():
+    order = FrameOrder(by_time=True)
+    order.accept(PoseFrame(100.0, 5.0, 10, {}), "a")
+    return order
+
+
+@pytest.mark.parametrize(
+    ("frame", "time", "restarts"),
+    [
+        (10, 5.01, 0),  # a number that never changes
+        (3, 5.01, 0),  # numbers that begin again
+        (11, 5.0, 0),  # a coarse clock
+        (10, 0.0, 1),  # a reset of the clock
+    ],
+)
+def test_the_time_alone_decides_where_frames_are_not_counted(frame, time, restarts):
+    order = timed_order()
+    order.accept(PoseFrame(100.01, time, frame, {}), "a")
+    assert order.restarts == restarts
+
+
+@pytest.mark.parametrize(
+    ("frame", "time", "reason"),
+    [
+        (10, 5.0, DropReason.DUPLICATE),
+        (10, 4.99, DropReason.LATE),
+        (11, 4.99, DropReason.LATE),
+        (9, 5.0, DropReason.LATE),
+    ],
+)
+def test_frames_that_are_not_counted_are_dropped_by_their_time(frame, time, reason):
+    with pytest.raises(DatagramError) as caught:
+        timed_order().accept(PoseFrame(100.01, time, frame, {}), "a")
+    assert caught.value.reason is reason
+
+
 def test_a_dropped_frame_does_not_prolong_the_silence():
     order = order_with()
     with pytest.raises(DatagramError):

@@ -236,9 +236,8 @@ def mocap(
         arm: a preset or an arm file.
         protocol: natnet for OptiTrack Motive, qualisys for Qualisys Track Manager, udp
             for JSON datagrams.
-        version: of the protocol: NatNet 3.1, 4.0, 4.1 (default) or 4.2, which the
-            tracker refuses; newest of QTM: 1.25 (default), 1.20 or 1.8, which the
-            tracker refuses.
+        version: of the protocol: NatNet 3.1, 4.0, 4.1 (default) or 4.2; newest of QTM:
+            1.25 (default), 1.20 or 1.8, which the tracker refuses.
         up: vertical axis of the stream; default: y for natnet, z otherwise.
         rate: frames a second [Hz].
         faults: a fault, such as "3 hidden end-2 1.5"; can be repeated. The time [s]

@@ -12,7 +12,6 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, load_arm, servos_of
-from s2c2a.arm.servos import MODEL_NUMBERS
 from s2c2a.cli.console import Arm, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
@@ -116,7 +115,8 @@ def setup(
     target_rate = servos_of(spec).baud_rate
     with _bus(spec, port) as bus:
         rate, info = _only_servo(bus)
-        bus.check_model(info, servos_of(spec).model, _model_number(spec))
+        servos = servos_of(spec)
+        bus.check_model(info, servos.model, servos.model_number)
         question = (
             f"{info.model} with id {info.id} at {rate} bit/s gets id {new_id} and "
             f"{target_rate} bit/s"
@@ -129,11 +129,6 @@ def setup(
     if found != [new_id]:
         raise S2C2AError(f"servo {new_id} does not answer; repeat the command")
     print(f"servo {new_id} is set up: {servos_of(spec).number_of(new_id)}")
-
-
-def _model_number(spec: ArmSpec) -> int:
-    servos = servos_of(spec)
-    return MODEL_NUMBERS[servos.protocol][servos.model]
 
 
 def _only_servo(bus: "ServoBus") -> "tuple[int, ServoInfo]":

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.servos import MODEL_NUMBERS, servos_of
+from s2c2a.arm.servos import Servos, servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.lab.emulation.fault_texts import Fault
@@ -24,6 +24,7 @@ from s2c2a.lab.emulation.protocols import protocol_of
 from s2c2a.lab.emulation.real_time import RealTimeArm
 from s2c2a.lab.emulation.servo import MotorState, Servo
 from s2c2a.lab.emulation.winch import Pulley, Winch
+from s2c2a.lab.emulation.xl330 import firmware_of
 
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
@@ -89,6 +90,15 @@ class EmulatorOptions:
             )
 
 
+def _check_registers(servos: Servos) -> None:
+    own = servos.own_model
+    if own is not None and own.registers.model_dump(exclude_none=True):
+        raise S2C2AError(
+            "emulated servos have the addresses of the X series; leave out "
+            "servos.own_model.registers in the arm file of the emulator"
+        )
+
+
 class Emulator(RealTimeArm):
     """Servos of an arm on a pseudo-terminal, in real time.
 
@@ -111,6 +121,7 @@ class Emulator(RealTimeArm):
         """
         self.options = options
         self.table = servos_of(arm)
+        _check_registers(self.table)
         self._protocol = protocol_of(self.table)
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(
@@ -295,12 +306,11 @@ class Emulator(RealTimeArm):
 
     def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
         motor = self.plant.arm.motor
-        servo = self._protocol.make_servo(
-            id, MotorState(ticks=ticks), self.options.firmware
-        )
+        firmware = firmware_of(self.table.model_number, self.options.firmware)
+        servo = self._protocol.make_servo(id, MotorState(ticks=ticks), firmware)
         servo.ticks_per_turn = motor.ticks_per_turn
         servo.baud_rate = self.table.baud_rate
-        servo["model_number"] = MODEL_NUMBERS[self.table.protocol][self.table.model]
+        servo["model_number"] = self.table.model_number
         if self.options.homed:
             servo.set_up(self.table.limits.current)
         if self.table.torque_constant is not None:

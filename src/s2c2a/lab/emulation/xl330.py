@@ -29,8 +29,14 @@ WATCHDOG_UNIT = 0.02  # s
 NO_LOAD_SPEED = 10.8  # rad/s at 5 V
 TORQUE_CONSTANT = 0.35  # N m/A
 OVERLOAD_CURRENT = 1.3  # A
+STALL_CURRENT = 1.47  # A at 5 V
+FULL_PWM = 885
+WITHOUT_CURRENT = (1060, 30)
+"""Numbers of models (XL430, MX-28) that have no mode with a limited current."""
 MOVING_FIRMWARE = 52
 """First firmware whose indirect data are at 208, no longer at 224."""
+MOVING_MODELS = (1190, 1200, 1220, 1240)
+"""Numbers of the models (XL330, XC330) with such a firmware."""
 
 POSITION_MODE = 3
 EXTENDED_POSITION_MODE = 4
@@ -56,6 +62,7 @@ _REGISTERS = (
     stored("temperature_limit", 31, 1, 70, 0, 100),
     stored("max_voltage", 32, 2, 70, 31, 70),
     stored("min_voltage", 34, 2, 35, 31, 70),
+    stored("pwm_limit", 36, 2, FULL_PWM, 0, FULL_PWM),
     stored("current_limit", 38, 2, 1750, 0, 1750),
     stored("max_position", 48, 4, 4095, 0, 4095),
     stored("min_position", 52, 4, 0, 0, 4095),
@@ -72,6 +79,7 @@ _REGISTERS = (
     volatile("feedforward_2nd_gain", 88, 2, 0, 0, 16_383),
     volatile("feedforward_1st_gain", 90, 2, 0, 0, 16_383),
     volatile("bus_watchdog", 98, 1, 0, -1, 127),
+    volatile("goal_pwm", 100, 2, FULL_PWM, -FULL_PWM, FULL_PWM),
     volatile("goal_current", 102, 2, 1750, -1750, 1750),
     volatile("profile_acceleration", 108, 4, 0, 0, 32_767),
     volatile("profile_velocity", 112, 4, 0, 0, 32_767),
@@ -88,6 +96,12 @@ _REGISTERS = (
     measured("present_temperature", 146, 1, 25),
     measured("backup_ready", 147, 1),
 )
+
+
+def firmware_of(model_number: int, firmware: int) -> int:
+    """Return a firmware whose indirect data are where those of a model are."""
+    has_moved = model_number in MOVING_MODELS
+    return firmware if has_moved else min(firmware, MOVING_FIRMWARE - 1)
 
 
 def indirect_data(firmware: int) -> int:
@@ -162,7 +176,9 @@ class XL330(Servo):
 
     def set_up(self, current: float) -> None:
         self["return_delay"] = 0
-        self["operating_mode"] = CURRENT_BASED_POSITION_MODE
+        has_current = self["model_number"] not in WITHOUT_CURRENT
+        mode = CURRENT_BASED_POSITION_MODE if has_current else EXTENDED_POSITION_MODE
+        self["operating_mode"] = mode
         limit = min(round(current / CURRENT_UNIT), self["current_limit"])
         self["current_limit"] = limit
         self._reset_goals()
@@ -183,6 +199,9 @@ class XL330(Servo):
         limit = CURRENT_UNIT * self["current_limit"]
         if self["operating_mode"] == CURRENT_BASED_POSITION_MODE:
             limit = min(limit, CURRENT_UNIT * abs(self["goal_current"]))
+        if abs(self["goal_pwm"]) < FULL_PWM:
+            # at stall, the current is in proportion to the voltage
+            limit = min(limit, STALL_CURRENT * abs(self["goal_pwm"]) / FULL_PWM)
         profile = VELOCITY_UNIT * self["profile_velocity"]
         speed = min(NO_LOAD_SPEED, profile) if profile else NO_LOAD_SPEED
         goal = self["goal_position"] - self._present_offset
@@ -212,6 +231,7 @@ class XL330(Servo):
     def _reset_goals(self) -> None:
         self["goal_position"] = self._present_position
         self["goal_current"] = self["current_limit"]
+        self["goal_pwm"] = self["pwm_limit"]
 
     def _accept(self, register: EmulatedRegister, value: int) -> int:
         """Refuse what is locked, out of range or beyond a configured limit."""
@@ -238,6 +258,8 @@ class XL330(Servo):
         """Return whether a goal is beyond its configured limit."""
         if name == "goal_current":
             return abs(value) > self["current_limit"]
+        if name == "goal_pwm":
+            return abs(value) > self["pwm_limit"]
         if name != "goal_position" or self["operating_mode"] != POSITION_MODE:
             return False
         return not self["min_position"] <= value <= self["max_position"]

@@ -3,6 +3,7 @@
 Nothing moves without the consent of the operator, who is asked before every motion.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -57,7 +58,8 @@ class CableCheck:
         id: servo of the cable.
         place: module and cable, for users.
         error: of the position at the end of the motion [m].
-        rise: of the tension while the cable was wound in [N].
+        rise: of the tension while the cable was wound in [N]; NaN if it is not
+            measured.
         fault: description with advice; empty if there is none.
     """
 
@@ -262,9 +264,10 @@ class BringUp:
         self._wind({id: 0.0}, winches)
         place = self._servos.number_of(id)
         fault = _cable_fault(error, rise)
+        tension = "not measured" if math.isnan(rise) else f"{rise:+.1f} N"
         self._report(
             f"servo {id} ({place}): position off by {1000 * error:+.2f} mm, tension "
-            f"{rise:+.1f} N{': ' if fault else ''}{fault}"
+            f"{tension}{': ' if fault else ''}{fault}"
         )
         return CableCheck(id, place, error, rise, fault)
 

@@ -14,8 +14,15 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar, Self
 
+from s2c2a.arm.servos import MODEL_NUMBERS, WAY_OUT
 from s2c2a.errors import S2C2AError
 
+UNKNOWN = "unknown"
+"""Name of a model that is not in the tables."""
+NO_CURRENT = (
+    "these servos measure no current: tensions are missing, and neither slack nor a "
+    "contact is found. The limit of the current is one of the voltage, and holds at rest"
+)
 NO_WATCHDOG = (
     "these servos have no watchdog: if this computer or program fails, they keep their "
     "last goal and their torque. Keep a switch for their power within reach"
@@ -76,7 +83,8 @@ class ServoState:
     Attributes:
         position: [ticks].
         velocity: [rad/s]; positive where the position grows.
-        current: [A]; positive where it drives the position up.
+        current: [A]; positive where it drives the position up; NaN if the model
+            measures none.
         voltage: of the supply [V].
         temperature: [deg C].
         errors: reasons for which the torque is off.
@@ -134,6 +142,7 @@ class ServoBus(ABC):
         torque_constant: torque per current [N m/A].
         baud_rates: speeds that the servos can have [bit/s].
         has_watchdog: whether servos stop by themselves without commands.
+        has_current: whether servos measure their current.
         accept_stored: gets the changes of settings that servos keep without power, in
             one line, and returns whether they are made. By default none is.
         restarted: ids of servos that lost their settings since `prepare`. They forgot
@@ -143,6 +152,7 @@ class ServoBus(ABC):
 
     ticks_per_turn: int
     has_watchdog: ClassVar[bool] = True
+    has_current: bool = True
     torque_constant: float
     baud_rates: tuple[int, ...]
     restarted: set[int]
@@ -289,12 +299,18 @@ class ServoBus(ABC):
         Raises:
             WrongModelError: it is not; currents, and so tensions, would be wrong.
         """
-        if info.model_number != number:
-            raise WrongModelError(
-                f"servo {info.id} is of the model {info.model} (number "
-                f"{info.model_number}); the arm file has servos.model = '{name}' "
-                f"({number}). Correct the arm file, or replace the servo; nothing moved"
-            )
+        if info.model_number == number:
+            return
+        advice = "Correct the arm file, or replace the servo"
+        if info.model == UNKNOWN:
+            numbers = MODEL_NUMBERS["dynamixel"] | MODEL_NUMBERS["feetech"]
+            known = ", ".join(f"{one} ({numbers[one]})" for one in numbers)
+            advice = f"Known are {known}; replace the servo, {WAY_OUT}"
+        raise WrongModelError(
+            f"servo {info.id} is of the model {info.model} (number "
+            f"{info.model_number}); the arm file has servos.model = '{name}' "
+            f"({number}). {advice}; nothing moved"
+        )
 
     def confirm_stored(
         self, changes: Mapping[int, Sequence[StoredChange]]

@@ -3,6 +3,7 @@
 from s2c2a.arm import Servos
 from s2c2a.lab.hardware.bus import BusError, ServoBus
 from s2c2a.lab.hardware.dynamixel import DynamixelBus
+from s2c2a.lab.hardware.dynamixel.tables import model_of
 from s2c2a.lab.hardware.feetech import FeetechBus
 
 
@@ -26,6 +27,7 @@ def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBu
         )
     if servos.protocol == "feetech":
         return FeetechBus(name, servos.baud_rate, servos.model, servos.limits.current)
+    own = servos.own_model
     return DynamixelBus(
         name,
         servos.baud_rate,
@@ -33,4 +35,5 @@ def open_bus(servos: Servos, port: str = "", fast_read: bool = False) -> ServoBu
         fast_read,
         servos.watchdog,
         servos.limits.current,
+        None if own is None else model_of(servos.model, own),
     )

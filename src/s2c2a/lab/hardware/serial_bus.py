@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any, ClassVar
 
+from s2c2a.arm.servos import WAY_OUT
 from s2c2a.lab.hardware.bus import (
     BusError,
     Hearing,
@@ -46,9 +47,9 @@ class SerialBus(ServoBus):
     ticks_per_turn = 4096
     brand: ClassVar[str]
     packets: ClassVar[ServoPackets]
-    registers: ClassVar[Mapping[str, Register]]
-    models: ClassVar[Mapping[str, Any]]
-    limit_register: ClassVar[str]
+    registers: Mapping[str, Register]
+    models: Mapping[str, Any]
+    limit_register: str
 
     def __init__(
         self, port: str, baud_rate: int, model: str, max_current: float | None
@@ -67,7 +68,7 @@ class SerialBus(ServoBus):
         if model not in self.models:
             raise BusError(
                 f"no {self.brand} model '{model}' is known; choose one of "
-                f"{', '.join(self.models)}, or add it to the tables of its protocol"
+                f"{', '.join(self.models)}, {WAY_OUT}"
             )
         self._baud_code(baud_rate)
         self.model = self.models[model]

@@ -14,6 +14,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
 from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.lab.hardware.bus import (
+    NO_CURRENT,
     NO_WATCHDOG,
     BusError,
     PortLostError,
@@ -243,6 +244,8 @@ class ServoRobot(Robot):
             raise
         if not bus.has_watchdog:
             warnings.warn(NO_WATCHDOG, stacklevel=1)
+        if not bus.has_current:
+            warnings.warn(NO_CURRENT, stacklevel=1)
         self._bus = bus
         self._is_halted = False
         try:

@@ -143,8 +143,14 @@ class FrameOrder:
     another sender take over: two senders never mix.
     """
 
-    def __init__(self) -> None:
-        """An order before the first frame."""
+    def __init__(self, by_time: bool = False) -> None:
+        """An order before the first frame.
+
+        Args:
+            by_time: whether the source's time alone decides, and numbers only between
+                frames of one time, because the source may not count its frames.
+        """
+        self._by_time = by_time
         self._last: PoseFrame | None = None
         self._sender: object = None
         self.restarts = 0
@@ -173,15 +179,16 @@ class FrameOrder:
         elapsed = frame.source_time - last.source_time
         if frame.number == last.number and elapsed == 0:
             raise DatagramError("the same frame again", DropReason.DUPLICATE)
-        if frame.number > last.number and elapsed >= 0:
+        counted = frame.number - last.number
+        if (counted > 0 and elapsed >= 0) or (self._by_time and elapsed > 0):
             return
         clock_reset = -elapsed > RESTART_SILENCE
-        if not silent and not (clock_reset and frame.number < last.number):
+        if not silent and not (clock_reset and (counted < 0 or self._by_time)):
             self._refuse(frame, last)
         self.restarts += 1
 
     def _refuse(self, frame: PoseFrame, last: PoseFrame) -> None:
-        repeated = frame.number == last.number
+        repeated = frame.number == last.number and not self._by_time
         raise DatagramError(
             f"frame {frame.number} at {frame.source_time} s came after frame "
             f"{last.number} at {last.source_time} s; count frames and time up",

@@ -61,6 +61,7 @@ FRAMES = {
     (3, 1): message(7, NUMBER, *SECTIONS_3, *SUFFIX_3),
     (4, 0): message(7, NUMBER, *SECTIONS_3, *SUFFIX_3),
     (4, 1): message(7, NUMBER, *SECTIONS_41, *SUFFIX_4),
+    (4, 2): message(7, NUMBER, *SECTIONS_41, *SUFFIX_4),
 }
 
 NAME = "62 61 73 65 00"  # "base"
@@ -68,6 +69,8 @@ LABEL = NONE
 SET_DEFINITION = "61 00" + ONE + "6d 00"  # "a", marker "m"
 BODY_DEFINITION_3 = NAME + "05 00 00 00" + "ff ff ff ff" + POINT + ONE + POINT + LABEL
 BODY_DEFINITION_4 = BODY_DEFINITION_3 + "6d 00"
+# a rotation follows the offset
+BODY_DEFINITION_42 = BODY_DEFINITION_4.replace(POINT, POINT + IDENTITY, 1)
 CAMERA = "63 00" + POINT + IDENTITY
 PLATE_DEFINITION = (
     NUMBER + "73 00" + POINT[:22] + POINT + "00" * 576 + "00" * 48 + NONE * 2
@@ -89,16 +92,21 @@ def definitions_3(body):
     )
 
 
-DEFINITIONS = {
-    (3, 1): definitions_3(BODY_DEFINITION_3),
-    (4, 0): definitions_3(BODY_DEFINITION_4),
-    (4, 1): message(
+def definitions_41(body):
+    return message(
         5,
         "03 00 00 00",
         sized(TYPES["new"], "ff ff ff"),
         sized(TYPES["set"], SET_DEFINITION),
-        sized(TYPES["body"], BODY_DEFINITION_4),
-    ),
+        sized(TYPES["body"], body),
+    )
+
+
+DEFINITIONS = {
+    (3, 1): definitions_3(BODY_DEFINITION_3),
+    (4, 0): definitions_3(BODY_DEFINITION_4),
+    (4, 1): definitions_41(BODY_DEFINITION_4),
+    (4, 2): definitions_41(BODY_DEFINITION_42),
 }
 SERVER_INFO = message(
     1,

@@ -92,6 +92,6 @@ def test_a_name_that_two_bodies_have_is_left_out(connected):
 
 
 def test_an_unsupported_version_is_named_with_the_supported_ones(connection):
-    connection.take_server_info(ServerInfo(Version(4, 2), None), 0.0)
+    connection.take_server_info(ServerInfo(Version(4, 3), None), 0.0)
     assert not connection.is_connected
-    assert "NatNet 4.2, and s2c2a reads 3.1, 4.0, 4.1" in connection.problem
+    assert "NatNet 4.3, and s2c2a reads 3.1, 4.0, 4.1, 4.2" in connection.problem

@@ -8,6 +8,7 @@ import pytest
 from streaming import POSES, free_port, streaming, wait_until
 
 from s2c2a.lab.tracking import DropReason, ModuleEnds, NatNetTracker, TrackingError
+from s2c2a.lab.tracking.natnet.layouts import LAYOUTS
 
 GROUP = "239.255.42.99"
 
@@ -18,7 +19,7 @@ def frames_arrive(tracker, count=5):
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
-@pytest.mark.parametrize("version", ["3.1", "4.0", "4.1"])
+@pytest.mark.parametrize("version", ["3.1", "4.0", "4.1", "4.2"])
 def test_poses_arrive_as_they_are(version, up):
     with (
         streaming(version=version, up=up) as ports,
@@ -95,7 +96,9 @@ def test_faults_of_the_network_are_counted_by_reason():
     assert dropped[DropReason.FAILED] == 0
 
 
-def test_an_unsupported_version_is_refused_at_the_start():
+def test_an_unsupported_version_is_refused_at_the_start(monkeypatch):
+    known = {version: LAYOUTS[version] for version in LAYOUTS if version < (4, 2)}
+    monkeypatch.setattr("s2c2a.lab.tracking.natnet.connection.LAYOUTS", known)
     with streaming(version="4.2") as ports:
         tracker = NatNetTracker(**ports)
         with pytest.raises(TrackingError, match=r"NatNet 4\.2, and s2c2a reads 3\.1"):

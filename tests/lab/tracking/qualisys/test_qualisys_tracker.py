@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from qtm_stream import POSES, free_tcp_port, qtm_streaming, wait_until
 
+from s2c2a.lab.emulation import qualisys_protocol
 from s2c2a.lab.tracking import DropReason, QualisysTracker, TrackingError
 
 
@@ -66,6 +67,19 @@ def test_faults_of_the_stream_are_counted_by_reason():
         )
         frames_arrive(tracker)
         assert tracker.counts.dropped[DropReason.FAILED] == 0
+
+
+def test_a_stream_whose_frame_number_stays_1_is_a_stream(monkeypatch):
+    encode = qualisys_protocol.encode_frame
+    monkeypatch.setattr(
+        qualisys_protocol,
+        "encode_frame",
+        lambda number, time, bodies: encode(1, time, bodies),
+    )
+    with qtm_streaming() as (port, _), QualisysTracker(port=port) as tracker:
+        frames_arrive(tracker, 10)
+        assert not any(tracker.counts.dropped.values())
+        assert tracker.counts.restarts == 0
 
 
 def test_random_bytes_in_the_stream_end_in_a_new_connection():

@@ -1,8 +1,10 @@
 """Servo bus of DYNAMIXEL X-series servos."""
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from s2c2a.lab.hardware.bus import (
+    UNKNOWN,
     BusError,
     HardwareError,
     ServoInfo,
@@ -17,7 +19,7 @@ from s2c2a.lab.hardware.dynamixel.packets import (
     DynamixelPackets,
     unstuffed,
 )
-from s2c2a.lab.hardware.dynamixel.tables import REGISTERS
+from s2c2a.lab.hardware.dynamixel.tables import REGISTERS, DynamixelModel
 from s2c2a.lab.hardware.packets import (
     BROADCAST,
     PING,
@@ -72,9 +74,8 @@ class DynamixelBus(SerialBus):
     brand = "DYNAMIXEL"
     packets = DynamixelPackets()
     registers = REGISTERS
-    models = tables.MODELS
+    models: Mapping[str, DynamixelModel] = tables.MODELS
     baud_rates = tables.BAUD_RATES
-    limit_register = "goal_current"
 
     def __init__(
         self,
@@ -84,6 +85,7 @@ class DynamixelBus(SerialBus):
         fast_read: bool = False,
         watchdog: float = 0.4,
         max_current: float | None = None,
+        own_model: DynamixelModel | None = None,
     ):
         """Open the port; no servo is asked yet.
 
@@ -96,11 +98,17 @@ class DynamixelBus(SerialBus):
             watchdog: time without an instruction after which a servo with torque stops
                 by itself [s].
             max_current: largest current of any motion [A]; by default the model's.
+            own_model: a model that is not in the tables, with this name.
 
         Raises:
             BusError: unknown model or speed, or the port cannot be opened.
         """
+        if own_model is not None:
+            self.models = {**tables.MODELS, own_model.name: own_model}
         super().__init__(port, baud_rate, model, max_current)
+        self.registers = self.model.registers
+        self.limit_register = self.model.limit_register
+        self.has_current = self.model.has_current
         self._fast_read = fast_read
         self._watchdog = watchdog
         self._indirect_data: dict[int, int] = {}
@@ -145,7 +153,8 @@ class DynamixelBus(SerialBus):
         self.arm_watchdog([id], 0.0)
         for change in changes:
             self.write(id, change.name, change.new)
-        self._note_stored_limit(id, self.read(id, "current_limit"))
+        stored_limit = self.read(id, self.model.stored_limit_register)
+        self._note_stored_limit(id, stored_limit)
         self.write(id, "status_return_level", ANSWER_ALL)
         self.write(id, "profile_acceleration", 0)
         self.write(id, "profile_velocity", max(round(speed / tables.VELOCITY_UNIT), 1))
@@ -212,17 +221,15 @@ class DynamixelBus(SerialBus):
         return self.packets.encode(id, PING), PING_SIZE
 
     def _probes(self, id: int) -> Sequence[tuple[bytes, int]]:
-        measurements = REGISTERS["measurements"]
+        measurements = self.registers["measurements"]
         read = self.packets.read(id, measurements)
         return (self._ping(id), (read, measurements.size))
 
     def _info_of(self, packet: Answer) -> ServoInfo:
         number = int.from_bytes(packet.data[:2], "little")
-        names = [
-            model.name for model in tables.MODELS.values() if model.number == number
-        ]
+        names = [model.name for model in self.models.values() if model.number == number]
         firmware = packet.data[2] if len(packet.data) > 2 else 0
-        return ServoInfo(packet.id, number, (*names, "unknown")[0], firmware)
+        return ServoInfo(packet.id, number, (*names, UNKNOWN)[0], firmware)
 
     def _change_identity(self, id: int, name: str, value: int) -> None:
         """Write a register that changes the id or speed of the answer.
@@ -232,21 +239,21 @@ class DynamixelBus(SerialBus):
         Raises:
             ServoRefusalError: the servo refuses the value.
         """
-        self._line.write(self.packets.write(id, REGISTERS[name], value))
+        self._line.write(self.packets.write(id, self.registers[name], value))
         for answer in self._receive(self.packets.reader(), EXCHANGE_MARGIN, ()):
             self._check_refusal(answer, f"writing {name} = {value}")
 
     def _stored_changes(self, id: int) -> list[StoredChange]:
         required = {
             "drive_mode": 0,
-            "operating_mode": tables.CURRENT_LIMITED_POSITION,
+            "operating_mode": self.model.operating_mode,
             "homing_offset": 0,
         }
-        names = (*required, "return_delay", "current_limit")
+        limit_name = self.model.stored_limit_register
+        names = (*required, "return_delay", limit_name)
         stored = {name: self.read(id, name) for name in names}
         allowed = self._current_units(self._max_current)
-        limit = min(stored["current_limit"], allowed)
-        wanted = {"return_delay": 0, "current_limit": limit}
+        wanted = {"return_delay": 0, limit_name: min(stored[limit_name], allowed)}
         return stored_changes(stored, required, wanted)
 
     def _repeat_goals(self, ids: Iterable[int]) -> None:
@@ -267,10 +274,10 @@ class DynamixelBus(SerialBus):
         self._indirect_data[id] = self.model.indirect_data_of(info.firmware)
         addresses: list[int] = []
         for name in STATE_LAYOUT:
-            register = REGISTERS[name]
+            register = self.registers[name]
             addresses += range(register.address, register.address + register.size)
         assert len(addresses) <= tables.INDIRECT_COUNT
-        start = REGISTERS["indirect_address"].address
+        start = self.registers["indirect_address"].address
         data = b"".join(part.to_bytes(2, "little") for part in (start, *addresses))
         packet = self.packets.encode(id, WRITE, data)
         self._ask(id, packet, 0, "writing indirect addresses")
@@ -321,7 +328,7 @@ class DynamixelBus(SerialBus):
         values = {}
         start = 0
         for name in STATE_LAYOUT:
-            register = REGISTERS[name]
+            register = self.registers[name]
             values[name] = register.decode(data[start : start + register.size])
             start += register.size
         if values["status_return_level"] != ANSWER_ALL:
@@ -331,7 +338,9 @@ class DynamixelBus(SerialBus):
         return ServoState(
             position=values["position"],
             velocity=values["velocity"] * tables.VELOCITY_UNIT,
-            current=values["current"] * self.model.current_unit,
+            current=values["current"] * self.model.current_unit
+            if self.has_current
+            else math.nan,
             voltage=values["voltage"] * tables.VOLTAGE_UNIT,
             temperature=float(values["temperature"]),
             errors=_hardware_errors(values["hardware_error"]),

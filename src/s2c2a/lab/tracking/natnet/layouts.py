@@ -121,6 +121,8 @@ def _definitions(body: Part) -> dict[int, Part]:
 # name, id, parent, offset, then positions, labels and, from 4.0 on, names of markers
 _BODY_3: Part = (TEXT, 4, 4, POSITION, Repeated(POSITION, 4))
 _BODY_4: Part = (TEXT, 4, 4, POSITION, Repeated(POSITION, 4, TEXT))
+# from 4.2 on, a rotation follows the offset
+_BODY_42: Part = (TEXT, 4, 4, POSITION, ROTATION, Repeated(POSITION, 4, TEXT))
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,9 @@ LAYOUTS = {
     ),
     Version(4, 1): MessageLayout(
         tuple(Section), True, _PRECISE_SUFFIXES, _definitions(_BODY_4)
+    ),
+    Version(4, 2): MessageLayout(
+        tuple(Section), True, _PRECISE_SUFFIXES, _definitions(_BODY_42)
     ),
 }
 """Layouts of the supported versions."""

@@ -33,7 +33,7 @@ POLL_PERIOD = 0.05  # [s]; requests are late by no more, and `close` waits no lo
 
 
 class NatNetTracker(MocapTracker):
-    """Receives the rigid bodies of Motive by NatNet 3.1, 4.0 or 4.1.
+    """Receives the rigid bodies of Motive by NatNet 3.1, 4.0, 4.1 or 4.2.
 
     It connects again when Motive restarts. A body that Motive does not track is absent
     from the poses. The world frame has the z axis up. Every frame that is not valid,

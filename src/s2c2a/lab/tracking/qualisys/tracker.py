@@ -6,7 +6,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from threading import Event
 
-from s2c2a.lab.tracking.datagrams import DatagramError, DropReason, named_poses
+from s2c2a.lab.tracking.datagrams import (
+    DatagramError,
+    DropReason,
+    FrameOrder,
+    named_poses,
+)
 from s2c2a.lab.tracking.hosts import LOCALHOST, check_port
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.qualisys.packets import (
@@ -61,6 +66,8 @@ class QualisysTracker(MocapTracker):
 
     def _reset(self) -> None:
         super()._reset()
+        # users report of QTM that its frame number stays 1 in real time
+        self._order = FrameOrder(by_time=True)
         self._dialog = QtmSession(f"{self._host}:{self._port}")
 
     @property

@@ -1,18 +1,23 @@
-"""Camera models and calibration boards, and their JSON files."""
+"""Camera models and calibration boards, and their files."""
 
 import math
 import os
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from s2c2a.files import read_text
 from s2c2a.json_files import load_json, save_json
 from s2c2a.lab.tracking.poses import TrackingError
+from s2c2a.lab.tracking.tags import yaml_cameras
+from s2c2a.validation import explained
 
 FORMAT = 1
 DISTORTIONS = 5  # k1, k2, p1, p2, k3
 MAX_SIDE = 10_000  # pixels
+ADVICE = "make one with `s2c2a tracking calibrate-camera`"
 
 
 class CameraError(TrackingError):
@@ -130,10 +135,26 @@ def save_camera(camera: CameraModel, path: str | os.PathLike) -> None:
 
 
 def load_camera(path: str | os.PathLike) -> CameraModel:
-    """Read a camera file.
+    """Read a camera file, or a calibration of ROS or OpenCV (.yaml, .yml).
 
     Raises:
         CameraError: there is no such file, or it is damaged.
     """
-    advice = "make one with `s2c2a tracking calibrate-camera`"
-    return load_json(CameraModel, path, CameraError, "camera model", advice)
+    if Path(path).suffix.lower() in yaml_cameras.SUFFIXES:
+        return _load_yaml(path)
+    return load_json(CameraModel, path, CameraError, "camera model", ADVICE)
+
+
+def _load_yaml(path: str | os.PathLike) -> CameraModel:
+    text = read_text(path, CameraError, yaml_cameras.MAX_BYTES)
+    try:
+        return CameraModel.model_validate(yaml_cameras.camera_values(text))
+    except ValidationError as error:
+        heading = f"{path}: {{count}} fault(s) in the calibration; {ADVICE}"
+        raise CameraError(
+            explained(error, heading, CameraModel.model_fields)
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise CameraError(
+            f"{path} is no calibration of ROS or OpenCV: {error}; {ADVICE}"
+        ) from error
