@@ -104,6 +104,14 @@ def test_a_file_without_a_table_is_an_error(written, content):
         read_table(written(content), AB)
 
 
+def test_skipped_lines_are_named_where_the_header_was_among_them(written):
+    request = ColumnRequest(["a"], skip_lines=1)
+    with pytest.raises(
+        LogError, match=r"below the 1 lines that rows\.skip_lines skips"
+    ):
+        read_table(written("a,b\n1,2\n3,4\n"), request)
+
+
 def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(LogError, match="nowhere"):
         read_table(tmp_path / "nowhere.csv", AB)

@@ -86,6 +86,7 @@ def check_any_found(
     path: str | os.PathLike,
     found: Collection[str],
     available: Collection[str],
+    skipped_lines: int = 0,
 ) -> None:
     """Refuse a file without any of the columns.
 
@@ -93,9 +94,10 @@ def check_any_found(
         LogError: nothing is found.
     """
     if not found:
+        below = f", below the {skipped_lines} lines that rows.skip_lines skips"
         raise LogError(
             f"{path} has none of the columns that the map names; "
-            f"it has {list_names(available)}"
+            f"it has {list_names(available)}{below if skipped_lines else ''}"
         )
 
 
@@ -116,7 +118,8 @@ class TableBuilder:
     ):
         self.numbers = [name for name in request.numbers if name in available]
         self.labels = [name for name in request.labels if name in available]
-        check_any_found(path, [*self.numbers, *self.labels], available)
+        found = [*self.numbers, *self.labels]
+        check_any_found(path, found, available, request.skip_lines)
         self._path = path
         self._request = request
         self._decimal_comma = decimal_comma
