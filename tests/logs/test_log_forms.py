@@ -319,7 +319,7 @@ def test_what_is_not_read_is_named_with_the_way_out(log, tmp_path, name, way_out
 
 def test_lines_to_skip_are_one_for_each_joined_file(log):
     text = log[0].map.replace("[arm]", "skip_lines = [0, 1]\n[arm]")
-    with pytest.raises(LogError, match="skip_lines has 2 numbers for 1 joined"):
+    with pytest.raises(LogError, match="skip_lines has 2 values for 1 joined"):
         map_from_toml(text)
 
 

@@ -103,6 +103,7 @@ class Rows(MapTable):
         first_row: number of rows to skip at the beginning.
         rows: number of rows to read; all by default.
         skip_lines: number of lines above the header, or one for each joined file.
+        topic: topic of a bag, or one for each joined file.
         broken_rows: whether an unreadable row is an error or a gap.
         outliers: whether poses that cannot be true, such as marker jumps, become
             unknown.
@@ -119,6 +120,7 @@ class Rows(MapTable):
     first_row: int = Field(default=0, ge=0)
     rows: int | None = Field(default=None, ge=1)
     skip_lines: SkippedLines | tuple[SkippedLines, ...] = 0
+    topic: Column | tuple[Column, ...] | None = None
     broken_rows: Literal["refuse", "gap"] = "refuse"
     outliers: Literal["exclude", "keep"] = "exclude"
 
@@ -390,14 +392,15 @@ class LogMap(MapTable):
         return self
 
     @model_validator(mode="after")
-    def _check_skipped_lines(self):
-        skipped = self.rows.skip_lines
+    def _check_values_of_files(self):
         files = self.join.files if self.join else 1
-        if not isinstance(skipped, int) and len(skipped) != files:
-            raise ValueError(
-                f"skip_lines has {len(skipped)} numbers for {files} joined file(s); "
-                "give one for each, or a single number"
-            )
+        for key in ("skip_lines", "topic"):
+            values = getattr(self.rows, key)
+            if isinstance(values, tuple) and len(values) != files:
+                raise ValueError(
+                    f"{key} has {len(values)} values for {files} joined file(s); "
+                    "give one for each, or a single value"
+                )
         return self
 
     @model_validator(mode="after")

@@ -306,12 +306,14 @@ def _read_sessions(
 def _request(log_map: LogMap, place: int) -> ColumnRequest:
     """Columns to read of the file at this place among those of a session."""
     skipped = log_map.rows.skip_lines
+    topic = log_map.rows.topic
     return ColumnRequest(
         log_map.number_columns,
         log_map.label_columns,
-        skipped if isinstance(skipped, int) else skipped[place],
+        skipped[place] if isinstance(skipped, tuple) else skipped,
         log_map.rows.broken_rows == "gap",
         log_map.time_columns,
+        topic[place] if isinstance(topic, tuple) else topic,
     )
 
 

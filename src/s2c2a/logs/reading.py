@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from s2c2a.logs.array_files import read_mat, read_npz
+from s2c2a.logs.bags import read_bag
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.json_lines import read_json_lines
 from s2c2a.logs.parquet_files import read_parquet
@@ -37,8 +38,9 @@ FORMS = (
     Form("Parquet", (".parquet", ".pq"), read_parquet),
     Form("XLSX", (".xlsx", ".xlsm"), read_xlsx),
     Form("JSON lines", (".jsonl", ".ndjson", ".json"), read_json_lines),
+    Form("bag", (".bag", ".db3", ".mcap"), read_bag),
 )
-"""Forms that endings show; every other file is read as delimited text."""
+"""Forms that endings show; a folder is a bag, and every other file delimited text."""
 WAYS_OUT = {
     ".npy": "NPY: save named arrays with numpy.savez",
     ".h5": "HDF5: save the arrays as NPZ, with numpy.savez",
@@ -60,9 +62,6 @@ WAYS_OUT = {
     ".qtm": "Qualisys measurement: export as TSV from Qualisys Track Manager",
     ".zip": "ZIP archive: unpack it, and give the files in it",
     ".ulg": "ULog: convert it to CSV with ulog2csv",
-    ".bag": "rosbag: export each topic as CSV, and join the files in the map",
-    ".db3": "rosbag: export each topic as CSV, and join the files in the map",
-    ".mcap": "MCAP: export each topic as CSV, and join the files in the map",
 }
 """What is not read, by ending, and the way out."""
 
@@ -84,6 +83,8 @@ def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
         raise LogError(f"{path} cannot be read. {way_out}")
     if not Path(path).exists():
         raise LogError(f"{path} does not exist; check the path of the log")
+    if Path(path).is_dir():
+        return read_bag(path, request)
     for form in FORMS:
         if ending in form.endings:
             return form.read(path, request)

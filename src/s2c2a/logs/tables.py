@@ -60,6 +60,7 @@ class ColumnRequest:
         allow_broken_rows: whether an unreadable row becomes NaN; otherwise it is an
             error.
         times: names of the numeric columns that may hold time stamps.
+        topic: topic of a bag.
     """
 
     numbers: Collection[str]
@@ -67,6 +68,7 @@ class ColumnRequest:
     skip_lines: int = 0
     allow_broken_rows: bool = False
     times: Collection[str] = ()
+    topic: str | None = None
 
     @property
     def names(self) -> set[str]:
