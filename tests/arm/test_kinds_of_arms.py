@@ -6,13 +6,17 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.arm.geometry import cables_present
+from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import ArmError
+from s2c2a.evaluation import describe_saturation
 from s2c2a.goals import Goal
 from s2c2a.kinematics import PCC, commanded_part
+from s2c2a.logs.identification import numbers
 from s2c2a.models.layers import SumAndRange
 from s2c2a.planning import reach_gaps
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.conformance import check_robot
+from s2c2a.runtime.limits import CommandLimits
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.strategies.pcc import PlainPCC
@@ -98,6 +102,52 @@ def test_the_simulation_bends_every_module_as_commanded(arm):
 
 def test_each_kind_conforms_as_a_robot(arm):
     assert check_robot(SimulatedRobot(arm))
+
+
+def test_the_output_layer_drives_the_cables_that_exist_and_no_others(arm):
+    layer = SumAndRange.of(arm)
+    raw = jnp.linspace(-1.0, 1.0, arm.module_count * arm.cable_count)
+    actions = np.asarray(layer(raw.reshape(arm.module_count, arm.cable_count)))
+    assert (actions[~cables_present(arm)] == 0.0).all()
+    geometry = ArmGeometry.of(arm)
+    bends = geometry.bends_of(actions)
+    directions = np.einsum("mck,mk->mc", geometry.cable_matrices, bends)
+    np.testing.assert_allclose(actions, directions, atol=1e-6)
+
+
+def test_limits_let_every_arm_move_as_fast_as_plans(arm):
+    geometry = ArmGeometry.of(arm)
+    limits = CommandLimits.of(arm)
+    steps = int(0.8 * geometry.action_bends.min() / geometry.step_limit)
+    share = shares_of(arm)[2] * geometry.step_limit / geometry.action_bends[:, None]
+    last = before = geometry.action_neutral
+    change = np.zeros_like(last)
+    for step in range(1, steps + 1):
+        desired = geometry.actions_at(step * share)
+        sent = limits.limited(desired, last, change, before)
+        last, change, before = sent, sent - last, desired
+    bends = geometry.commanded_bends(last)
+    wanted = steps * share * geometry.action_bends[:, None]
+    np.testing.assert_allclose(bends, wanted, atol=2.0 * geometry.step_limit)
+
+
+def test_absent_cables_are_at_no_limit(arm):
+    geometry = ArmGeometry.of(arm)
+    rest = np.broadcast_to(geometry.action_neutral, (5, *geometry.action_neutral.shape))
+    assert describe_saturation(arm, rest) == ""
+
+
+def test_variants_of_every_kind_are_drawn_at_random(arm):
+    variant = randomized_arm(arm, 3, 0.5)
+    assert variant.module_count == arm.module_count
+    assert identified_again(variant).module_count == arm.module_count
+
+
+def identified_again(arm):
+    """The arm as the identification takes it apart and puts it together."""
+    table = numbers._table_of(arm)
+    numbers._undo_expansion(table)
+    return ArmSpec.model_validate(table)
 
 
 def test_a_plan_of_a_planar_arm_stays_in_its_plane():

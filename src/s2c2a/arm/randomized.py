@@ -47,6 +47,8 @@ def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
         table["cable"] |= _losses(module, random, strength, base.actuation)
         if base.actuation == "pressure":  # chambers do not pass other modules
             table["mismatch"]["coupling"] = None
+        if not tension:  # nothing shortens a passive tip
+            table["mismatch"]["axial_stiffness"] = None
     if base.actuation == "displacement":
         described["motor"]["homing_error"] = _round(strength * 0.3e-3)  # m
     summary = (
@@ -91,7 +93,7 @@ def _mismatch(
         "rest_azimuth_deg": random.uniform(0.0, 360.0),
         "drift": strength * 0.05 * random.choice((-1.0, 1.0)),
     }
-    return {key: _round(value) for key, value in table.items()}
+    return _rounded(table)
 
 
 def _losses(
@@ -112,7 +114,7 @@ def _losses(
         losses["backlash"] = (
             base_share * np.array(cable.backlashes(count)) + strength * backlash
         )
-    return {key: _round(value) for key, value in losses.items()}
+    return _rounded(losses)
 
 
 def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
@@ -130,6 +132,11 @@ def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
     actions = geometry.actions_at(np.broadcast_to(shares, (36, arm.module_count, 2)))
     forces = np.maximum(actions, 0.0).sum(axis=-1).mean(axis=0)
     return forces * np.abs(per_unit_of_pull(arm))
+
+
+def _rounded(table: dict[str, Any]) -> dict[str, Any]:
+    """The table in four digits, without lists of the cables of a passive module."""
+    return {key: _round(value) for key, value in table.items() if np.size(value)}
 
 
 def _round(value: Any) -> Any:

@@ -8,7 +8,7 @@ import tomli_w
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.geometry import per_module
+from s2c2a.arm.geometry import cables_present, per_module
 from s2c2a.episodes import Episode
 
 EPISODE = "episode"
@@ -60,17 +60,20 @@ def table_of(episodes: Sequence[Episode]) -> Columns:
 
 def units_of(episodes: Sequence[Episode]) -> dict[str, str]:
     """Units by column of an episode."""
-    force = "N" if episodes[0].arm.actuation == "tension" else "m"
-    known = UNITS | {"actions": force, "sensor.cables": force}
+    unit = episodes[0].arm.unit
+    known = UNITS | {"actions": unit, "sensor.cables": unit}
     names = {LOG_TIME, *(name for episode in episodes for name in episode.columns)}
     return {name: unit for name, unit in known.items() if name in names}
 
 
 def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> str:
-    """Text of the map with which `s2c2a import` reads the table; empty without ends."""
+    """Text of the map with which `s2c2a import` reads the table.
+
+    It is empty without ends, and for arms that `import` does not identify.
+    """
     arm = episodes[0].arm
     ends = _ends(arm, table)
-    if not ends:
+    if not ends or not _is_importable(arm):
         return ""
     content = {
         "rows": {
@@ -85,6 +88,12 @@ def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> st
         "ends": ends,
     }
     return tomli_w.dumps(content)
+
+
+def _is_importable(arm: ArmSpec) -> bool:
+    """Whether every module has as many cables, which pull it every way."""
+    is_even = bool(cables_present(arm).all()) and arm.cable_count > 2
+    return is_even and arm.actuation != "pressure"
 
 
 def _flat(episode: Episode) -> Columns:

@@ -4,6 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import cables_present
+from s2c2a.arm.spec import REQUIRED
 from s2c2a.episodes import Episode
 from s2c2a.runtime.limits import EQUAL, command_range
 
@@ -46,13 +48,14 @@ def _is_at_limit(
     tolerance = EQUAL * (high - low)
     # the slack cables of a tension arm are at zero as they should
     is_low = (actions <= low + tolerance) & (low != 0.0)
-    return is_low | (actions >= high - tolerance)
+    is_high = actions >= high - tolerance
+    return (is_low | is_high) & cables_present(arm)
 
 
 def _range_key(arm: ArmSpec) -> str:
     """Key of the arm file that limits commands."""
-    if arm.actuation == "tension":
-        return "tension_range"
+    if arm.actuation != "displacement":
+        return REQUIRED[arm.actuation][0]
     if arm.servos is not None and arm.servos.limits.displacement is not None:
         return "cable.travel or servos.limits.displacement"
     return "cable.travel"

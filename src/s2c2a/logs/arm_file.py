@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
 from s2c2a.arm import ArmSpec, arm_from_toml
-from s2c2a.arm.geometry import per_module
+from s2c2a.arm.geometry import per_cable
 from s2c2a.files import toml_comment
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
@@ -102,7 +102,7 @@ def match_layout(layout: CableLayout, arm: ArmSpec, may_turn: bool) -> CableLayo
     Raises:
         LogError: the arm has other numbers of modules or cables, or other angles.
     """
-    angles = per_module(arm, "cable_angles_deg")
+    angles = per_cable(arm, "cable_angles_deg")
     if angles.shape != layout.angles_deg.shape:
         raise LogError(
             f"'{arm.name}' has (modules, cables) {angles.shape}; "

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import raised
+from s2c2a.arm.geometry import cables_present, raised
 from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
@@ -86,7 +86,8 @@ class SumAndRange(FromArm):
         )
         converted = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
         matrices, inverses, neutral, unit, low, high = converted
-        even = arm.cable_count == 3 and evenly_spaced
+        is_full = bool(cables_present(arm).all())
+        even = arm.cable_count == 3 and is_full and evenly_spaced
         balance = None
         if geometry.balance is not None:
             balance = jnp.asarray(geometry.balance, dtype=jnp.float32)

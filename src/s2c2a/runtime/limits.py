@@ -120,8 +120,18 @@ class CommandLimits:
         parts = change * self._inverse_scales
         bends = self.geometry.bends_of(parts)
         squared_bends = (bends**2).sum(axis=-1, keepdims=True)
-        squared_cables = (parts**2).max(axis=-1, keepdims=True)
+        alone = parts / self._common_share
+        squared_cables = (alone**2).max(axis=-1, keepdims=True)
         return np.sqrt(np.maximum(squared_bends, squared_cables))
+
+    @cached_property
+    def _common_share(self) -> PerModule | float:
+        """How much more pressures change by their common part than without it."""
+        balance = self.geometry.balance
+        if balance is None:
+            return 1.0
+        least = np.where(balance > 0.0, balance, np.inf).min(axis=-1, keepdims=True)
+        return 1.0 + balance.max(axis=-1, keepdims=True) / least
 
     @cached_property
     def _inverse_scales(self) -> PerModule:

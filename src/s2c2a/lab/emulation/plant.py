@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import cables_present
 from s2c2a.arm.sensors import Sensors
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
@@ -120,8 +121,13 @@ class Plant:
     ):
         if arm.actuation != "displacement":
             raise S2C2AError(
-                f"{arm.name} has tension actuation, and servos wind cables by "
+                f"{arm.name} has {arm.actuation} actuation, and servos wind cables by "
                 'displacement; choose an arm with actuation = "displacement"'
+            )
+        if not cables_present(arm).all():
+            raise S2C2AError(
+                f"{arm.name} has {arm.layout}, and emulated servos drive as many cables "
+                "of every module; choose such an arm"
             )
         self.arm = arm
         self._robot = SimulatedRobot(_with_ideal_motors(arm), fidelity, seed, payload)

@@ -66,7 +66,7 @@ def equilibria_by_description(
     step = modal_step(linearized, factors, arm.control_period)
     stiffnesses = [module.bending_stiffness / module.length for module in arm.modules]
     elastic = np.repeat(stiffnesses, 2)
-    if arm.actuation == "tension":
+    if arm.actuation != "displacement":
         cable_stiffness = elastic
     else:
         cable_stiffness = linearized.stiffnesses - elastic

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.spec import counts_of
 from s2c2a.errors import RobotError
 from s2c2a.lab.response.excitation import chirp
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
@@ -201,16 +202,22 @@ def play_motion(
 def base_chirp(
     arm: ArmSpec, duration: float = CHIRP_DURATION
 ) -> Float[np.ndarray, " steps"]:
-    """Bend of the base module in a chirp, at the command rate [rad].
+    """Bend of the first module with cables in a chirp, at the command rate [rad].
 
     Args:
         arm: limits of its commands.
         duration: of the chirp [s].
     """
     geometry = ArmGeometry.of(arm)
-    largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[0] / 2)
-    amplitude = np.array([min(largest, geometry.action_bends[0])])
+    first = _first_driven(arm)
+    largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[first] / 2)
+    amplitude = np.array([min(largest, geometry.action_bends[first])])
     return chirp(arm, CHIRP_FREQUENCIES, duration, amplitude, COMMAND_RATE)[:, 0]
+
+
+def _first_driven(arm: ArmSpec) -> int:
+    """Index of the first module with cables, which moves every end beyond it."""
+    return next(index for index, count in enumerate(counts_of(arm.modules)) if count)
 
 
 def measure_latency(
@@ -230,13 +237,17 @@ def measure_latency(
         EmergencyStopError: the emergency stop was triggered.
     """
     bends = base_chirp(robot.arm, duration)
-    first_cable = np.deg2rad(robot.arm.modules[0].cable_angles_deg[0])
+    first = _first_driven(robot.arm)
+    module = robot.arm.modules[first]
+    first_cable = np.deg2rad(module.cable_angles_deg[0])
     direction = np.array([-np.sin(first_cable), np.cos(first_cable)])
+    if module.is_planar:
+        direction = np.array([np.cos(first_cable), np.sin(first_cable)])
 
     def motion(player: TrackedPlayer) -> Iterator[Actions]:
         target = np.zeros((robot.arm.module_count, 2))
         for done, bend in enumerate(bends, 1):
-            target[0] = bend * direction
+            target[first] = bend * direction
             yield player.action(target)
             progress(done, len(bends))
 

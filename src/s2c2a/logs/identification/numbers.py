@@ -285,7 +285,8 @@ def _table_of(arm: ArmSpec) -> dict[str, Any]:
     for module in table["modules"]:
         cables = len(module["cable_angles_deg"])
         for entry, key in _per_cable_entries(module):
-            entry[key] = list(np.broadcast_to(entry[key], cables).astype(float))
+            if cables:
+                entry[key] = list(np.broadcast_to(entry[key], cables).astype(float))
         for keys in POLAR_KEYS:
             keys.to_components(module["mismatch"])
     return table
@@ -297,7 +298,7 @@ def _undo_expansion(table: dict[str, Any]) -> None:
         for keys in POLAR_KEYS:
             keys.to_polar(module["mismatch"])
         for entry, key in _per_cable_entries(module):
-            if len(set(entry[key])) == 1:
+            if module["cable_angles_deg"] and len(set(entry[key])) == 1:
                 entry[key] = entry[key][0]
 
 

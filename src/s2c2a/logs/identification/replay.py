@@ -52,7 +52,7 @@ def replayed(
 
 def _widen_travel(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
     """Arm whose travel limits include all recorded displacements."""
-    if arm.actuation == "tension":
+    if arm.actuation != "displacement":
         return arm
     displacements = [
         episode[name]
