@@ -351,8 +351,9 @@ def test_names_in_a_map_add_no_key_to_the_arm_file(breaks):
     log_map = LogMap.model_validate(table)
     fit = CableFit(parameters, None, 0.0)
     assignment = Assignment(np.zeros(3, int), np.ones(3), False)
-    bends = [np.zeros((2, 1, 2))]
-    written = format_arm(fit, assignment, layout, log_map, bends, 0.0)
+    bends = np.zeros((2, 1, 2))
+    cables = np.zeros((2, 1, 3))
+    written = format_arm(fit, assignment, layout, log_map, bends, [cables], cables, 0.0)
     assert arm_from_toml(written).sensing == "encoders"
 
 

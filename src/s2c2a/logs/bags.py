@@ -7,13 +7,12 @@ code, and files of strangers run none.
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
-from s2c2a.logs.extra_packages import extra_module
+from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, list_names
 
 TIME = "time"
@@ -34,11 +33,12 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
             topic is not one of its own, or its messages are no standard ones.
     """
     is_first = Path(path).suffix.lower() == ".bag"
-    folder = "rosbag1" if is_first else "rosbag2"
-    package = extra_module(f"rosbags.{folder}", path, "rosbag or MCAP")
+    with needs_extra(path, "rosbag or MCAP"):
+        from rosbags import rosbag1, rosbag2  # noqa: PLC0415  # an extra
     _check_size(Path(path))
+    reader = rosbag1.Reader if is_first else rosbag2.Reader
     try:
-        with package.Reader(Path(path)) as bag:
+        with reader(Path(path)) as bag:
             topic = _topic_of(path, bag.topics, request.topic)
             rows = _rows_of(bag, topic, is_first)
             return _table(path, rows, request)
@@ -76,9 +76,13 @@ def _topic_of(path: str | os.PathLike, topics: Any, wanted: str | None) -> str:
 
 def _rows_of(bag: Any, topic: str, is_first: bool) -> Iterator[dict[str, float]]:
     """The numbers of every message of a topic, by their names."""
-    types = _typesys()
-    store = types.Stores.ROS1_NOETIC if is_first else types.Stores.LATEST
-    types = types.get_typestore(store)
+    from rosbags.typesys import (  # noqa: PLC0415  # an extra
+        Stores,
+        get_typestore,
+    )
+
+    store = Stores.ROS1_NOETIC if is_first else Stores.LATEST
+    types = get_typestore(store)
     decode = types.deserialize_ros1 if is_first else types.deserialize_cdr
     connections = [each for each in bag.connections if each.topic == topic]
     unknown = {each.msgtype for each in connections} - set(types.types)
@@ -91,10 +95,6 @@ def _rows_of(bag: Any, topic: str, is_first: bool) -> Iterator[dict[str, float]]
         message = decode(raw, connection.msgtype)
         row = dict(_leaves(message))
         yield row | {TIME: moment * NANOSECOND}
-
-
-def _typesys() -> ModuleType:
-    return extra_module("rosbags.typesys", "", "rosbag or MCAP")
 
 
 def _leaves(message: Any) -> Iterator[tuple[str, float]]:

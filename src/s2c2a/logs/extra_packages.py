@@ -1,20 +1,21 @@
 """Packages of extras, imported only when a file needs them."""
 
 import os
-from importlib import import_module
-from types import ModuleType
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from s2c2a.logs.errors import LogError
 
 
-def extra_module(module: str, path: str | os.PathLike, form: str) -> ModuleType:
-    """Import a module of the extra `tables`.
+@contextmanager
+def needs_extra(path: str | os.PathLike, form: str) -> Iterator[None]:
+    """Explain a missing package of the extra `tables`, imported in the block.
 
     Raises:
         LogError: it is not installed.
     """
     try:
-        return import_module(module)
+        yield
     except ImportError as error:
         raise LogError(
             f"{path} cannot be read. {form}: export as CSV, or install the extra: "

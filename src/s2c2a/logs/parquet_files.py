@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
-from s2c2a.logs.extra_packages import extra_module
+from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
 MAX_VALUES = MAX_BYTES // 8
@@ -21,7 +21,8 @@ def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the extra is missing, or the file is damaged, too large, or has none
             of the columns.
     """
-    parquet = extra_module("pyarrow.parquet", path, "Parquet")
+    with needs_extra(path, "Parquet"):
+        import pyarrow.parquet as parquet  # noqa: PLC0415  # an extra
     try:
         with parquet.ParquetFile(path) as file:
             _check_size(path, file.metadata)

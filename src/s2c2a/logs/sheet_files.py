@@ -7,7 +7,7 @@ from itertools import chain, islice
 from typing import Any
 
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
-from s2c2a.logs.extra_packages import extra_module
+from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
 
 Rows = Iterator[tuple[int, Sequence[Any]]]
@@ -20,7 +20,8 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the extra is missing, or the file is damaged, too large, or has none
             of the columns.
     """
-    openpyxl = extra_module("openpyxl", path, "XLSX")
+    with needs_extra(path, "XLSX"):
+        import openpyxl  # noqa: PLC0415  # an extra
     try:
         _check_size(path)
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
