@@ -5,6 +5,7 @@ code, and files of strangers run none.
 """
 
 import os
+from dataclasses import replace
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -138,4 +139,4 @@ def _table(
         builder.add(f"message {number}", cells)
     table = builder.build()
     stamps = {TIME, STAMP} & set(table.numbers)
-    return Table(table.path, table.numbers, {}, table.broken_rows, frozenset(stamps))
+    return replace(table, stamps=frozenset(stamps))

@@ -1,6 +1,7 @@
 """Files of one session with clocks of their own, joined at the times of the first."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -93,9 +94,8 @@ def _sort_out_times(
         )
     rows = table.select(known)
     numbers = {name: value for name, value in rows.numbers.items() if name != column}
-    return Table(
-        table.path, numbers | {TIME: times[known]}, rows.labels, table.broken_rows
-    )
+    numbers[TIME] = times[known]
+    return replace(rows, numbers=numbers)
 
 
 def _check_duplicates(tables: Sequence[Table]) -> None:
