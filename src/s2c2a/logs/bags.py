@@ -5,8 +5,8 @@ code, and files of strangers run none.
 """
 
 import os
-from dataclasses import replace
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
