@@ -46,8 +46,7 @@ REQUIRED = {
 }
 """Keys of modules that a kind of actuation needs."""
 FASTEST = {"displacement": 5.0, "tension": 5000.0, "pressure": 1e8}
-"""Largest rates of actions, in units a second; chosen: far beyond motors and valves, so
-that a larger one has another unit."""
+"""Largest rates of actions, in units a second; chosen far beyond motors and valves."""
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = (
     r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}"
