@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.logs.array_orientation import orient_arrays
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
 from s2c2a.logs.mat_files import read_mat_arrays
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
@@ -21,7 +21,7 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
     Raises:
         LogError: the file is not an NPZ file, is too large, or holds objects.
     """
-    try:
+    with reading_as(path, "NPZ", "save plain arrays of numbers"):
         with zipfile.ZipFile(path) as file:
             sizes = [entry.file_size for entry in file.infolist()]
             if sum(sizes) > MAX_BYTES or len(sizes) > MAX_COLUMNS:
@@ -31,12 +31,6 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
                 )
         with np.load(path, allow_pickle=False) as arrays:
             columns = _columns({name: arrays[name] for name in arrays.files}, request)
-    except LogError:
-        raise
-    except Exception as error:  # an untrusted file may raise any error
-        raise LogError(
-            f"{path} cannot be read as NPZ: {error}; save plain arrays of numbers"
-        ) from error
     return table_of_arrays(path, columns, request)
 
 
@@ -47,15 +41,8 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the file does not exist, is damaged, of version 7.3 (HDF5), or too
             large.
     """
-    try:
+    with reading_as(path, "MAT", "save plain arrays of numbers with -v7"):
         columns = _columns(read_mat_arrays(path), request)
-    except LogError:
-        raise
-    except Exception as error:  # an untrusted file may raise any error
-        raise LogError(
-            f"{path} cannot be read as MAT: {error}; "
-            "save plain arrays of numbers with -v7"
-        ) from error
     return table_of_arrays(path, columns, request)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, reading_as
 from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, list_names
 
@@ -38,18 +38,14 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
         from rosbags import rosbag1, rosbag2  # noqa: PLC0415  # an extra
     _check_size(Path(path))
     reader = rosbag1.Reader if is_first else rosbag2.Reader
-    try:
-        with reader(Path(path)) as bag:
-            topic = _topic_of(path, bag.topics, request.topic)
-            rows = _rows_of(bag, topic, is_first)
-            return _table(path, rows, request)
-    except LogError:
-        raise
-    except Exception as error:  # an untrusted file may raise any error
-        raise LogError(
-            f"{path} cannot be read as a bag: {error}; check that it is complete "
-            "(`ros2 bag info`), or export its topics as CSV"
-        ) from error
+    with reading_as(
+        path,
+        "a bag",
+        "check that it is complete (`ros2 bag info`), or export its topics as CSV",
+    ), reader(Path(path)) as bag:
+        topic = _topic_of(path, bag.topics, request.topic)
+        rows = _rows_of(bag, topic, is_first)
+        return _table(path, rows, request)
 
 
 def _check_size(path: Path) -> None:

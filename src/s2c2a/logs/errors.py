@@ -1,5 +1,9 @@
 """Errors and size limits of imported logs."""
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from s2c2a.errors import S2C2AError
 
 MAX_BYTES = 400_000_000  # of one log after decompression
@@ -9,3 +13,25 @@ MAX_COLUMNS = 4096
 
 class LogError(S2C2AError):
     """A log or its map cannot be used."""
+
+
+@contextmanager
+def reading_as(path: str | os.PathLike, form: str, way_out: str) -> Iterator[None]:
+    """Turn any error of a library that reads an untrusted file into one with advice.
+
+    Args:
+        path: of the file.
+        form: as which it is read.
+        way_out: what to do.
+
+    Raises:
+        LogError: the block raised an exception; one of this type is not changed.
+    """
+    try:
+        yield
+    except LogError:
+        raise
+    except Exception as error:
+        raise LogError(
+            f"{path} cannot be read as {form}: {error!s:.200}; {way_out}"
+        ) from error

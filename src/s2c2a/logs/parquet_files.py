@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
 from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
@@ -23,7 +23,7 @@ def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
     """
     with needs_extra(path, "Parquet"):
         import pyarrow.parquet as parquet  # noqa: PLC0415  # an extra
-    try:
+    with reading_as(path, "Parquet", "save it as CSV"):
         with parquet.ParquetFile(path) as file:
             _check_size(path, file.metadata)
             columns = dict.fromkeys(file.schema_arrow.names, np.empty(0))
@@ -33,12 +33,6 @@ def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
                 values = file.read(columns=[name]).column(name)
                 columns |= _leaves(name, values.combine_chunks())
         return table_of_arrays(path, columns, request)
-    except LogError:
-        raise
-    except Exception as error:  # an untrusted file may raise any error
-        raise LogError(
-            f"{path} cannot be read as Parquet: {error!s:.200}; save it as CSV"
-        ) from error
 
 
 def _check_size(path: str | os.PathLike, metadata: Any) -> None:

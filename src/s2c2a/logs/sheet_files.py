@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from typing import Any
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
 from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
 
@@ -22,7 +22,7 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
     """
     with needs_extra(path, "XLSX"):
         import openpyxl  # noqa: PLC0415  # an extra
-    try:
+    with reading_as(path, "XLSX", "export it as CSV"):
         _check_size(path)
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
@@ -34,12 +34,6 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
             )
         finally:
             book.close()
-    except LogError:
-        raise
-    except Exception as error:  # an untrusted file may raise any error
-        raise LogError(
-            f"{path} cannot be read as XLSX: {error!s:.200}; export it as CSV"
-        ) from error
 
 
 def _check_size(path: str | os.PathLike) -> None:
