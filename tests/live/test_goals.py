@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.live.goals import RequestedDisturbances, goal_of, tip_errors
 from s2c2a.live.request import Obstacle, Request, WeightFactors
@@ -55,3 +56,15 @@ def test_disturbed_sensors_keep_the_fault_and_the_time_of_the_robot(twin, change
     reading = Reading(1.5, {"cables": cables}, "servo 3 overheated")
     disturbed = disturbances.corrupt(reading)
     assert (disturbed.time, disturbed.fault) == (1.5, "servo 3 overheated")
+
+
+def test_columns_without_a_cable_stay_zero_under_noise(make_arm):
+    described = make_arm(modules=2).model_dump()
+    described["modules"][0]["cable_angles_deg"] = []
+    disturbances = RequestedDisturbances(
+        SimulatedRobot(ArmSpec.model_validate(described))
+    )
+    disturbances.apply(Request(noise=0.01))
+    reading = disturbances.corrupt(Reading(0.0, {"cables": np.zeros((2, 3))}))
+    assert (reading.sensors["cables"][0] == 0.0).all()
+    assert (reading.sensors["cables"][1] != 0.0).all()

@@ -150,6 +150,9 @@ class RequestedDisturbances:
             cables = sensors["cables"]
             scale = noise * np.abs(geometry.action_scale)[:, None]
             error = scale * self._random.normal(size=cables.shape)
+            error = (
+                geometry.cable_matrices.any(axis=-1) * error
+            )  # no noise without cable
             sensors["cables"] = self._mixed_cables(cables, mixing) + error
         if "configurations" in sensors:
             axes = sensors["configurations"]

@@ -38,11 +38,14 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
         from rosbags import rosbag1, rosbag2  # noqa: PLC0415  # an extra
     _check_size(Path(path))
     reader = rosbag1.Reader if is_first else rosbag2.Reader
-    with reading_as(
-        path,
-        "a bag",
-        "check that it is complete (`ros2 bag info`), or export its topics as CSV",
-    ), reader(Path(path)) as bag:
+    with (
+        reading_as(
+            path,
+            "a bag",
+            "check that it is complete (`ros2 bag info`), or export its topics as CSV",
+        ),
+        reader(Path(path)) as bag,
+    ):
         topic = _topic_of(path, bag.topics, request.topic)
         rows = _rows_of(bag, topic, is_first)
         return _table(path, rows, request)
