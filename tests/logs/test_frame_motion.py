@@ -26,6 +26,18 @@ def test_a_steady_frame_is_not_reported(log):
     assert find_frame_motion(*log) is None
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_that_last_as_long_as_a_few_motions_are_not_reported(seed):
+    random = np.random.default_rng(seed)
+    count = 500
+    drives = np.cumsum(random.normal(size=(count, 2)), axis=0) / np.sqrt(count)
+    errors = np.convolve(random.normal(size=count + 39), np.ones(40) / 40, "valid")
+    positions = np.zeros((count, 1, 3))
+    positions[:, 0, :2] = 0.1 * drives
+    positions[:, 0, 0] += 5e-3 * errors
+    assert find_frame_motion(drives, positions, 0.1 * np.arange(count)) is None
+
+
 def test_a_jump_is_reported_with_time_and_size(log):
     drives, positions, time = log
     positions[ROWS // 2 :] += SHIFT

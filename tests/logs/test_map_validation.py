@@ -43,7 +43,7 @@ def test_a_short_map_is_enough():
         ('unit = "mm"\n[[ends', 'unit = "free"\n[[ends', "arm.cable_radius"),
         ('kind = "steps"', 'kind = "timed"', "rows: timed rows need"),
         ("modules = 1", "modules = 99", "arm.modules"),
-        ('position = ["x", "y", "z"]', 'position = ["x", "y"]', "ends.0.position"),
+        ('position = ["x", "y", "z"]', 'position = ["x"]', "ends.0.position"),
         (
             'position = ["x"',
             'quaternion = ["a", "b", "c", "d"]\nposition = ["x"',

@@ -8,7 +8,7 @@ import tomli_w
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.geometry import cables_present, per_module
+from s2c2a.arm.geometry import per_module
 from s2c2a.episodes import Episode
 
 EPISODE = "episode"
@@ -69,11 +69,11 @@ def units_of(episodes: Sequence[Episode]) -> dict[str, str]:
 def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> str:
     """Text of the map with which `s2c2a import` reads the table.
 
-    It is empty without ends, and for arms that `import` does not identify.
+    It is empty without ends.
     """
     arm = episodes[0].arm
     ends = _ends(arm, table)
-    if not ends or not _is_importable(arm):
+    if not ends:
         return ""
     content = {
         "rows": {
@@ -88,12 +88,6 @@ def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> st
         "ends": ends,
     }
     return tomli_w.dumps(content)
-
-
-def _is_importable(arm: ArmSpec) -> bool:
-    """Whether every module has as many cables, which pull it every way."""
-    is_even = bool(cables_present(arm).all()) and arm.cable_count > 2
-    return is_even and arm.actuation != "pressure"
 
 
 def _flat(episode: Episode) -> Columns:
@@ -134,15 +128,15 @@ def _known_arm(arm: ArmSpec) -> dict[str, Any]:
 
 
 def _drives(arm: ArmSpec, table: Columns) -> list[dict[str, Any]]:
-    is_tension = arm.actuation == "tension"
+    positive = "pulls" if arm.actuation == "tension" else "releases"
     drives = []
     for number, module in enumerate(arm.modules):
         for cable, angle in enumerate(module.cable_angles_deg):
             place = f".{number + 1}.{cable + 1}"
             drive = {
                 "commanded": f"actions{place}",
-                "unit": "N" if is_tension else "m",
-                "positive": "pulls" if is_tension else "releases",
+                "unit": arm.unit,
+                "positive": positive,
                 "module": number,
                 "angle_deg": float(angle),
             }

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from s2c2a.arm import ArmSpec, arm_from_toml
 from s2c2a.arm.geometry import per_cable
 from s2c2a.files import toml_comment
+from s2c2a.logs.assignment import can_bend
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.command_range import Commands, range_lines, rate_lines
@@ -19,28 +20,33 @@ from s2c2a.logs.log_map import KnownArm, LogMap
 from s2c2a.logs.model_fit import CableFit
 
 MARGIN_DEG = 5.0  # of the bend limit above the largest bend in the log
-MAX_BEND_DEG = 150.0
+MAX_BEND_DEG = 170.0
 MAX_ANGLE_ERROR_DEG = 60.0
 MIN_RADIUS = 0.0015  # m
 MAX_RADIUS = 0.3  # m
 DEFAULT_RADIUS = 0.01  # m
+CHAMBER_AREA = (1e-8, 0.1)  # m2
 
 
 @dataclass(frozen=True)
 class CableLayout:
     """Drives of the arm's cables.
 
+    Where a module has fewer cables than others, the rest of its row is padding.
+
     Attributes:
+        present: which entries are cables, shape (modules, cables).
         drive: index of the drive on each cable, shape (modules, cables), sorted by
             angle within a module.
-        factor: displacement [m], positive where the cable lengthens, or tension [N],
-            per unit of the column, shape (modules, cables).
+        factor: displacement [m], positive where the cable lengthens, tension [N], or
+            pressure [Pa], per unit of the column, shape (modules, cables); 0 of padding.
         angles_deg: angles of the cables, shape (modules, cables).
         radii: cable radii [m], shape (modules,).
         gains: gain of each cable over the mean of its module, shape (modules, cables).
         turn: rotation about z from the identified base frame to that of the arm [rad].
     """
 
+    present: np.ndarray
     drive: np.ndarray
     factor: np.ndarray
     angles_deg: np.ndarray
@@ -51,7 +57,7 @@ class CableLayout:
     def cables(
         self, columns: Float[np.ndarray, "rows drives"]
     ) -> Float[np.ndarray, "rows modules cables"]:
-        """Displacements [m] or tensions [N] of the cables, from the drives' columns."""
+        """Actions of the cables [m, N or Pa], from the drives' columns."""
         return columns[:, self.drive] * self.factor
 
 
@@ -59,7 +65,7 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Cabl
     """Sort cables by module and angle; radii follow from the mean gain of a module.
 
     Raises:
-        LogError: modules have different numbers of cables, or fewer than three.
+        LogError: the cables of a module cannot bend it.
     """
     wiring = fit.wiring
     parameters = fit.parameters
@@ -67,27 +73,48 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Cabl
     angles = np.rad2deg(parameters.angles[wiring.drive] + wiring.turn) % 360.0
     owners = assignment.modules[wiring.drive]
     counts = np.bincount(owners, minlength=modules)
-    if len(set(counts)) > 1 or counts[0] < 3:
-        raise LogError(
-            f"the modules would have {counts.tolist()} cables; each needs the same "
-            "number, and at least three"
-        )
+    for module in np.unique(owners):
+        is_own = owners == module
+        if not can_bend(angles[is_own]):
+            raise LogError(
+                f"the cables of module {module} would be at "
+                f"{angles[is_own].round().tolist()} deg, where they cannot bend it; a "
+                "module needs two opposed cables, or more without a gap of half a turn"
+            )
+        if counts[module] == 2:
+            angles[is_own] = _opposed(angles[is_own])
+    present = np.arange(counts.max()) < counts[:, None]
     # sorted by module, then by angle
-    order = np.lexsort((angles, owners)).reshape(modules, -1)
-    gains = np.exp(parameters.gain + parameters.gains)[wiring.drive][order]
-    mean = np.exp(np.log(gains).mean(axis=1))
+    order = np.zeros(present.shape, int)
+    order[present] = np.lexsort((angles, owners))
+    gains = np.where(present, parameters.gains[wiring.drive][order], 0.0)
+    mean = gains.sum(axis=1) / np.maximum(counts, 1)
+    gains = np.exp(gains - mean[:, None])
+    mean = np.exp(parameters.gain + mean)
     unit = log_map.drives[0].unit
     radius = log_map.arm.cable_radius
-    if radius or unit == "N":
+    if radius or log_map.actuation != "displacement":
         radii = np.full(modules, radius or DEFAULT_RADIUS)
     else:
         radii = np.clip(1 / mean, MIN_RADIUS, MAX_RADIUS)
-    factor = wiring.sign[order] * (1.0 if unit == "N" else -1.0)
+    factor = wiring.sign[order] * (1.0 if log_map.actuation == "tension" else -1.0)
     if unit == "free":
-        factor = factor * gains * radii[:, None]
+        factor = factor * gains * (mean * radii)[:, None]
     return CableLayout(
-        wiring.drive[order], factor, angles[order], radii, gains / mean[:, None]
+        present=present,
+        drive=wiring.drive[order],
+        factor=present * factor,
+        angles_deg=present * angles[order],
+        radii=radii,
+        gains=gains,
     )
+
+
+def _opposed(angles_deg: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+    """Opposed angles nearest to those of two cables [deg]."""
+    first, second = np.deg2rad(angles_deg)
+    middle = np.angle(np.exp(1j * first) - np.exp(1j * second))
+    return np.rad2deg([middle, middle + np.pi]) % 360.0
 
 
 def match_layout(layout: CableLayout, arm: ArmSpec, may_turn: bool) -> CableLayout:
@@ -156,7 +183,7 @@ def format_arm(
         layout: drives of the arm's cables.
         log_map: the map.
         bends: bends of the model [rad].
-        commands: displacements [m] or tensions [N] of the cables in each segment.
+        commands: actions of the cables [m, N or Pa] in each segment.
         cables: the same while each row was measured, of all segments.
         residual: rms distance of the model's ends from the measured ones [m].
     """
@@ -182,10 +209,13 @@ def format_arm(
     every = np.concatenate([*commands, cables])
     modules: list[str] = []
     for module, limit in enumerate(limits):
+        own = every[:, module, layout.present[module]]
         full_bend = layout.radii[module] * np.deg2rad(limit)
         modules += _module_lines(module, fit, layout, log_map)
         modules += _property_lines(arm, limit)
-        modules += range_lines(every[:, module], log_map.actuation, full_bend)
+        if log_map.actuation == "pressure":
+            modules.append(_area_line(module, fit, layout, log_map))
+        modules += range_lines(own, log_map.actuation, full_bend)
     draft = arm_from_toml("\n".join([*head, *modules]), "the identified arm")
     rates = rate_lines(draft, commands, moving=log_map.rows.kind == "timed")
     return "\n".join([*head, *rates, *modules]) + "\n"
@@ -217,32 +247,52 @@ def _module_lines(
     module: int, fit: CableFit, layout: CableLayout, log_map: LogMap
 ) -> list[str]:
     arm = log_map.arm
-    drives = layout.drive[module]
+    present = layout.present[module]
+    drives = layout.drive[module][present]
     length = float(np.exp(fit.parameters.lengths[module]))
     radius = layout.radii[module]
     std = fit.std or CableParameters(
         *(np.full_like(value, np.nan) for value in fit.parameters)
     )
-    gain_std = np.sqrt(std.gain**2 + np.mean(std.gains[drives] ** 2) / len(drives))
+    drive_variance = np.sum(std.gains[drives] ** 2) / max(len(drives), 1) ** 2
+    gain_std = np.sqrt(std.gain**2 + drive_variance)
     names = ", ".join(log_map.drives[drive].name for drive in drives)
     gains = [
         f"{gain:.3f} +- {error:.3f}"
-        for gain, error in zip(layout.gains[module], std.gains[drives], strict=True)
+        for gain, error in zip(
+            layout.gains[module][present], std.gains[drives], strict=True
+        )
     ]
     length_origin = _origin(length * std.lengths[module], arm.lengths)
     radius_origin = _origin(radius * gain_std, arm.cable_radius)
-    angles = _join(layout.angles_deg[module], 2)
+    angles = _join(layout.angles_deg[module][present], 2)
     angle_std = _join(np.rad2deg(std.angles[drives]), 1)
-    return [
+    lines = [
         "",
         "[[modules]]",
         f"length = {length:.5f}  # {length_origin}",
         f"cable_radius = {radius:.5f}  # {radius_origin}",
         f"cable_angles_deg = [{angles}]",
+    ]
+    if not len(drives):
+        return [*lines, "# passive: no drive of the map ends here"]
+    return [
+        *lines,
         f"# angles +- {angle_std} deg",
         toml_comment(f"driven by {names}"),
         f"# gains over their mean: {', '.join(gains)}",
     ]
+
+
+def _area_line(module: int, fit: CableFit, layout: CableLayout, log_map: LogMap) -> str:
+    """Cross-section of a chamber that bends a module of its stiffness as identified."""
+    parameters = fit.parameters
+    length = np.exp(parameters.lengths[module])
+    rigidity = log_map.arm.bending_stiffness / length
+    bend_per_pascal = np.exp(parameters.gain - parameters.stiffness)
+    area = bend_per_pascal * rigidity / layout.radii[module]
+    area = np.clip(area, *CHAMBER_AREA)
+    return f"chamber_area = {area:.3g}  # from the bends, by stiffness and radius above"
 
 
 def _join(values: Iterable[float], digits: int) -> str:

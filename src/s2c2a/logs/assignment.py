@@ -3,7 +3,7 @@
 Motors of one module move the tip equally far, and their cables surround the arm.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations, islice, product
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
 from s2c2a.logs.log_map import LogMap
 
 MAX_GROUPINGS = 20_000
+MAX_OPPOSED_DEG = 225.0  # gap between two opposed cables, identified with an error
 # cost of uneven cables: a gap of one turn more than even, relative to a factor of e
 # between the tip motions of motors
 UNEVEN_COST = 5.0
@@ -25,6 +26,12 @@ SIGNS = {"pulls": (1,), "releases": (-1,), "unknown": (1, -1)}
 
 Group = tuple[int, ...]
 Grouping = tuple[Group, ...]
+
+
+def can_bend(angles_deg: Collection[float]) -> bool:
+    """Whether cables that only pull bend a module: two in a plane, more everywhere."""
+    largest = MAX_OPPOSED_DEG if len(angles_deg) == 2 else MAX_GAP_DEG
+    return len(angles_deg) > 0 and largest_gap_deg(angles_deg) < largest
 
 
 class _Candidate(NamedTuple):
@@ -97,7 +104,9 @@ def _log_reach(effects: np.ndarray) -> np.ndarray:
 
 
 def _groupings(log_map: LogMap) -> Iterator[Grouping]:
-    """Groups of motors with equal numbers of cables; stated modules hold."""
+    """Groups of motors: the stated ones, or such with equal numbers of cables."""
+    if all(drive.module is not None for drive in log_map.drives):
+        return iter([_stated_grouping(log_map)])
     cables = [len(drive.cables) for drive in log_map.drives]
     cables_per_module = sum(cables) / log_map.arm.modules
 
@@ -120,6 +129,13 @@ def _groupings(log_map: LogMap) -> Iterator[Grouping]:
     return split(tuple(range(len(cables))))
 
 
+def _stated_grouping(log_map: LogMap) -> Grouping:
+    groups: dict[int | None, Group] = {}
+    for index, drive in enumerate(log_map.drives):
+        groups[drive.module] = (*groups.get(drive.module, ()), index)
+    return tuple(groups.values())
+
+
 def _stated_modules(group: Group, log_map: LogMap) -> set[int]:
     modules = {log_map.drives[drive].module for drive in group}
     return {module for module in modules if module is not None}
@@ -128,14 +144,14 @@ def _stated_modules(group: Group, log_map: LogMap) -> set[int]:
 def _best_signs(
     group: Group, tip: np.ndarray, reach: np.ndarray, log_map: LogMap
 ) -> tuple[float, tuple[int, ...]] | None:
-    """Cost and most likely signs of a group; None if it leaves a gap of half a turn."""
-    choices = [SIGNS[log_map.drives[drive].positive] for drive in group]
+    """Cost and most likely signs of a group; None if its cables cannot bend a module."""
+    choices = [SIGNS[log_map.drives[drive].effect] for drive in group]
     trials = []
     for signs in product(*choices):
-        gap = largest_gap_deg(_cable_angles_deg(group, signs, tip, log_map))
-        trials.append((gap, -sum(signs), signs))
-    gap, _, signs = min(trials)
-    if gap >= MAX_GAP_DEG:
+        angles = _cable_angles_deg(group, signs, tip, log_map)
+        trials.append((largest_gap_deg(angles), -sum(signs), signs, can_bend(angles)))
+    gap, _, signs, bends = min(trials)
+    if not bends:
         return None
     cable_count = sum(len(log_map.drives[drive].cables) for drive in group)
     reaches = reach[list(group)]

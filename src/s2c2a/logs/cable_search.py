@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
-from s2c2a.logs.assignment import rank_assignments
+from s2c2a.logs.assignment import can_bend, rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Drive, LogMap
@@ -96,8 +96,9 @@ def identify_cables(
     if not trials:
         raise LogError(
             f"{len(log_map.drives)} drives cannot form {log_map.arm.modules} modules: "
-            "each needs the same number of cables without a gap of "
-            f"{MAX_GAP_DEG:.0f} deg; state module and positive of each drive in the map"
+            "each needs the same number of cables, two opposed ones or more without a "
+            f"gap of {MAX_GAP_DEG:.0f} deg; state module and positive of each drive in "
+            "the map (numbers of cables may then differ)"
         )
     trials.sort(key=lambda trial: trial[0].cost)
     fits = [_refit(subset, fit, TRIAL_ITERATIONS) for fit, _ in trials[:MAX_CANDIDATES]]
@@ -152,8 +153,8 @@ def _estimate_effects(
     """Effects of pulling alone, since slack cables have none, and of all motion."""
     ranges = []
     for drive in log_map.drives:
-        positive = drive.positive if len(drive.cables) == 1 else "unknown"
-        ranges.append(PULLING_RANGE[positive])
+        goes_slack = len(drive.cables) == 1 and not drive.pushes
+        ranges.append(PULLING_RANGE[drive.positive if goes_slack else "unknown"])
     low, high = np.array(ranges).T
     pulling = replace(observations, columns=np.clip(observations.columns, low, high))
     yield _regress(pulling, differences=False)
@@ -226,6 +227,8 @@ def _first_parameters(
     gains = np.linalg.norm(tip, axis=1) / np.array(levers)
     gains = gains[gains > 0]
     gain = np.log(np.median(gains) if len(gains) else 1.0)
+    if log_map.by_force:  # bends follow from pulls by the arm's stiffness alone
+        gain = gain + start.stiffness
     return start._replace(angles=angles, gain=gain)
 
 
@@ -304,12 +307,9 @@ def _thin(observations: Observations, max_rows: int) -> Observations:
 
 
 def _is_feasible(fit: CableFit, assignment: Assignment, log_map: LogMap) -> bool:
-    """Whether every module has cables without a gap of half a turn."""
-    for module in range(log_map.arm.modules):
-        angles = _cable_angles_deg(fit, assignment, module)
-        if not len(angles) or largest_gap_deg(angles) >= MAX_GAP_DEG:
-            return False
-    return True
+    """Whether the cables of every module bend it."""
+    modules = range(log_map.arm.modules)
+    return all(can_bend(_cable_angles_deg(fit, assignment, m)) for m in modules)
 
 
 def _cable_angles_deg(fit: CableFit, assignment: Assignment, module: int) -> np.ndarray:
@@ -333,7 +333,7 @@ def _choose_signs(
     for module in range(log_map.arm.modules):
         members = assignment.modules == module
         drives = [log_map.drives[index] for index in np.flatnonzero(members)]
-        if any(drive.positive != "unknown" for drive in drives):
+        if any(drive.effect != "unknown" for drive in drives):
             continue
         if all(_is_symmetric(drive) for drive in drives):
             continue

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.fields import FORCE, LENGTH
+from s2c2a.arm.fields import FORCE, LENGTH, PRESSURE
 from s2c2a.episodes import Episode
 from s2c2a.runtime.limits import CommandLimits
 
@@ -18,6 +18,12 @@ STEP_RANGE_DEG = (0.1, 20.0)
 TYPICAL = 0.95
 ROUNDING = 1e-6  # of the range [1] and of bends [rad]
 MOST = 0.99  # of the rows, for the comment that shows how far single rows go beyond
+
+RANGE_KEYS = {
+    "displacement": "cable.travel",
+    "tension": "tension_range",
+    "pressure": "pressure_limit",
+}
 
 Commands = Sequence[Float[np.ndarray, "rows modules cables"]]
 
@@ -31,18 +37,25 @@ def range_lines(
     also holds what the cables have in common and the offset of each from its rest.
 
     Args:
-        commands: displacements [m] or tensions [N] of the module's cables.
+        commands: actions of the module's cables [m, N or Pa].
         actuation: of the arm.
         full_bend: displacement of a cable at the bend limit [m].
     """
-    sizes = np.abs(commands).max(axis=1)
-    common = np.abs(commands.mean(axis=1)).max()
+    if actuation == "displacement" and not commands.shape[1]:
+        return []
+    sizes = np.abs(commands).max(axis=1, initial=0.0)
     largest = sizes.max()
+    if actuation == "pressure":
+        size = np.clip(largest, PRESSURE.low, PRESSURE.high)
+        remark = f"the log's is {largest:.0f}; in 99 of 100 rows"
+        remark += f" {np.quantile(sizes, MOST):.0f}"
+        return [f"pressure_limit = {round_up(float(size), '1')}  # {remark}"]
     remark = f"the log's is {largest:.5f}; in 99 of 100 rows {{:.5f}}"
     remark = remark.format(np.quantile(sizes, MOST))
     if actuation == "tension":
         size = round_up(float(np.clip(largest, FORCE.low, FORCE.high)), "0.01")
         return [f"tension_range = {size}  # {remark}"]
+    common = np.abs(commands.mean(axis=1)).max()
     needed = float(np.clip(max(largest, full_bend), LENGTH.low, LENGTH.high))
     remark += f", common to all cables {common:.5f}"
     return [
@@ -59,7 +72,7 @@ def rate_lines(arm: ArmSpec, commands: Commands, moving: bool) -> list[str]:
 
     Args:
         arm: with the range of the log.
-        commands: displacements [m] or tensions [N] of each segment.
+        commands: actions [m, N or Pa] of each segment.
         moving: whether rows follow each other in time; a log of poses at rest shows no
             acceleration.
     """
@@ -107,7 +120,7 @@ def describe_range(episodes: Sequence[Episode]) -> list[str]:
     is_outside |= actions > geometry.action_high + tolerance
     bends = np.linalg.norm(geometry.commanded_bends(actions), axis=-1)
     is_unplanned = bends > geometry.planned_bends + ROUNDING
-    key = "tension_range" if arm.actuation == "tension" else "cable.travel"
+    key = RANGE_KEYS[arm.actuation]
     shares = {
         f"beyond the range of '{arm.name}'; a larger {key} holds them": is_outside.any(
             axis=(1, 2)

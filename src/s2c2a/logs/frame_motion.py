@@ -3,10 +3,12 @@
 Rows with similar drives, far apart in time, have the same poses but for noise and
 hysteresis. If all ends differ by one shift wherever one row is before and the other
 after some time, the frame has jumped; if the difference grows with the time between
-them, it drifts.
+them, it drifts. Hysteresis and creep explain as much in a log of few motions: there,
+the same is found when blocks of the log are permuted (a permutation test).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +24,9 @@ Clean logs of two arms reach 0.005 to 0.045, and 0.06 where drives hardly return
 values; a jump by 5.8 mm in the middle reaches 0.07 to 0.24, a drift by 7 mm 0.06 to 0.16.
 """
 
+_BLOCKS = 8  # of a log; each is longer than hysteresis lasts
+_PERMUTATIONS = 40
+_BY_CHANCE = 2  # permutations that may explain more: 5 %
 _REFERENCES = 3000  # rows, evenly spread
 _NEIGHBORS = 46
 _SIMILAR = 6
@@ -90,11 +95,39 @@ def find_frame_motion(
         return None
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), _REFERENCES)).astype(int)
     rows = rows[chosen]
-    pairs = _similar_pairs(drives[rows], positions[rows].mean(axis=1))
-    if len(pairs.later) < _MIN_PAIRS:
+    drives = drives[rows]
+    centers = positions[rows].mean(axis=1)
+    motion = _largest_motion(drives, centers, rows, time)
+    if motion.explained <= EXPLAINED:
         return None
-    motion = max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
-    return motion if motion.explained > EXPLAINED else None
+    by_chance = (
+        _largest_motion(drives[order], centers[order], rows, time).explained
+        >= motion.explained
+        for order in _permutations(len(rows))
+    )
+    exceptions = islice(filter(None, by_chance), _BY_CHANCE + 1)
+    return motion if len(list(exceptions)) <= _BY_CHANCE else None
+
+
+def _largest_motion(
+    drives: Float[np.ndarray, "rows drives"],
+    centers: Float[np.ndarray, "rows 3"],
+    rows: Int[np.ndarray, " rows"],
+    time: Float[np.ndarray, " all"],
+) -> FrameMotion:
+    """The jump or drift that explains most."""
+    pairs = _similar_pairs(drives, centers)
+    if len(pairs.later) < _MIN_PAIRS:
+        return FrameMotion(0.0, "")
+    return max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
+
+
+def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
+    """Orders of rows in which blocks are permuted."""
+    random = np.random.default_rng(0)
+    blocks = np.array_split(np.arange(count), _BLOCKS)
+    for _ in range(_PERMUTATIONS):
+        yield np.concatenate([blocks[k] for k in random.permutation(_BLOCKS)])
 
 
 def _similar_pairs(

@@ -58,7 +58,18 @@ SkippedLines = Annotated[int, Field(ge=0, le=1000)]
 Scale = Annotated[Number, Field(gt=0, le=1e6)]
 LengthUnit = Literal["mm", "cm", "m", "in", "ft"]
 TimeUnit = Literal["s", "ms", "us", "ns", "min"] | Number
+PressureUnit = Literal["Pa", "kPa", "MPa", "mbar", "bar", "psi"]
+FORCE_UNITS = {"N": 1.0} | dict(
+    Pa=1.0, kPa=1e3, MPa=1e6, mbar=100.0, bar=1e5, psi=6894.757
+)
+"""Newtons or pascals of a unit."""
 ROTATING_UNITS = ("ticks", "deg", "rad", "turns")
+
+
+def _actuation(unit: str) -> str:
+    if unit in FORCE_UNITS:
+        return "tension" if unit == "N" else "pressure"
+    return "displacement"
 
 
 class MapTable(BaseModel):
@@ -202,12 +213,13 @@ class Drive(MapTable):
     """Motor: its columns and its cables.
 
     Attributes:
-        commanded: column of the commanded position or tension.
-        measured: column of the measured position or tension.
+        commanded: column of the commanded position, tension or pressure.
+        measured: column of the measured position, tension or pressure.
         unit: unit of both columns; free: proportional to the bend, with a factor that
             is estimated.
         scale: factor of both columns, and of `offset`, to that unit.
-        positive: effect of a larger number on the cable; estimated if unknown.
+        positive: effect of a larger number on the cable; estimated if unknown. A
+            pressure always pushes ("releases").
         offset: value of the columns at rest, in their unit.
         module: module at which the cables end, 0 at the base; estimated by default.
         angle_deg: angle of the motor's direction; estimated by default [deg].
@@ -216,7 +228,9 @@ class Drive(MapTable):
 
     commanded: Column | None = None
     measured: Column | None = None
-    unit: LengthUnit | Literal["ticks", "deg", "rad", "turns", "N", "free"]
+    unit: (
+        LengthUnit | PressureUnit | Literal["ticks", "deg", "rad", "turns", "N", "free"]
+    )
     scale: Scale = 1.0
     positive: Literal["pulls", "releases", "unknown"] = "unknown"
     offset: Number = 0.0
@@ -230,7 +244,22 @@ class Drive(MapTable):
     def _check_column(self):
         if self.commanded is None and self.measured is None:
             raise ValueError("name a column: commanded, measured, or both")
+        if self.pushes and self.positive == "pulls":
+            raise ValueError(
+                f'a pressure in {self.unit} pushes; write positive = "releases", or '
+                "leave it out"
+            )
         return self
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the drive is the pressure of a chamber."""
+        return _actuation(self.unit) == "pressure"
+
+    @property
+    def effect(self) -> Literal["pulls", "releases", "unknown"]:
+        """Effect of a larger number, as stated or known from the unit."""
+        return "releases" if self.pushes else self.positive
 
     @property
     def name(self) -> str:
@@ -243,30 +272,30 @@ class End(MapTable):
 
     Attributes:
         module: module, 0 at the base; the last one by default.
-        position: columns of x, y, z.
+        position: columns of x, y, z; of x, y where a camera sees a plane.
         unit: unit of the position.
         scale: factor of the position to that unit.
-        axis: columns of a vector along the arm.
+        axis: columns of a vector along the arm, of as many coordinates.
         quaternion: columns of a unit quaternion.
         order: order of the quaternion's columns.
         matrix: columns of a rotation matrix, row by row: from the tracked frame to that
             of the log.
-        euler: columns of three Euler angles.
-        sequence: axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic.
+        euler: columns of three Euler angles, or of one angle in the plane of x and y.
+        sequence: axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic, "z" of one.
         euler_unit: unit of the Euler angles.
         along: direction along the arm in the tracked frame: "z", "-y", or a vector.
     """
 
     module: ModuleIndex | None = None
-    position: tuple[Column, Column, Column]
+    position: tuple[Column, ...] = Field(min_length=2, max_length=3)
     unit: LengthUnit
     scale: Scale = 1.0
-    axis: tuple[Column, Column, Column] | None = None
+    axis: tuple[Column, ...] | None = Field(None, min_length=2, max_length=3)
     quaternion: tuple[Column, Column, Column, Column] | None = None
     order: Literal["xyzw", "wxyz"] | None = None
     matrix: tuple[Column, ...] | None = Field(None, min_length=9, max_length=9)
-    euler: tuple[Column, Column, Column] | None = None
-    sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3})$")
+    euler: tuple[Column, ...] | None = None
+    sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3}|z)$")
     euler_unit: Literal["deg", "rad"] = "deg"
     along: BodyDirection = "z"
 
@@ -288,7 +317,33 @@ class End(MapTable):
                 "euler and sequence belong together; give both, with a sequence such "
                 'as "xyz" (extrinsic) or "ZYX" (intrinsic), or neither'
             )
+        if self.euler and len(self.euler) != len(self.sequence or ""):
+            raise ValueError(
+                f"euler has {len(self.euler)} columns for the sequence "
+                f'"{self.sequence}"; give one for each axis'
+            )
         return self
+
+    @model_validator(mode="after")
+    def _check_plane(self):
+        if self.axis is not None and len(self.axis) != len(self.position):
+            raise ValueError(
+                f"axis has {len(self.axis)} columns and position {len(self.position)}; "
+                "give as many coordinates of both"
+            )
+        along = self.along
+        leaves = "z" in along if isinstance(along, str) else along[2] != 0
+        if self.sequence == "z" and leaves:
+            raise ValueError(
+                "an angle in the plane of x and y leaves z as it is; state along, the "
+                'direction along the arm at angle zero: "x", "-x", "y" or "-y"'
+            )
+        return self
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether the end is measured in the plane of x and y alone."""
+        return len(self.position) == 2
 
 
 class LogFrame(MapTable):
@@ -342,7 +397,7 @@ class KnownArm(MapTable):
     coupled_cables: bool | None = None
     mass: Number = 0.05
     bending_stiffness: Number = 0.1
-    bend_limit_deg: Number | None = Field(None, ge=1, le=150)
+    bend_limit_deg: Number | None = Field(None, ge=1, le=170)
 
     @model_validator(mode="after")
     def _check_lengths(self):
@@ -424,17 +479,22 @@ class LogMap(MapTable):
             raise ValueError(
                 'unit = "free" needs arm.cable_radius, on which the factor depends'
             )
-        if "N" in units and len(units) > 1:
+        if len({_actuation(unit) for unit in units}) > 1:
             raise ValueError(
-                "some drives are in N and others are not; "
-                "an arm is driven by either tension or displacement"
+                f"the drives are in {' and '.join(sorted(units))}; an arm is driven by "
+                "displacement, tension or pressure, and no two of them"
             )
         return self
 
     @property
     def actuation(self) -> str:
-        """Actuation of the arm: "tension" or "displacement"."""
-        return "tension" if self.drives[0].unit == "N" else "displacement"
+        """Actuation of the arm: "displacement", "tension" or "pressure"."""
+        return _actuation(self.drives[0].unit)
+
+    @property
+    def by_force(self) -> bool:
+        """Whether bends follow from forces, and no cable holds them."""
+        return self.actuation != "displacement"
 
     @property
     def end_modules(self) -> list[int]:

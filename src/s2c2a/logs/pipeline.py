@@ -332,9 +332,11 @@ def _check_travel(
     columns: Float[np.ndarray, "rows drives"], length: float, log_map: LogMap
 ) -> None:
     """Refuse a drive that winds more cable than the arm is long: its unit is wrong."""
+    if log_map.by_force:
+        return
     travel = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
     for drive, distance in zip(log_map.drives, travel, strict=True):
-        if drive.unit not in ("free", "N") and distance > length:
+        if drive.unit != "free" and distance > length:
             raise LogError(
                 f"'{drive.name}' moves by {distance:.3g} m, and the arm is "
                 f"{length:.3g} m long; correct its unit in the map"
@@ -348,7 +350,7 @@ def _observe(
         np.concatenate([effective_drives(segment, log_map) for segment in segments]),
         _measured_states(segments, log_map),
         registration.axes,
-        log_map.actuation == "tension",
+        log_map.by_force,
         _prior_std(log_map),
         float(registration.lengths.sum()),
     )

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.log_map import ROTATING_UNITS, Drive, End, LogMap, Vector
+from s2c2a.logs.log_map import FORCE_UNITS, ROTATING_UNITS, Drive, End, LogMap, Vector
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
@@ -75,7 +75,7 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
             f"{list_names(sorted(missing))}"
         )
     positions = [
-        _stack(table, end.position) * (end.scale * METERS[end.unit])
+        _vectors(table, end.position) * (end.scale * METERS[end.unit])
         for end in log_map.ends
     ]
     label = log_map.rows.label
@@ -203,9 +203,10 @@ def effective_drives(
 
 
 def drive_scale(drive: Drive, log_map: LogMap) -> float:
-    """Meters or newtons per unit of a drive's columns; 1 for free units."""
+    """Meters, newtons or pascals per unit of a drive's columns; 1 for free units."""
     if drive.unit not in ROTATING_UNITS:
-        return drive.scale * METERS.get(drive.unit, 1.0)
+        units = METERS | FORCE_UNITS
+        return drive.scale * units.get(drive.unit, 1.0)
     radians = {
         "turns": 2 * np.pi,
         "ticks": 2 * np.pi / log_map.arm.ticks_per_turn,
@@ -219,10 +220,16 @@ def _stack(table: Table, columns: Sequence[str]) -> np.ndarray:
     return np.stack([table.numbers[column] for column in columns], axis=-1)
 
 
+def _vectors(table: Table, columns: Sequence[str]) -> np.ndarray:
+    """Vectors, shape (rows, 3); z is zero where the log has a plane alone."""
+    values = _stack(table, columns)
+    return np.pad(values, [(0, 0), (0, 3 - values.shape[1])])
+
+
 def _axes(table: Table, end: End) -> np.ndarray:
     """Unit vectors along the arm, NaN where they are not measured, shape (rows, 3)."""
     if end.axis is not None:
-        return _normalize(_stack(table, end.axis))
+        return _normalize(_vectors(table, end.axis))
     axes = np.full((len(table), 3), np.nan)
     columns = end.quaternion or end.matrix or end.euler
     if columns is None:

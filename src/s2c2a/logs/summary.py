@@ -10,15 +10,23 @@ from s2c2a.logs.pipeline import Imported, ImportedSession
 from s2c2a.logs.rig import SimilarRows
 from s2c2a.logs.session_change import describe_change
 
+SHOWN_UNITS = {
+    "displacement": ("mm", 1e3),
+    "tension": ("N", 1.0),
+    "pressure": ("kPa", 1e-3),
+}
+
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
     """Row for each cable: column, module, angle, effect of larger numbers, gain."""
     layout = imported.layout
     std = imported.fit.std
     is_tension = imported.arm.actuation == "tension"
-    for (module, cable), drive in np.ndenumerate(layout.drive):
+    for module, cable in np.argwhere(layout.present):
+        drive = layout.drive[module, cable]
         angle_std = np.rad2deg(std.angles[drive]) if std else np.nan
         gain_std = std.gains[drive] if std else np.nan
+        # a tension pulls; a displacement above zero, and a pressure, release
         pulls = is_tension or layout.factor[module, cable] < 0
         yield (
             imported.rig.names[drive],
@@ -62,11 +70,7 @@ def _describe_offset(similar: SimilarRows, actuation: str) -> str:
             "offset of the tip: unknown, because the two sessions do not both measure "
             "the tip; whether a camera or motor has moved cannot be checked"
         )
-    unit = "N"
-    scale = 1.0
-    if actuation == "displacement":
-        unit = "mm"
-        scale = 1e3
+    unit, scale = SHOWN_UNITS[actuation]
     cables = scale * np.median(similar.cables)
     distance = 1e3 * np.median(np.linalg.norm(similar.displacement, axis=-1))
     offset = _vector(1e3 * np.median(similar.displacement, axis=0), 1)

@@ -223,7 +223,10 @@ def _as_columns(rotations: Rotation, end: End) -> np.ndarray:
         return rotations.as_quat(scalar_first=end.order == "wxyz")
     if end.matrix:
         return rotations.as_matrix().reshape(-1, 9)
-    return rotations.as_euler(end.sequence or "", degrees=end.euler_unit == "deg")
+    degrees = end.euler_unit == "deg"
+    if end.sequence == "z":
+        return rotations.as_rotvec(degrees=degrees)[:, 2:]
+    return rotations.as_euler(end.sequence or "", degrees=degrees)
 
 
 def _resample_labels(
