@@ -1,5 +1,6 @@
 """Servos that wind the cables of a real arm, and the limits that they obey."""
 
+import itertools
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -251,7 +252,6 @@ def servos_of(arm: "ArmSpec") -> Servos:
     """Return the servos of an arm; without the table, ids from 1 row by row."""
     if arm.servos is not None:
         return arm.servos
-    count = arm.cable_count
-    starts = range(1, arm.module_count * count, count)
-    ids = [list(range(start, start + count)) for start in starts]
+    numbers = itertools.count(1)
+    ids = [[next(numbers) for _ in module.cable_angles_deg] for module in arm.modules]
     return Servos.model_validate({"ids": ids})

@@ -104,7 +104,7 @@ def _hardware_lines(spec: ArmSpec) -> list[str]:
     lines = []
     if spec.servos is not None:
         servos = spec.servos
-        count = spec.module_count * spec.cable_count
+        count = sum(map(len, servos.ids))
         place = f"on {servos.port}" if servos.port else "on the port of an option"
         lines.append(f"servos: {count} {servos.model} ({servos.protocol}) {place}")
     if spec.tracking is not None:

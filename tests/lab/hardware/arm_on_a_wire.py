@@ -67,7 +67,7 @@ class ArmOnAWire:
         records: of all steps so far.
     """
 
-    def __init__(self, emulator, folder, protocol="dynamixel", homed=True):
+    def __init__(self, emulator, folder, protocol="dynamixel", homed=True, arm=None):
         self.emulator = emulator
         self.port = folder / "port"
         self.arm_file = folder / "arm.toml"
@@ -76,7 +76,9 @@ class ArmOnAWire:
         if protocol == "feetech":
             table["limits"] = {"high_voltage": 8.4}
         base = load_arm("twin_arm")
-        self.arm = type(base).model_validate(base.model_dump() | {"servos": table})
+        self.arm = arm or type(base).model_validate(
+            base.model_dump() | {"servos": table}
+        )
         save_arm(self.arm, self.arm_file)
         self.calibration = folder / "calibration.json"
         self.records = []

@@ -21,7 +21,13 @@ from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
-from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.lab.hardware.winch import (
+    NO_SERVO,
+    Winches,
+    check_ticks,
+    servo_ids,
+    taut_windings,
+)
 
 HOME_SPEED = 0.02  # m/s
 MAX_LEAD = 0.005
@@ -96,8 +102,10 @@ class BringUp:
         self._bus = bus
         self._arm = arm
         self._servos = servos_of(arm)
-        self._ids = np.array(self._servos.ids)
-        self._places = {int(id): place for place, id in np.ndenumerate(self._ids)}
+        self._ids = servo_ids(arm)
+        self._everyone = self._ids[self._ids != NO_SERVO].tolist()
+        places = {int(id): place for place, id in np.ndenumerate(self._ids)}
+        self._places = {id: places[id] for id in self._everyone}
         self._confirm = confirm
         self._report = report
         self._guard = guard
@@ -116,10 +124,10 @@ class BringUp:
             BusError: the servo does not answer, or does not belong to the arm.
             DeclinedError: the operator declined.
         """
-        if id not in self._ids:
+        if id not in self._everyone:
             raise BusError(
                 f"servo {id} does not belong to '{self._arm.name}'; choose one of "
-                f"{self._ids.ravel().tolist()}"
+                f"{self._everyone}"
             )
         self._check_presence([id])
         verb = "pays out" if distance > 0 else "winds in"
@@ -158,11 +166,15 @@ class BringUp:
             BusError: a servo does not answer, or a cable does not become taut.
             DeclinedError: the operator declined.
         """
-        self._check_presence(self._ids.ravel().tolist())
+        self._check_presence(self._everyone)
         self._check_identities(infos)
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
-        for module, ids in enumerate(self._ids.tolist(), 1):
+        for module, row in enumerate(self._servos.ids, 1):
+            ids = list(row)
+            if not ids:
+                self._report(f"module {module}: no cables, skipped")
+                continue
             if all(id in done for id in ids):
                 self._report(f"module {module}: homed before, skipped")
                 continue
@@ -182,7 +194,7 @@ class BringUp:
             DeclinedError: the operator declined.
             RobotError: a cable is out of its range; nothing moves.
         """
-        ids = self._ids.ravel().tolist()
+        ids = self._everyone
         self._check_presence(ids)
         self._ask(
             "all cables go to their homes together, then each one moves by "
@@ -198,11 +210,10 @@ class BringUp:
 
     def _check_presence(self, ids: list[int]) -> None:
         """Check that servos answer, before the operator is asked."""
-        everyone = self._ids.ravel().tolist()
-        check_presence(self._bus, ids, self._servos.number_of, everyone)
+        check_presence(self._bus, ids, self._servos.number_of, self._everyone)
 
     def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
-        missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
+        missing = set(self._everyone) - {info.id for info in infos}
         if missing:
             raise BusError(
                 f"no answer from servos {sorted(missing)}; check cable, power and id "
@@ -295,7 +306,7 @@ class BringUp:
     def _calibration(
         self, done: dict[int, CalibratedServo], adapter: str
     ) -> Calibration:
-        ids = self._ids.ravel().tolist()
+        ids = self._everyone
         return Calibration(
             arm=self._arm.name,
             date=datetime.now(UTC).replace(microsecond=0),

@@ -95,7 +95,9 @@ class CableMonitor:
         """Forget all readings."""
         self._last: Actions | None = None
         self._slack = np.zeros(len(self._servos.ids), int)
-        self._stalled = np.zeros(np.shape(self._servos.ids), int)
+        # columns beyond the cables of a module never stall
+        columns = max(map(len, self._servos.ids))
+        self._stalled = np.zeros((len(self._servos.ids), columns), int)
 
     def find_fault(self, goal: Actions, displacements: Actions) -> str:
         """Describe a servo that does not reach its goal; empty if there is none.

@@ -27,7 +27,13 @@ from s2c2a.lab.hardware.calibration import default_path, load_calibration
 from s2c2a.lab.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
-from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.lab.hardware.winch import (
+    NO_SERVO,
+    Winches,
+    check_ticks,
+    servo_ids,
+    taut_windings,
+)
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions, Reading, Sensor
@@ -81,7 +87,8 @@ class ServoRobot(Robot):
         self._winches = Winches.of(arm, self._calibration.home(arm))
         self._port = port
         self._fast_read = fast_read
-        self._ids = np.array(self._servos.ids)
+        self._ids = servo_ids(arm)
+        self._present = self._ids != NO_SERVO
         self._bus: ServoBus | None = None
         self._is_halted = False
         self._low, self._high = command_range(arm)
@@ -203,7 +210,7 @@ class ServoRobot(Robot):
 
     @property
     def _flat_ids(self) -> list[int]:
-        return self._ids.ravel().tolist()
+        return self._ids[self._present].tolist()
 
     def _check_protocol(self) -> None:
         if self._servos.protocol != self.protocol:
@@ -340,7 +347,7 @@ class ServoRobot(Robot):
         """
         geometry = self._geometry
         period = self.arm.control_period
-        radius = float(geometry.cable_radii.min())
+        radius = float(geometry.cable_radii[self._present.any(axis=-1)].min())
         bending_speed = radius * geometry.step_limit / period
         speed = min(REST_SPEED * self._servos.limits.speed, bending_speed)
         acceleration = radius * geometry.acceleration_limit / period**2
@@ -361,7 +368,7 @@ class ServoRobot(Robot):
         if any(state.watchdog_tripped for state in states.values()):
             self._restart_after_watchdog(states)
             states |= self.bus.read_patiently(self._flat_ids, PATIENCE)
-        if len(states) < self._ids.size:
+        if len(states) < len(self._flat_ids):
             raise BusError(self._describe_faults(states))
         return states
 
@@ -371,12 +378,14 @@ class ServoRobot(Robot):
         return describe_faults(states, self._servos, self._flat_ids, restarted)
 
     def _values(self, states: Mapping[int, ServoState], name: str) -> np.ndarray:
-        """A measurement of all servos; NaN where one did not answer."""
+        """A measurement of all servos; NaN where one did not answer, zero without one."""
         values = [
             getattr(states[id], name) if id in states else np.nan
             for id in self._flat_ids
         ]
-        return np.array(values, float).reshape(self._ids.shape)
+        rows = np.zeros(self._ids.shape)
+        rows[self._present] = values
+        return rows
 
     def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
         return self._values(states, "position").astype(int)
@@ -388,7 +397,7 @@ class ServoRobot(Robot):
         return Reading(moment, missing, fault)
 
     def _send_positions(self, positions: np.ndarray) -> None:
-        goals = zip(self._flat_ids, positions.ravel().tolist(), strict=True)
+        goals = zip(self._flat_ids, positions[self._present].tolist(), strict=True)
         self.bus.send_goals(dict(goals))
         self._sent_at = time.perf_counter()
 

@@ -6,11 +6,24 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmSpec, servos_of
-from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm.geometry import cables_present, per_cable, per_module
 from s2c2a.lab.hardware.bus import BusError, ServoBus
 from s2c2a.spaces import Actions
 
 Ticks = Int[np.ndarray, "modules cables"]
+
+NO_SERVO = -1
+
+
+def servo_ids(arm: ArmSpec) -> Ticks:
+    """Return the servo of every cable, shape (modules, cables).
+
+    It is `NO_SERVO` in the columns beyond the cables of a module.
+    """
+    present = cables_present(arm)
+    ids = np.full(present.shape, NO_SERVO)
+    ids[present] = [id for row in servos_of(arm).ids for id in row]
+    return ids
 
 
 def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
@@ -37,7 +50,8 @@ def taut_windings(arm: ArmSpec, torque_constant: float) -> Actions:
     """
     tension = servos_of(arm).home_current * torque_constant / arm.motor.pulley_radius
     stiffness = per_module(arm, "cable.stiffness")[:, None]
-    return tension / stiffness + per_cable(arm, "cable.backlash")
+    windings = tension / stiffness + per_cable(arm, "cable.backlash")
+    return windings * cables_present(arm)
 
 
 @dataclass(frozen=True)
@@ -68,7 +82,8 @@ class Winches:
         servos = servos_of(arm)
         directions = np.ones(home.shape, int)
         if servos.directions is not None:
-            directions = np.array(servos.directions)
+            rows = [one for row in servos.directions for one in row]
+            directions[cables_present(arm)] = rows
         return cls(
             home,
             directions,
