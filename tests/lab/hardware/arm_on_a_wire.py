@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, load_arm, save_arm, servos_of
+from s2c2a.lab.emulation.xl330 import firmware_of
 from s2c2a.lab.hardware.calibration import (
     CalibratedServo,
     Calibration,
@@ -71,7 +72,7 @@ class ArmOnAWire:
         self.emulator = emulator
         self.port = folder / "port"
         self.arm_file = folder / "arm.toml"
-        model, self.firmware = MODELS[protocol]
+        model, firmware = MODELS[protocol]
         table = {"protocol": protocol, "model": model, "ids": IDS}
         if protocol == "feetech":
             table["limits"] = {"high_voltage": 8.4}
@@ -83,14 +84,21 @@ class ArmOnAWire:
         self.calibration = folder / "calibration.json"
         self.records = []
         self.emulator.start(self.arm_file, self.port, homed=homed)
-        self._save_homes(model)
+        self._save_homes(firmware)
 
-    def _save_homes(self, model):
+    def _save_homes(self, firmware):
+        table = servos_of(self.arm)
+
+        def version(id):
+            if table.protocol == "feetech":
+                return firmware
+            return firmware_of(table.of(id).model_number, firmware)
+
         servos = [
             CalibratedServo(
                 id=servo["id"],
-                model=model,
-                firmware=self.firmware,
+                model=table.of(servo["id"]).model,
+                firmware=version(servo["id"]),
                 home=servo["position"],
             )
             for servo in self.emulator.status()["servos"]
@@ -102,7 +110,8 @@ class ArmOnAWire:
     def robot(self, **options):
         kind = {"dynamixel": DynamixelRobot, "feetech": FeetechRobot}
         make = kind[servos_of(self.arm).protocol]
-        return make(self.arm, str(self.port), str(self.calibration), **options)
+        port = "" if servos_of(self.arm).groups else str(self.port)
+        return make(self.arm, port, str(self.calibration), **options)
 
     @contextmanager
     def driven(self, is_steady=False, **options):

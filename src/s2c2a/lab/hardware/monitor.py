@@ -40,7 +40,9 @@ def describe_faults(
     if len(ids) > 1 and not states and not any(id in restarted for id in ids):
         return f"none of the {len(ids)} servos answers; {ALL_SILENT}"
     for id in ids:
-        fault = RESTARTED if id in restarted else _servo_fault(states.get(id), servos)
+        fault = RESTARTED
+        if id not in restarted:
+            fault = _servo_fault(states.get(id), servos.of(id))
         if fault:
             return f"servo {id} ({servos.number_of(id)}) {fault}"
     return ""
