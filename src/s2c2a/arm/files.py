@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
-from s2c2a.arm.servos import OwnModel, OwnRegisters, ServoLimits, Servos
+from s2c2a.arm.servos import OwnModel, OwnRegisters, ServoGroup, ServoLimits, Servos
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
@@ -34,6 +34,7 @@ TABLES = (
     Raw,
     Servos,
     ServoLimits,
+    ServoGroup,
     OwnModel,
     OwnRegisters,
     Tracking,

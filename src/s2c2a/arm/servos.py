@@ -1,5 +1,6 @@
 """Servos that wind the cables of a real arm, and the limits that they obey."""
 
+import itertools
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -33,7 +34,9 @@ ServoId = Annotated[int, Field(ge=0, le=MAX_SERVO_ID)]
 ModelNumber = Annotated[int, Field(ge=1, le=65_535)]  # two bytes
 Address = Annotated[int, Field(ge=0, le=1023)]  # the X series ends at 661
 Current = Annotated[Number, Field(ge=0.0001, le=20)]  # A
+BaudRate = Annotated[int, Field(ge=9600, le=4_500_000)]
 TorqueConstant = Annotated[Number, Field(ge=0.001, le=20)]  # N m/A
+MODEL_NAME = r"^[a-z0-9][a-z0-9-]{0,31}$"
 WAY_OUT = "or describe the model in a table [servos.own_model] of the arm file"
 
 
@@ -117,6 +120,38 @@ class OwnModel(Frozen):
     registers: OwnRegisters = OwnRegisters()
 
 
+class ServoGroup(Frozen):
+    """Servos that differ from the others of an arm: on another port, or another model.
+
+    Keys that are left out are those of `[servos]`. A group with a model of its own does
+    not take over `own_model` and `torque_constant`.
+    """
+
+    ids: tuple[ServoId, ...] = Field(
+        description="these servos, of servos.ids; ids differ on all ports",
+        json_schema_extra={"allowed": "whole numbers, 0 to 252"},
+    )
+    model: str | None = Field(
+        default=None, pattern=MODEL_NAME, description="model of the servos"
+    )
+    own_model: OwnModel | None = Field(
+        default=None, description="facts of a model with another name"
+    )
+    port: str | None = Field(default=None, description="serial port")
+    baud_rate: BaudRate | None = Field(
+        default=None, description="speed of that port [bit/s]"
+    )
+    torque_constant: TorqueConstant | None = Field(
+        default=None, description="torque per current [N m/A]"
+    )
+    home_current: Current | None = Field(
+        default=None, description="current that takes up the slack of a cable [A]"
+    )
+    limits: ServoLimits | None = Field(
+        default=None, description="limits; keys left out are those of `[servos.limits]`"
+    )
+
+
 class Servos(Frozen):
     """Bus servos with one pulley for each cable.
 
@@ -125,14 +160,16 @@ class Servos(Frozen):
     tenth of the default limit, and the watchdog four default control periods.
     """
 
-    omitted_defaults: ClassVar[frozenset[str]] = frozenset(("limits", "own_model"))
+    omitted_defaults: ClassVar[frozenset[str]] = frozenset(
+        ("limits", "own_model", "groups")
+    )
 
     protocol: Literal["dynamixel", "feetech"] = Field(
         default="dynamixel", description="protocol of the bus"
     )
     model: str = Field(
         default="xl330-m288",
-        pattern=r"^[a-z0-9][a-z0-9-]{0,31}$",
+        pattern=MODEL_NAME,
         description=(
             f"model of the servos; dynamixel: {', '.join(MODEL_NUMBERS['dynamixel'])}; "
             "feetech: sts3215 (default), sts3215-12v"
@@ -145,8 +182,8 @@ class Servos(Frozen):
         default="",
         description="serial port, such as /dev/ttyUSB0; empty: an option names it",
     )
-    baud_rate: int = Field(
-        default=1_000_000, ge=9600, le=4_500_000, description="speed of the bus [bit/s]"
+    baud_rate: BaudRate = Field(
+        default=1_000_000, description="speed of the bus [bit/s]"
     )
     ids: tuple[tuple[ServoId, ...], ...] = Field(
         description="servo of every cable, one row a module",
@@ -179,6 +216,26 @@ class Servos(Frozen):
         default="release", description="torque after an emergency stop"
     )
     limits: ServoLimits = ServoLimits()
+    groups: tuple[ServoGroup, ...] = Field(
+        default=(), description="servos that differ from the others"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete_limits(cls, values: Any) -> Any:
+        """Limits that a group leaves out are those of the others."""
+        if not isinstance(values, dict) or not isinstance(values.get("groups"), list):
+            return values
+        common = values.get("limits")
+        if not isinstance(common, dict):
+            return values
+        groups = [
+            {**group, "limits": {**common, **group["limits"]}}
+            if isinstance(group, dict) and isinstance(group.get("limits"), dict)
+            else group
+            for group in values["groups"]
+        ]
+        return {**values, "groups": groups}
 
     @model_validator(mode="before")
     @classmethod
@@ -207,7 +264,31 @@ class Servos(Frozen):
                     f"servos.ids has {needed}; give one direction for each servo"
                 )
         self._check_home_current()
+        self._check_groups(numbers)
         return self
+
+    def _check_groups(self, numbers: list[int]):
+        named = [id for group in self.groups for id in group.ids]
+        wrong = sorted({id for id in named if id not in numbers or named.count(id) > 1})
+        if wrong or not all(group.ids for group in self.groups):
+            raise ValueError(
+                f"servos.groups names {wrong}, not in servos.ids or twice; name each "
+                "servo of servos.ids in one group at most"
+            )
+        rates: dict[str, int] = {}
+        for part, ids in self.parts():
+            part._check_model()
+            part._check_home_current()
+            if rates.setdefault(part.port, part.baud_rate) != part.baud_rate:
+                raise ValueError(
+                    f"servos {ids} have another baud_rate than others on the port "
+                    f"'{part.port}'; a port has one speed: give the same"
+                )
+            if part.limits.displacement != self.limits.displacement:
+                raise ValueError(
+                    "limits.displacement is one for the whole arm; write it in "
+                    "[servos.limits] only"
+                )
 
     def _check_model(self):
         known = MODEL_NUMBERS[self.protocol]
@@ -232,6 +313,27 @@ class Servos(Frozen):
                 f"servos.limits.current {self.limits.current} A; lower it"
             )
 
+    def parts(self) -> list[tuple["Servos", list[int]]]:
+        """Return tables without groups, with their ids: of the rest, then each group."""
+        named = {id for group in self.groups for id in group.ids}
+        rest = [id for row in self.ids for id in row if id not in named]
+        parts = [(self._with(group), list(group.ids)) for group in self.groups]
+        return [(self.model_copy(update={"groups": ()}), rest), *parts][not rest :]
+
+    def of(self, id: int) -> "Servos":
+        """Return the table that holds for a servo."""
+        for group in self.groups:
+            if id in group.ids:
+                return self._with(group)
+        return self
+
+    def _with(self, group: ServoGroup) -> "Servos":
+        update = {key: value for key, value in group if value is not None}
+        del update["ids"]
+        if group.model is not None:
+            update = {"own_model": None, "torque_constant": None, **update}
+        return self.model_copy(update={"groups": (), **update})
+
     @property
     def model_number(self) -> int:
         """Number that the servos state."""
@@ -251,7 +353,6 @@ def servos_of(arm: "ArmSpec") -> Servos:
     """Return the servos of an arm; without the table, ids from 1 row by row."""
     if arm.servos is not None:
         return arm.servos
-    count = arm.cable_count
-    starts = range(1, arm.module_count * count, count)
-    ids = [list(range(start, start + count)) for start in starts]
+    numbers = itertools.count(1)
+    ids = [[next(numbers) for _ in module.cable_angles_deg] for module in arm.modules]
     return Servos.model_validate({"ids": ids})

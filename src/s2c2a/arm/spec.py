@@ -414,15 +414,11 @@ class ArmSpec(Frozen):
             return
         rows = [len(row) for row in self.servos.ids]
         counts = counts_of(self.modules)
-        if len(set(counts)) > 1:
-            raise ValueError(
-                f"the table [servos] needs modules with as many cables each, not {counts}; "
-                "drive this arm by a robot class of your own"
-            )
         if rows != counts:
             raise ValueError(
                 f"servos.ids has rows of lengths {rows}; give one row for each of the "
-                f"{len(self.modules)} modules and one servo for each of its cables"
+                f"{len(self.modules)} modules and one servo for each of its cables: "
+                f"{counts}"
             )
         if self.actuation != "displacement":
             raise ValueError(

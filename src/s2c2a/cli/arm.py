@@ -104,9 +104,9 @@ def _hardware_lines(spec: ArmSpec) -> list[str]:
     lines = []
     if spec.servos is not None:
         servos = spec.servos
-        count = spec.module_count * spec.cable_count
-        place = f"on {servos.port}" if servos.port else "on the port of an option"
-        lines.append(f"servos: {count} {servos.model} ({servos.protocol}) {place}")
+        for part, ids in servos.parts():
+            place = f"on {part.port}" if part.port else "on the port of an option"
+            lines.append(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
     if spec.tracking is not None:
         bodies = (spec.tracking.base, *spec.tracking.end_names(spec.module_count))
         names = ", ".join(filter(None, bodies))

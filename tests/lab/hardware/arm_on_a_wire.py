@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, load_arm, save_arm, servos_of
+from s2c2a.lab.emulation.xl330 import firmware_of
 from s2c2a.lab.hardware.calibration import (
     CalibratedServo,
     Calibration,
@@ -67,28 +68,37 @@ class ArmOnAWire:
         records: of all steps so far.
     """
 
-    def __init__(self, emulator, folder, protocol="dynamixel", homed=True):
+    def __init__(self, emulator, folder, protocol="dynamixel", homed=True, arm=None):
         self.emulator = emulator
         self.port = folder / "port"
         self.arm_file = folder / "arm.toml"
-        model, self.firmware = MODELS[protocol]
+        model, firmware = MODELS[protocol]
         table = {"protocol": protocol, "model": model, "ids": IDS}
         if protocol == "feetech":
             table["limits"] = {"high_voltage": 8.4}
         base = load_arm("twin_arm")
-        self.arm = type(base).model_validate(base.model_dump() | {"servos": table})
+        self.arm = arm or type(base).model_validate(
+            base.model_dump() | {"servos": table}
+        )
         save_arm(self.arm, self.arm_file)
         self.calibration = folder / "calibration.json"
         self.records = []
         self.emulator.start(self.arm_file, self.port, homed=homed)
-        self._save_homes(model)
+        self._save_homes(firmware)
 
-    def _save_homes(self, model):
+    def _save_homes(self, firmware):
+        table = servos_of(self.arm)
+
+        def version(id):
+            if table.protocol == "feetech":
+                return firmware
+            return firmware_of(table.of(id).model_number, firmware)
+
         servos = [
             CalibratedServo(
                 id=servo["id"],
-                model=model,
-                firmware=self.firmware,
+                model=table.of(servo["id"]).model,
+                firmware=version(servo["id"]),
                 home=servo["position"],
             )
             for servo in self.emulator.status()["servos"]
@@ -100,7 +110,8 @@ class ArmOnAWire:
     def robot(self, **options):
         kind = {"dynamixel": DynamixelRobot, "feetech": FeetechRobot}
         make = kind[servos_of(self.arm).protocol]
-        return make(self.arm, str(self.port), str(self.calibration), **options)
+        port = "" if servos_of(self.arm).groups else str(self.port)
+        return make(self.arm, port, str(self.calibration), **options)
 
     @contextmanager
     def driven(self, is_steady=False, **options):

@@ -50,8 +50,10 @@ class Port:
 
     is_open = True
 
-    def __init__(self, emulator):
-        self.line = emulator.line
+    def __init__(self, emulator, name=""):
+        lines = emulator.lines
+        named = [line for line in lines if str(line.link) == name]
+        self.line = (named or lines)[0]
         self.baudrate = self.line.default_baud_rate
         self._emulator = emulator
         self._opened = self.line.opened
@@ -97,7 +99,8 @@ class EmulatorInMemory:
         self.now = 100.0
         self._emulator = None
         serial = SimpleNamespace(
-            Serial=lambda *_, **__: Port(self), SerialTimeoutException=TimeoutError
+            Serial=lambda name, *_, **__: Port(self, str(name)),
+            SerialTimeoutException=TimeoutError,
         )
         monkeypatch.setattr(
             "s2c2a.lab.hardware.serial_line.import_serial", lambda: serial
@@ -120,16 +123,19 @@ class EmulatorInMemory:
         self.advance(seconds)
 
     @property
-    def line(self):
-        return self._emulator.line
+    def lines(self):
+        return self._emulator.lines
 
     def start(self, arm_file, link, **options):
         """Power the servos up, and plug the port in."""
         options = EmulatorOptions(link=Path(link), **options)
         self._emulator = Emulator(load_arm(arm_file), options)
-        self._emulator.line = WireInMemory(Path(link), self._emulator.table.baud_rate)
+        self.lines[:] = [
+            WireInMemory(line.link, line.default_baud_rate) for line in self.lines
+        ]
         self._started = self.now
-        self.line.plug()
+        for line in self.lines:
+            line.plug()
 
     def advance(self, seconds, ends=lambda: False):
         """Let a time pass, or less if a condition becomes true."""
@@ -143,7 +149,7 @@ class EmulatorInMemory:
     def _due(self):
         plant = self._emulator.plant
         physics = self._emulator.late + plant.time + plant.chunk
-        return self._started + min(self.line.next_time, physics)
+        return self._started + min([physics, *(line.next_time for line in self.lines)])
 
     def _serve(self):
         self._emulator.now = self.now - self._started

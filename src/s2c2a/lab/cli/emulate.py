@@ -84,10 +84,10 @@ def servos(
             from the start, and from the first torque on if it reads torque+3. Kinds:
             lost SHARE, corrupted SHARE, late SECONDS SHARE, garbage SHARE, stuffed ID,
             gone ID [SECONDS], reboot ID, hot ID, overload ID, stalled ID, snapped ID,
-            voltage VOLTS, unplug SECONDS.
+            voltage VOLTS, unplug SECONDS [ID].
         link: symbolic link to the port, which keeps its name when the port is
             unplugged; by default in a new temporary folder.
-        port_file: file to which the name of the port is written.
+        port_file: file to which the names of the ports are written, one a line.
         status_file: JSON file with the state of the servos, written four times a
             second.
         poses_to: HOST:PORT to which true poses are sent, as JSON over UDP.

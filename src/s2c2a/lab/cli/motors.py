@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 from tyro.extras import SubcommandApp
 
-from s2c2a.arm import ArmSpec, load_arm, servos_of
+from s2c2a.arm import ArmSpec, Servos, load_arm, servos_of
 from s2c2a.cli.console import Arm, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
@@ -40,31 +40,53 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
         all_rates: search at every baud rate of the protocol.
     """
     spec = load_arm(arm)
-    if not (port or servos_of(spec).port):
+    lines = _lines_of(spec, port)
+    if not any(table.port for table, _ in lines):
         return _list_ports()
-    with _bus(spec, port) as bus:
-        rates = bus.baud_rates if all_rates else (servos_of(spec).baud_rate,)
+    for table, ids in lines:
+        _scan_line(spec, table, ids, all_rates)
+
+
+def _lines_of(spec: ArmSpec, port: str) -> list[tuple[Servos, list[int]]]:
+    """Tables of servos, one for each port, with all ids on it; a given port alone."""
+    servos = servos_of(spec)
+    lines: dict[str, tuple[Servos, list[int]]] = {}
+    for table, ids in servos.parts():
+        lines.setdefault(table.port, (table, []))[1].extend(ids)
+    if port in lines:
+        return [lines[port]]
+    if port:
+        table, ids = lines.get(servos.port, next(iter(lines.values())))
+        return [(table.model_copy(update={"port": port}), ids)]
+    return list(lines.values())
+
+
+def _scan_line(spec: ArmSpec, table: Servos, ids: list[int], all_rates: bool) -> None:
+    """List the servos of one port."""
+    with _opened(table, table.port) as bus:
+        rates = bus.baud_rates if all_rates else (table.baud_rate,)
         rows = []
         for rate in rates:
             bus.set_baud_rate(rate)
             rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
-        bus.set_baud_rate(servos_of(spec).baud_rate)
-        fault = _presence_fault(bus, spec)
+        bus.set_baud_rate(table.baud_rate)
+        fault = _presence_fault(bus, spec, ids)
     if fault and not rows:
-        raise S2C2AError(fault)
-    print_table("Servos", ("id", "model", "firmware", "bit/s", "cable"), rows)
-    _print_slow_adapter(port or servos_of(spec).port)
+        raise S2C2AError(f"{table.port}: {fault}" if servos_of(spec).groups else fault)
+    title = f"Servos on {table.port}" if servos_of(spec).groups else "Servos"
+    print_table(title, ("id", "model", "firmware", "bit/s", "cable"), rows)
+    _print_slow_adapter(table.port)
     if fault:
-        print(f"at {servos_of(spec).baud_rate} bit/s, {fault}")
+        print(f"at {table.baud_rate} bit/s, {fault}")
 
 
-def _presence_fault(bus: "ServoBus", spec: ArmSpec) -> str:
+def _presence_fault(bus: "ServoBus", spec: ArmSpec, ids: list[int]) -> str:
     """Describe servos of the arm that are silent, damaged or doubled, if any."""
     from s2c2a.lab.hardware.bus import BusError
     from s2c2a.lab.hardware.presence import check_presence
 
     try:
-        check_presence(bus, _ids_of(spec), servos_of(spec).number_of)
+        check_presence(bus, ids, servos_of(spec).number_of)
     except BusError as error:
         return str(error)
     return ""
@@ -112,10 +134,10 @@ def setup(
         yes: do not ask.
     """
     spec = load_arm(arm)
-    target_rate = servos_of(spec).baud_rate
-    with _bus(spec, port) as bus:
+    servos = servos_of(spec).of(new_id)
+    target_rate = servos.baud_rate
+    with _opened(servos, port) as bus:
         rate, info = _only_servo(bus)
-        servos = servos_of(spec)
         bus.check_model(info, servos.model, servos.model_number)
         question = (
             f"{info.model} with id {info.id} at {rate} bit/s gets id {new_id} and "
@@ -342,15 +364,21 @@ def _ids_of(spec: ArmSpec) -> list[int]:
 
 
 @contextmanager
-def _bus(spec: ArmSpec, port: str, fast_read: bool = False) -> "Iterator[ServoBus]":
+def _opened(servos: Servos, port: str, fast_read: bool = False) -> "Iterator[ServoBus]":
     """Open the bus; the signal of an emergency stop works meanwhile."""
     from s2c2a.emergency import EMERGENCY_STOP
     from s2c2a.lab.hardware.buses import open_bus
     from s2c2a.runtime.emergency import stop_on_signal
 
     EMERGENCY_STOP.reset()
-    with stop_on_signal(), open_bus(servos_of(spec), port, fast_read) as bus:
+    with stop_on_signal(), open_bus(servos, port, fast_read) as bus:
         yield bus
+
+
+def _bus(
+    spec: ArmSpec, port: str, fast_read: bool = False
+) -> "AbstractContextManager[ServoBus]":
+    return _opened(servos_of(spec), port, fast_read)
 
 
 @contextmanager

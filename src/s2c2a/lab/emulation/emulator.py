@@ -105,7 +105,7 @@ class Emulator(RealTimeArm):
     Attributes:
         options: of the emulator.
         winches: servos with their cables, module by module.
-        line: the port.
+        lines: the ports, one for each that the arm file names.
         disturbances: of the line.
         voltage: of the supply [V].
         packet_count: instructions that arrived.
@@ -121,8 +121,9 @@ class Emulator(RealTimeArm):
         """
         self.options = options
         self.table = servos_of(arm)
-        _check_registers(self.table)
-        self._protocol = protocol_of(self.table)
+        for part, _ in self.table.parts():
+            _check_registers(part)
+            self._protocol = protocol_of(part)
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed
@@ -130,12 +131,16 @@ class Emulator(RealTimeArm):
         super().__init__(plant, options.duration)
         self.disturbances = LineFaults(self._random_stream(_LINE_STREAM))
         self._noise = self._random_stream(_NOISE_STREAM)
+        self._parts = self.table.parts()
         self.winches = self._make_winches()
         self.voltage = self._protocol.supply
         self._folder: Path | None = None
-        self.line = Line(self._choose_link(), self.table.baud_rate)
-        self._decoder = self._protocol.decoder()
-        self._plug_time = float("inf")
+        self._line_numbers = {
+            id: self.ports.index(part.port) for part, ids in self._parts for id in ids
+        }
+        self.lines = self._make_lines()
+        self._decoders = [self._protocol.decoder() for _ in self.lines]
+        self._plug_times = [float("inf")] * len(self.lines)
         self._outputs: list[Output] = []
         self._servers: list[MocapServer] = []
         self.packet_count = 0
@@ -147,10 +152,27 @@ class Emulator(RealTimeArm):
         """The servos, module by module."""
         return [winch.servo for winch in self.winches]
 
-    def unplug(self, seconds: float) -> None:
-        """Take the port away for a time [s]; the servos keep their power."""
-        self.line.unplug()
-        self._plug_time = self.now + seconds
+    @property
+    def line(self) -> Line:
+        """The first port."""
+        return self.lines[0]
+
+    @property
+    def ports(self) -> list[str]:
+        """Ports of the arm file, in the order of `lines`."""
+        return list(dict.fromkeys(part.port for part, _ in self._parts))
+
+    def unplug(self, seconds: float, id: int | None = None) -> None:
+        """Take ports away for a time [s]; the servos keep their power.
+
+        Args:
+            seconds: the time.
+            id: of a servo on the port; None: all ports.
+        """
+        for number, line in enumerate(self.lines):
+            if id is None or number == self._line_numbers[id]:
+                line.unplug()
+                self._plug_times[number] = self.now + seconds
 
     def run(self, on_ready: Callable[[str], None] = lambda port: None) -> None:
         """Serve the port until `stop` is called or the duration is over.
@@ -162,18 +184,21 @@ class Emulator(RealTimeArm):
             S2C2AError: a file cannot be written.
             SimulationError: the simulation diverged.
         """
-        self.line.plug()
+        for line in self.lines:
+            line.plug()
         self._open_outputs()
         try:
+            links = [str(line.link) for line in self.lines]
             if self.options.port_file is not None:
-                write_atomically(f"{self.line.link}\n", self.options.port_file)
-            on_ready(str(self.line.link))
+                write_atomically("\n".join([*links, ""]), self.options.port_file)
+            on_ready(", ".join(links))
             self._loop()
         finally:
             self._close()
 
     def _close(self) -> None:
-        self.line.unplug()
+        for line in self.lines:
+            line.unplug()
         for opened in (*self._outputs, *self._servers):
             opened.close()
         if self._folder is not None:
@@ -181,12 +206,12 @@ class Emulator(RealTimeArm):
 
     @property
     def _files(self) -> list[int | socket.socket]:
-        return [self.line.file] if self.line.is_plugged else []
+        return [line.file for line in self.lines if line.is_plugged]
 
     def _next_time(self) -> float:
         # a frame must not wait for the physics
         servers = [server.next_time for server in self._servers]
-        return min(self.line.next_time, *servers, float("inf"))
+        return min([line.next_time for line in self.lines] + servers)
 
     def _serve_all(self) -> None:
         self.serve()
@@ -198,35 +223,43 @@ class Emulator(RealTimeArm):
     def serve(self) -> None:
         """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
         self._schedule.apply_until(self)
-        if self.now >= self._plug_time:
-            self._plug_time = float("inf")
-            self.line.plug()
-        if self.line.is_plugged:
-            self._receive()
-            self.line.transmit(self.now)
+        for number, line in enumerate(self.lines):
+            self._serve_line(number, line)
         self._advance()
 
-    def _receive(self) -> None:
-        data = self.line.receive()
+    def _serve_line(self, number: int, line: Line) -> None:
+        if self.now >= self._plug_times[number]:
+            self._plug_times[number] = float("inf")
+            line.plug()
+        if line.is_plugged:
+            self._receive(number, line)
+            line.transmit(self.now)
+
+    def _receive(self, number: int, line: Line) -> None:
+        data = line.receive()
         if not data:
             return
-        self.line.occupy(len(data), self.now)
-        for packet in self._decoder.feed(data, self.now):
+        line.occupy(len(data), self.now)
+        for packet in self._decoders[number].feed(data, self.now):
             self.packet_count += 1
-            answers = self._protocol.answer(packet, self._listening(), self.now)
-            self.line.queue(self.disturbances.disturb(answers))
+            listening = self._listening(number, line)
+            answers = self._protocol.answer(packet, listening, self.now)
+            line.queue(self.disturbances.disturb(answers))
 
-    def _listening(self) -> list[Servo]:
-        """Return the servos that hear the line: those at its baud rate."""
-        baud_rate = self.line.user_baud_rate()
+    def _listening(self, number: int, line: Line) -> list[Servo]:
+        """Return the servos that hear a line: those on it, at its baud rate."""
+        baud_rate = line.user_baud_rate()
         return [
-            servo
-            for servo in self.servos
-            if servo.is_present(self.now) and baud_rate in (None, servo.baud_rate)
+            winch.servo
+            for winch in self.winches
+            if self._line_numbers[winch.original_id] == number
+            and winch.servo.is_present(self.now)
+            and baud_rate in (None, winch.servo.baud_rate)
         ]
 
     def _is_busy(self, behind: float) -> bool:
-        is_answering = self.line.next_time - self.now < _NEARLY
+        next_time = min(line.next_time for line in self.lines)
+        is_answering = next_time - self.now < _NEARLY
         return behind < _PATIENCE and is_answering
 
     def advance_chunk(self) -> None:
@@ -282,6 +315,18 @@ class Emulator(RealTimeArm):
     def _ids(self) -> list[int]:
         return [id for row in self.table.ids for id in row]
 
+    def _make_lines(self) -> list[Line]:
+        """One line a port; the second one's link ends in -2."""
+        link = self._choose_link()
+        rates = {part.port: part.baud_rate for part, _ in self._parts}
+        return [
+            Line(
+                link if not number else link.with_name(f"{link.name}-{number + 1}"),
+                rate,
+            )
+            for number, rate in enumerate(rates.values())
+        ]
+
     def _choose_link(self) -> Path:
         if self.options.link is not None:
             return self.options.link
@@ -306,15 +351,16 @@ class Emulator(RealTimeArm):
 
     def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
         motor = self.plant.arm.motor
-        firmware = firmware_of(self.table.model_number, self.options.firmware)
+        table = self.table.of(id)
+        firmware = firmware_of(table.model_number, self.options.firmware)
         servo = self._protocol.make_servo(id, MotorState(ticks=ticks), firmware)
         servo.ticks_per_turn = motor.ticks_per_turn
-        servo.baud_rate = self.table.baud_rate
-        servo["model_number"] = self.table.model_number
+        servo.baud_rate = table.baud_rate
+        servo["model_number"] = table.model_number
         if self.options.homed:
-            servo.set_up(self.table.limits.current)
-        if self.table.torque_constant is not None:
-            servo.torque_constant = self.table.torque_constant
+            servo.set_up(table.limits.current)
+        if table.torque_constant is not None:
+            servo.torque_constant = table.torque_constant
         pulley = Pulley(motor.pulley_radius, self.table.layer_growth)
         winch = Winch(servo, id, cable, direction, pulley)
         start = float(self.plant.positions[cable])

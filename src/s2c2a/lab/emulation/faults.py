@@ -40,7 +40,7 @@ KINDS: dict[str, tuple[Argument, ...]] = {
     "stalled": (_ID,),
     "snapped": (_ID,),
     "voltage": (Argument("VOLTS", 0, 60),),
-    "unplug": (SECONDS,),
+    "unplug": (SECONDS, _ID._replace(required=False)),
     "model": (_ID, Argument("NUMBER", 0, 65_535)),
     "twin": (_ID, Argument("DOUBLED", 0, 1, required=False)),
 }
@@ -52,7 +52,8 @@ stuffed: the servo calls its position `STUFFED_POSITION`, which needs byte stuff
 gone: off the bus, for good or for a time, with its torque unchanged. reboot: restarts,
 as after a drop of the supply. hot: heats up until it shuts down. overload: shuts down.
 stalled: the motor is jammed. snapped: the cable is torn. voltage: of the supply.
-unplug: the port disappears for a time. model: the servo states another model number.
+unplug: the port of a servo disappears for a time, by default all ports. model: the servo
+states another model number.
 twin: another servo has the same id; both answer at once, so that measurements damage
 each other, or, with DOUBLED 1, one after the other.
 """
@@ -94,7 +95,7 @@ def apply_fault(fault: Fault, emulator: "Emulator") -> None:
     elif fault.kind == "voltage":
         emulator.voltage = fault.values[0]
     elif fault.kind == "unplug":
-        emulator.unplug(fault.values[0])
+        emulator.unplug(fault.values[0], *map(int, fault.targets))
     else:
         _apply_to_servo(fault, emulator)
 

@@ -65,7 +65,7 @@ def open_lab(
     settings = EmulatorOptions(link=link, status_file=status, mocap=mocap, **options)
     emulator = Emulator(arm, settings)
     folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(HEADING + arm_to_toml(_in_lab(arm, link, mocap)), path)
+    write_atomically(HEADING + arm_to_toml(_in_lab(arm, emulator, mocap)), path)
     servos = servos_of(arm)
     welcome = WELCOME.format(
         name=arm.name,
@@ -107,9 +107,17 @@ def _check_unused(link: Path) -> None:
         )
 
 
-def _in_lab(arm: ArmSpec, port: Path, mocap: MotiveOptions) -> ArmSpec:
-    """The arm with the port and the tracker of the laboratory."""
-    servos = servos_of(arm).model_copy(update={"port": str(port)})
+def _in_lab(arm: ArmSpec, emulator: Emulator, mocap: MotiveOptions) -> ArmSpec:
+    """The arm with the ports and the tracker of the laboratory."""
+    servos = servos_of(arm)
+    links = [str(line.link) for line in emulator.lines]
+    places = dict(zip(emulator.ports, links, strict=True))
+    groups = tuple(
+        group.model_copy(update={"port": group.port and places[group.port]})
+        for group in servos.groups
+    )
+    port = places.get(servos.port, links[0])
+    servos = servos.model_copy(update={"port": port, "groups": groups})
     ports = f"command_port={mocap.command_port},data_port={mocap.data_port}"
     tracking = Tracking(source=f"natnet:127.0.0.1,{ports}")
     # calibrations carry the name: those of a rehearsal must not drive the real arm

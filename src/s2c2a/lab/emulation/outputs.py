@@ -91,7 +91,7 @@ def describe(emulator: "Emulator") -> dict[str, Any]:
         "late": emulator.late,
         "packets": emulator.packet_count,
         "voltage": emulator.voltage,
-        "plugged": emulator.line.is_plugged,
+        "plugged": all(line.is_plugged for line in emulator.lines),
         "largest_command": emulator.largest_command,
         "largest_current": emulator.largest_current,
         "servos": [

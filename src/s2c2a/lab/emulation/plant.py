@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import cables_present
 from s2c2a.arm.sensors import Sensors
 from s2c2a.errors import S2C2AError
@@ -124,16 +124,11 @@ class Plant:
                 f"{arm.name} has {arm.actuation} actuation, and servos wind cables by "
                 'displacement; choose an arm with actuation = "displacement"'
             )
-        if not cables_present(arm).all():
-            raise S2C2AError(
-                f"{arm.name} has {arm.layout}, and emulated servos drive as many cables "
-                "of every module; choose such an arm"
-            )
         self.arm = arm
         self._robot = SimulatedRobot(_with_ideal_motors(arm), fidelity, seed, payload)
         self._robot.open()
-        self._shape = ArmGeometry.of(arm).action_neutral.shape
-        count = self._shape[0] * self._shape[1]
+        self._present = cables_present(arm)
+        count = int(self._present.sum())
         self._limit = np.inf if arm.motor.speed_limit is None else arm.motor.speed_limit
         self.snapped = np.zeros(count, bool)
         self.stalled = np.zeros(count, bool)
@@ -227,8 +222,10 @@ class Plant:
 
     def _advance_physics(self) -> None:
         action = np.where(self.snapped, _SNAPPED, self.positions)
-        self._robot.step(action.reshape(self._shape), self.chunk)
-        tensions = self._robot.read()["tensions"].ravel()
+        rows = np.zeros(self._present.shape)
+        rows[self._present] = action
+        self._robot.step(rows, self.chunk)
+        tensions = self._robot.read()["tensions"][self._present]
         self.tensions = np.where(self.snapped, 0.0, tensions)
         errors = np.abs(self.targets.goal - self.positions)
         jammed = self.stalled & self.targets.torque & (errors > _JAM)

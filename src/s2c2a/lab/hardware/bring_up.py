@@ -21,7 +21,14 @@ from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
-from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.lab.hardware.winch import (
+    NO_SERVO,
+    Winches,
+    check_ticks,
+    servo_ids,
+    taut_windings,
+    torque_constants,
+)
 
 HOME_SPEED = 0.02  # m/s
 MAX_LEAD = 0.005
@@ -96,14 +103,19 @@ class BringUp:
         self._bus = bus
         self._arm = arm
         self._servos = servos_of(arm)
-        self._ids = np.array(self._servos.ids)
-        self._places = {int(id): place for place, id in np.ndenumerate(self._ids)}
+        self._ids = servo_ids(arm)
+        self._everyone = self._ids[self._ids != NO_SERVO].tolist()
+        places = {int(id): place for place, id in np.ndenumerate(self._ids)}
+        self._places = {id: places[id] for id in self._everyone}
         self._confirm = confirm
         self._report = report
         self._guard = guard
         self._powered: set[int] = set()
         self._poll_period = min(POLL_PERIOD, self._servos.watchdog / WATCHDOG_POLLS)
-        self._torque_constant = self._servos.torque_constant or bus.torque_constant
+        self._torque_constants = torque_constants(arm, bus)
+        parts = {id: self._servos.of(id) for id in self._everyone}
+        self._currents = {id: part.limits.current for id, part in parts.items()}
+        self._home_currents = {id: part.home_current for id, part in parts.items()}
 
     def jog(self, id: int, distance: float) -> float:
         """Move one cable and return the distance that it moved [m].
@@ -116,16 +128,16 @@ class BringUp:
             BusError: the servo does not answer, or does not belong to the arm.
             DeclinedError: the operator declined.
         """
-        if id not in self._ids:
+        if id not in self._everyone:
             raise BusError(
                 f"servo {id} does not belong to '{self._arm.name}'; choose one of "
-                f"{self._ids.ravel().tolist()}"
+                f"{self._everyone}"
             )
         self._check_presence([id])
         verb = "pays out" if distance > 0 else "winds in"
         length = f"{1000 * abs(distance):.1f} mm"
         self._ask(f"servo {id} ({self._servos.number_of(id)}) {verb} {length}")
-        with self._moving([id], self._servos.limits.current):
+        with self._moving([id], self._currents):
             winches = self._winches_at([id])
             self._wind({id: distance}, winches)
             return self._displacement(winches, id)
@@ -158,16 +170,21 @@ class BringUp:
             BusError: a servo does not answer, or a cable does not become taut.
             DeclinedError: the operator declined.
         """
-        self._check_presence(self._ids.ravel().tolist())
+        self._check_presence(self._everyone)
         self._check_identities(infos)
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
-        for module, ids in enumerate(self._ids.tolist(), 1):
+        for module, row in enumerate(self._servos.ids, 1):
+            ids = list(row)
+            if not ids:
+                self._report(f"module {module}: no cables, skipped")
+                continue
             if all(id in done for id in ids):
                 self._report(f"module {module}: homed before, skipped")
                 continue
-            current = self._servos.home_current
-            self._ask(f"module {module}: servos {ids} wind in with {current:g} A")
+            currents = sorted({self._home_currents[id] for id in ids})
+            text = " and ".join(f"{current:g} A" for current in currents)
+            self._ask(f"module {module}: servos {ids} wind in with {text}")
             homes = self._home_module(module - 1, ids, max(repeat, 1))
             done |= self._calibrated(ids, homes, infos)
             calibration = self._calibration(done, adapter)
@@ -182,13 +199,13 @@ class BringUp:
             DeclinedError: the operator declined.
             RobotError: a cable is out of its range; nothing moves.
         """
-        ids = self._ids.ravel().tolist()
+        ids = self._everyone
         self._check_presence(ids)
         self._ask(
             "all cables go to their homes together, then each one moves by "
             f"{1000 * CHECK_TRAVEL:g} mm"
         )
-        with self._moving(ids, self._servos.limits.current):
+        with self._moving(ids, self._currents):
             winches = Winches.of(self._arm, calibration.home(self._arm))
             positions = self._positions(ids)
             winches = winches.in_same_turn(positions)
@@ -198,11 +215,10 @@ class BringUp:
 
     def _check_presence(self, ids: list[int]) -> None:
         """Check that servos answer, before the operator is asked."""
-        everyone = self._ids.ravel().tolist()
-        check_presence(self._bus, ids, self._servos.number_of, everyone)
+        check_presence(self._bus, ids, self._servos.number_of, self._everyone)
 
     def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
-        missing = set(self._ids.ravel().tolist()) - {info.id for info in infos}
+        missing = set(self._everyone) - {info.id for info in infos}
         if missing:
             raise BusError(
                 f"no answer from servos {sorted(missing)}; check cable, power and id "
@@ -214,8 +230,8 @@ class BringUp:
     ) -> dict[int, list[int]]:
         """Homes [ticks] of the servos of a module, one for every repetition."""
         homes: dict[int, list[int]] = {id: [] for id in ids}
-        stretch = taut_windings(self._arm, self._torque_constant)
-        with self._moving(ids, self._servos.home_current):
+        stretch = taut_windings(self._arm, self._torque_constants)
+        with self._moving(ids, self._home_currents):
             for number in range(repeat):
                 winches = self._winches_at(ids)
                 self._take_up(ids, winches)
@@ -241,7 +257,8 @@ class BringUp:
         """
         targets = dict.fromkeys(ids, -MAX_SLACK)
         for share in CURRENT_STEPS:
-            self._bus.set_current(ids, share * self._servos.home_current)
+            for current, own in _by_current(ids, self._home_currents):
+                self._bus.set_current(own, share * current)
             self._wind(targets, winches)
         for id in ids:
             wound = -self._displacement(winches, id)
@@ -295,7 +312,7 @@ class BringUp:
     def _calibration(
         self, done: dict[int, CalibratedServo], adapter: str
     ) -> Calibration:
-        ids = self._ids.ravel().tolist()
+        ids = self._everyone
         return Calibration(
             arm=self._arm.name,
             date=datetime.now(UTC).replace(microsecond=0),
@@ -309,24 +326,27 @@ class BringUp:
             raise DeclinedError(f"declined: {motion}; nothing moved")
 
     @contextmanager
-    def _moving(self, ids: list[int], current: float) -> Iterator[None]:
+    def _moving(self, ids: list[int], currents: Mapping[int, float]) -> Iterator[None]:
         """Let servos hold their place with a limited current, also after the motion.
 
         An error switches their torque off, an emergency stop that of all servos that
         this object switched on, unless `servos.on_emergency` is "hold".
         """
         try:
-            with self._switched_on(ids, current):
+            with self._switched_on(ids, currents):
                 yield
         except EmergencyStopError:
             self._halt(ids)
             raise
 
     @contextmanager
-    def _switched_on(self, ids: list[int], current: float) -> Iterator[None]:
+    def _switched_on(
+        self, ids: list[int], currents: Mapping[int, float]
+    ) -> Iterator[None]:
         EMERGENCY_STOP.check()
         speed = HOME_SPEED / self._arm.motor.pulley_radius
-        self._bus.prepare(ids, current, speed)
+        for current, own in _by_current(ids, currents):
+            self._bus.prepare(own, current, speed)
         states = self._states(ids)
         self._bus.send_goals({id: states[id].position for id in ids})
         try:
@@ -344,8 +364,7 @@ class BringUp:
     def _halt(self, ids: list[int]) -> None:
         """Stop servos where they are, then hold or release all that have torque."""
         with suppress(BusError):
-            states = self._bus.read_patiently(ids, PATIENCE)
-            self._bus.send_goals({id: state.position for id, state in states.items()})
+            self._bus.stop(ids, PATIENCE)
         if self._servos.on_emergency == "release":
             with suppress(BusError):
                 self._bus.set_torque(sorted(self._powered), on=False)
@@ -420,8 +439,18 @@ class BringUp:
         """Tension of one cable [N], from its current."""
         current = self._states([id])[id].current
         currents = np.full(self._ids.shape, current)
-        tensions = winches.tensions(currents, self._torque_constant)
+        tensions = winches.tensions(currents, self._torque_constants)
         return float(tensions[self._places[id]])
+
+
+def _by_current(
+    ids: Sequence[int], currents: Mapping[int, float]
+) -> list[tuple[float, list[int]]]:
+    """Currents, and the servos that have them."""
+    groups: dict[float, list[int]] = {}
+    for id in ids:
+        groups.setdefault(currents[id], []).append(id)
+    return list(groups.items())
 
 
 def _cable_fault(error: float, rise: float) -> str:

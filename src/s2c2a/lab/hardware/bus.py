@@ -284,6 +284,23 @@ class ServoBus(ABC):
             states |= self.read_states(missing)
         return states
 
+    def torque_constant_of(self, id: int) -> float:
+        """Return the torque per current of a servo [N m/A]."""
+        return self.torque_constant
+
+    def stop(self, ids: Sequence[int], seconds: float) -> None:
+        """Make the places of servos their goals; those that do not answer go on.
+
+        Args:
+            ids: of the servos.
+            seconds: time after which no servo is asked again.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        states = self.read_patiently(ids, seconds)
+        self.send_goals({id: state.position for id, state in states.items()})
+
     def listen(self, id: int) -> Hearing:
         """Ask one servo alone, and return what comes back."""
         return Hearing.CLEAR if self.scan([id]) else Hearing.SILENT

@@ -1,9 +1,8 @@
 """Range of the cables: what is plausible beyond the limits of commands."""
 
-import numpy as np
-
-from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import RobotError
+from s2c2a.lab.hardware.winch import servo_ids
 from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions
 
@@ -24,7 +23,7 @@ def check_plausible(displacements: Actions, arm: ArmSpec) -> None:
     room = MARGIN * (high - low)
     outside = (displacements < low - room) | (displacements > high + room)
     if outside.any():
-        ids = np.array(servos_of(arm).ids)[outside].tolist()
+        ids = servo_ids(arm)[outside].tolist()
         places = 1000 * displacements[outside]
         raise RobotError(
             f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "

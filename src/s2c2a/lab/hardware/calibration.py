@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from s2c2a.arm import ArmSpec, servos_of
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.json_files import load_json, save_json
-from s2c2a.lab.hardware.winch import Ticks
+from s2c2a.lab.hardware.winch import NO_SERVO, Ticks, servo_ids
 
 FORMAT = 1
 MAX_SERVOS = 160
@@ -95,20 +95,25 @@ class Calibration(BaseModel):
     def home(self, arm: ArmSpec) -> Ticks:
         """Return the homes of an arm's servos [ticks], shape (modules, cables).
 
+        They are zero beyond the cables of a module.
+
         Raises:
             CalibrationError: servos of the arm are missing in the calibration, or its
                 homings differ too much.
         """
         homes = {servo.id: servo.home for servo in self.servos}
-        ids = np.array(servos_of(arm).ids)
-        missing = sorted(set(ids.ravel().tolist()) - homes.keys())
+        ids = servo_ids(arm)
+        present = ids != NO_SERVO
+        missing = sorted(set(ids[present].tolist()) - homes.keys())
         if missing or not self.finished:
             raise CalibrationError(
                 f"the calibration of '{self.arm}' lacks servos {missing}; "
                 "finish it with `s2c2a motors home --resume`"
             )
         self.check_repeatability()
-        return np.vectorize(homes.__getitem__, otypes=[int])(ids)
+        ticks = np.zeros(ids.shape, int)
+        ticks[present] = [homes[id] for id in ids[present].tolist()]
+        return ticks
 
 
 def default_path(arm: ArmSpec) -> Path:

@@ -40,7 +40,9 @@ def describe_faults(
     if len(ids) > 1 and not states and not any(id in restarted for id in ids):
         return f"none of the {len(ids)} servos answers; {ALL_SILENT}"
     for id in ids:
-        fault = RESTARTED if id in restarted else _servo_fault(states.get(id), servos)
+        fault = RESTARTED
+        if id not in restarted:
+            fault = _servo_fault(states.get(id), servos.of(id))
         if fault:
             return f"servo {id} ({servos.number_of(id)}) {fault}"
     return ""
@@ -95,7 +97,9 @@ class CableMonitor:
         """Forget all readings."""
         self._last: Actions | None = None
         self._slack = np.zeros(len(self._servos.ids), int)
-        self._stalled = np.zeros(np.shape(self._servos.ids), int)
+        # columns beyond the cables of a module never stall
+        columns = max(map(len, self._servos.ids))
+        self._stalled = np.zeros((len(self._servos.ids), columns), int)
 
     def find_fault(self, goal: Actions, displacements: Actions) -> str:
         """Describe a servo that does not reach its goal; empty if there is none.

@@ -52,7 +52,12 @@ class SerialBus(ServoBus):
     limit_register: str
 
     def __init__(
-        self, port: str, baud_rate: int, model: str, max_current: float | None
+        self,
+        port: str,
+        baud_rate: int,
+        model: str,
+        max_current: float | None,
+        line: SerialLine | None = None,
     ):
         """Open the port; no servo is asked yet.
 
@@ -61,6 +66,7 @@ class SerialBus(ServoBus):
             baud_rate: speed of the bus [bit/s].
             model: a name in `models`.
             max_current: largest current of any motion [A]; by default the model's.
+            line: of servos of another model on the same port; by default, it is opened.
 
         Raises:
             BusError: unknown model or speed, or the port cannot be opened.
@@ -78,7 +84,12 @@ class SerialBus(ServoBus):
         self._max_current = min(max_current or largest, largest)
         self._stored_limits: dict[int, int] = {}
         self.restarted: set[int] = set()
-        self._line = SerialLine(port, baud_rate)
+        self._line = line or SerialLine(port, baud_rate)
+
+    @property
+    def line(self) -> SerialLine:
+        """The open serial line."""
+        return self._line
 
     @abstractmethod
     def info(self, id: int) -> ServoInfo:

@@ -27,7 +27,16 @@ from s2c2a.lab.hardware.calibration import default_path, load_calibration
 from s2c2a.lab.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
-from s2c2a.lab.hardware.winch import Winches, check_ticks, taut_windings
+from s2c2a.lab.hardware.winch import (
+    NO_SERVO,
+    Cables,
+    Winches,
+    check_ticks,
+    servo_ids,
+    servo_values,
+    taut_windings,
+    torque_constants,
+)
 from s2c2a.robots.robot import Robot, checked_action
 from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions, Reading, Sensor
@@ -81,7 +90,9 @@ class ServoRobot(Robot):
         self._winches = Winches.of(arm, self._calibration.home(arm))
         self._port = port
         self._fast_read = fast_read
-        self._ids = np.array(self._servos.ids)
+        self._ids = servo_ids(arm)
+        self._speeds = servo_values(arm, lambda servos: servos.limits.speed)
+        self._present = self._ids != NO_SERVO
         self._bus: ServoBus | None = None
         self._is_halted = False
         self._low, self._high = command_range(arm)
@@ -139,7 +150,7 @@ class ServoRobot(Robot):
             return self._lost_reading(moment, str(error))
         displacements = self._winches.displacements(self._values(states, "position"))
         currents = self._values(states, "current")
-        tensions = self._winches.tensions(currents, self._torque_constant)
+        tensions = self._winches.tensions(currents, self._torque_constants)
         values = {"cables": displacements}
         if self.arm.motor.current_noise is not None:
             values["tensions"] = tensions
@@ -167,8 +178,8 @@ class ServoRobot(Robot):
             return
         self._is_halted = True
         try:
-            states = self._read_states()
-            self.bus.send_goals({id: state.position for id, state in states.items()})
+            patience = READ_SHARE * self.arm.control_period
+            self.bus.stop(self._flat_ids, patience)
         finally:
             if self._servos.on_emergency == "release":
                 with suppress(BusError):
@@ -197,13 +208,13 @@ class ServoRobot(Robot):
         return self._bus
 
     @property
-    def _torque_constant(self) -> float:
+    def _torque_constants(self) -> Cables:
         """Of the servos [N m/A]."""
-        return self._servos.torque_constant or self.bus.torque_constant
+        return torque_constants(self.arm, self.bus)
 
     @property
     def _flat_ids(self) -> list[int]:
-        return self._ids.ravel().tolist()
+        return self._ids[self._present].tolist()
 
     def _check_protocol(self) -> None:
         if self._servos.protocol != self.protocol:
@@ -236,9 +247,9 @@ class ServoRobot(Robot):
         try:
             check_ticks(self.arm, bus)
             self._check_identity(bus)
-            limits = self._servos.limits
-            speed = limits.speed / self.arm.motor.pulley_radius
-            bus.prepare(self._flat_ids, limits.current, speed)
+            for part, ids in self._servos.parts():
+                speed = part.limits.speed / self.arm.motor.pulley_radius
+                bus.prepare(ids, part.limits.current, speed)
         except BaseException:
             bus.close()
             raise
@@ -296,7 +307,7 @@ class ServoRobot(Robot):
         """
         start = self._winches.displacements(self._positions(self._read_all()))
         rest = self._geometry.action_neutral
-        windings = taut_windings(self.arm, self._torque_constant)
+        windings = taut_windings(self.arm, self._torque_constants)
         taut = np.maximum(rest - windings, self._low)
         self._approach(start, taut)
         self._approach(taut, rest)
@@ -340,9 +351,9 @@ class ServoRobot(Robot):
         """
         geometry = self._geometry
         period = self.arm.control_period
-        radius = float(geometry.cable_radii.min())
+        radius = float(geometry.cable_radii[self._present.any(axis=-1)].min())
         bending_speed = radius * geometry.step_limit / period
-        speed = min(REST_SPEED * self._servos.limits.speed, bending_speed)
+        speed = min(REST_SPEED * self._speeds[self._present].min(), bending_speed)
         acceleration = radius * geometry.acceleration_limit / period**2
         return max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
 
@@ -361,7 +372,7 @@ class ServoRobot(Robot):
         if any(state.watchdog_tripped for state in states.values()):
             self._restart_after_watchdog(states)
             states |= self.bus.read_patiently(self._flat_ids, PATIENCE)
-        if len(states) < self._ids.size:
+        if len(states) < len(self._flat_ids):
             raise BusError(self._describe_faults(states))
         return states
 
@@ -371,12 +382,14 @@ class ServoRobot(Robot):
         return describe_faults(states, self._servos, self._flat_ids, restarted)
 
     def _values(self, states: Mapping[int, ServoState], name: str) -> np.ndarray:
-        """A measurement of all servos; NaN where one did not answer."""
+        """A measurement of all servos; NaN where one did not answer, zero without one."""
         values = [
             getattr(states[id], name) if id in states else np.nan
             for id in self._flat_ids
         ]
-        return np.array(values, float).reshape(self._ids.shape)
+        rows = np.zeros(self._ids.shape)
+        rows[self._present] = values
+        return rows
 
     def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
         return self._values(states, "position").astype(int)
@@ -388,7 +401,7 @@ class ServoRobot(Robot):
         return Reading(moment, missing, fault)
 
     def _send_positions(self, positions: np.ndarray) -> None:
-        goals = zip(self._flat_ids, positions.ravel().tolist(), strict=True)
+        goals = zip(self._flat_ids, positions[self._present].tolist(), strict=True)
         self.bus.send_goals(dict(goals))
         self._sent_at = time.perf_counter()
 
@@ -398,7 +411,7 @@ class ServoRobot(Robot):
         Commands that come late do not make up for the time that was lost.
         """
         elapsed = time.perf_counter() - self._sent_at
-        speed = self._servos.limits.speed
+        speed = self._speeds
         most = 2.0 * speed * self.arm.control_period
         self._budget = np.minimum(self._budget + speed * elapsed, most)
         reach = np.maximum(self._budget, 0.0)

@@ -72,8 +72,8 @@ def prepare_timing(bus: ServoBus, servos: Servos) -> None:
     Raises:
         BusError: a servo does not answer, or it is another model.
     """
-    ids = [id for row in servos.ids for id in row]
-    bus.prepare(ids, servos.home_current, 1.0)
+    for part, ids in servos.parts():
+        bus.prepare(ids, part.home_current, 1.0)
 
 
 def measure_timing(

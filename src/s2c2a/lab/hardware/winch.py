@@ -1,16 +1,31 @@
 """Winches: servo positions and cable displacements."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from s2c2a.arm import ArmSpec, servos_of
-from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm import ArmSpec, Servos, servos_of
+from s2c2a.arm.geometry import cables_present, per_cable, per_module
 from s2c2a.lab.hardware.bus import BusError, ServoBus
 from s2c2a.spaces import Actions
 
 Ticks = Int[np.ndarray, "modules cables"]
+Cables = Float[np.ndarray, "modules cables"]
+
+NO_SERVO = -1
+
+
+def servo_ids(arm: ArmSpec) -> Ticks:
+    """Return the servo of every cable, shape (modules, cables).
+
+    It is `NO_SERVO` in the columns beyond the cables of a module.
+    """
+    present = cables_present(arm)
+    ids = np.full(present.shape, NO_SERVO)
+    ids[present] = [id for row in servos_of(arm).ids for id in row]
+    return ids
 
 
 def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
@@ -26,18 +41,41 @@ def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
         )
 
 
-def taut_windings(arm: ArmSpec, torque_constant: float) -> Actions:
+def torque_constants(arm: ArmSpec, bus: ServoBus) -> Cables:
+    """Return the torque per current of every servo [N m/A], one without a cable."""
+    ids = servo_ids(arm)
+    servos = servos_of(arm)
+    constants = np.ones(ids.shape)
+    for id in ids[ids != NO_SERVO].tolist():
+        known = servos.of(id).torque_constant
+        constants[ids == id] = known or bus.torque_constant_of(id)
+    return constants
+
+
+def servo_values(arm: ArmSpec, value: Callable[[Servos], float]) -> Cables:
+    """Return a value of the servo of every cable; zero without a cable."""
+    ids = servo_ids(arm)
+    servos = servos_of(arm)
+    values = np.zeros(ids.shape)
+    for id in ids[ids != NO_SERVO].tolist():
+        values[ids == id] = value(servos.of(id))
+    return values
+
+
+def taut_windings(arm: ArmSpec, torque_constants: Cables) -> Actions:
     """Return the lengths that homing winds in from rest to taut cables [m].
 
     They take up the backlash and stretch the cables by the home current.
 
     Args:
         arm: with its servos, or their defaults.
-        torque_constant: of the servos [N m/A].
+        torque_constants: of the servos [N m/A], shape (modules, cables).
     """
-    tension = servos_of(arm).home_current * torque_constant / arm.motor.pulley_radius
+    currents = servo_values(arm, lambda servos: servos.home_current)
+    tension = currents * torque_constants / arm.motor.pulley_radius
     stiffness = per_module(arm, "cable.stiffness")[:, None]
-    return tension / stiffness + per_cable(arm, "cable.backlash")
+    windings = tension / stiffness + per_cable(arm, "cable.backlash")
+    return windings * cables_present(arm)
 
 
 @dataclass(frozen=True)
@@ -68,7 +106,8 @@ class Winches:
         servos = servos_of(arm)
         directions = np.ones(home.shape, int)
         if servos.directions is not None:
-            directions = np.array(servos.directions)
+            rows = [one for row in servos.directions for one in row]
+            directions[cables_present(arm)] = rows
         return cls(
             home,
             directions,
@@ -96,16 +135,14 @@ class Winches:
         ticks = self.directions * turns * self.ticks_per_turn
         return self.home + np.round(ticks).astype(int)
 
-    def tensions(
-        self, currents: Float[np.ndarray, "modules cables"], torque_constant: float
-    ) -> Float[np.ndarray, "modules cables"]:
+    def tensions(self, currents: Cables, torque_constants: Cables | float) -> Cables:
         """Return cable tensions [N] of motor currents.
 
         Args:
             currents: [A], positive where they drive the position up.
-            torque_constant: torque per current [N m/A].
+            torque_constants: torque per current [N m/A].
         """
-        return -self.directions * currents * torque_constant / self.radius
+        return -self.directions * currents * torque_constants / self.radius
 
     def in_same_turn(self, positions: Ticks) -> "Winches":
         """Return winches with homes moved by whole turns, closest to positions.

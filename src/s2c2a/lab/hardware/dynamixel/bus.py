@@ -34,6 +34,7 @@ from s2c2a.lab.hardware.serial_bus import (
     SerialBus,
     stored_changes,
 )
+from s2c2a.lab.hardware.serial_line import SerialLine
 
 CYCLE_QUIET_TIME = 0.001
 """Time without a byte, after which no late answer is on its way, in a cycle [s]."""
@@ -86,6 +87,7 @@ class DynamixelBus(SerialBus):
         watchdog: float = 0.4,
         max_current: float | None = None,
         own_model: DynamixelModel | None = None,
+        line: SerialLine | None = None,
     ):
         """Open the port; no servo is asked yet.
 
@@ -99,13 +101,14 @@ class DynamixelBus(SerialBus):
                 by itself [s].
             max_current: largest current of any motion [A]; by default the model's.
             own_model: a model that is not in the tables, with this name.
+            line: see `SerialBus`.
 
         Raises:
             BusError: unknown model or speed, or the port cannot be opened.
         """
         if own_model is not None:
             self.models = {**tables.MODELS, own_model.name: own_model}
-        super().__init__(port, baud_rate, model, max_current)
+        super().__init__(port, baud_rate, model, max_current, line)
         self.registers = self.model.registers
         self.limit_register = self.model.limit_register
         self.has_current = self.model.has_current

@@ -15,6 +15,7 @@ from s2c2a.lab.hardware.feetech.tables import REGISTERS
 from s2c2a.lab.hardware.feetech.turns import TurnCounter
 from s2c2a.lab.hardware.packets import Answer, Register
 from s2c2a.lab.hardware.serial_bus import CYCLE_MARGIN, SerialBus, stored_changes
+from s2c2a.lab.hardware.serial_line import SerialLine
 
 NEEDED = {"status_level": 1, "min_angle": 0, "max_angle": 0, "mode": 0}
 """Settings in EPROM that positions over several turns need, by name for users."""
@@ -57,6 +58,7 @@ class FeetechBus(SerialBus):
         baud_rate: int,
         model: str = "sts3215",
         max_current: float | None = None,
+        line: SerialLine | None = None,
     ):
         """Open a port.
 
@@ -66,12 +68,13 @@ class FeetechBus(SerialBus):
             model: "sts3215" (7.4 V) or "sts3215-12v"; both state the same number.
             max_current: largest current of any motion [A]; by default the stall
                 current.
+            line: see `SerialBus`.
 
         Raises:
             BusError: an unknown model or baud rate, a port that does not exist, or one
                 that another process has opened.
         """
-        super().__init__(port, baud_rate, model, max_current)
+        super().__init__(port, baud_rate, model, max_current, line)
         self._turns = TurnCounter(self.ticks_per_turn)
         self._phases: dict[int, int] = {}
         self._kept_goals: dict[int, int | None] = {}
