@@ -8,7 +8,7 @@ import re
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time
 from itertools import chain, islice
 
 from s2c2a.errors import S2C2AError
@@ -41,7 +41,10 @@ class TextRows:
 
 
 def read_any_text(path: str | os.PathLike, fault: type[S2C2AError], most: int) -> str:
-    """Return the text of a UTF-8 or UTF-16 file, which may be gzipped.
+    """Return the text of a file, which may be gzipped.
+
+    It is UTF-8, UTF-16 with its byte order mark, or Windows-1252, in which programs of
+    western languages write when the text is no valid UTF-8.
 
     Args:
         path: the file.
@@ -60,12 +63,18 @@ def read_any_text(path: str | os.PathLike, fault: type[S2C2AError], most: int) -
             raise fault(
                 f"{path} has more than {most} bytes of text; save fewer rows or columns"
             )
-        is_wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-        return content.decode("utf-16" if is_wide else "utf-8-sig")
+        if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return content.decode("utf-16")
+        try:
+            return content.decode("utf-8-sig")
+        except UnicodeError:
+            if b"\0" in content:  # no text
+                raise
+            return content.decode("cp1252")
     except (OSError, EOFError, UnicodeError, zlib.error) as error:
         raise fault(
-            f"{path} cannot be read as text: {error}; check the path, and that the "
-            "file is complete UTF-8 or UTF-16"
+            f"{path} cannot be read as text: {error}; check the path, and save the "
+            "file as UTF-8"
         ) from error
 
 
@@ -193,9 +202,18 @@ def parse_number(cell: str, decimal_comma: bool) -> float | None:
 
 
 def parse_stamp(cell: str) -> float | None:
-    """Time since 1970 of an ISO 8601 time stamp [s], UTC without a zone; None for text."""
+    """Time of an ISO 8601 time stamp [s]; None for text.
+
+    It counts from 1970, UTC without a zone, or, of a time of day such as 11:33:04.5,
+    from midnight.
+    """
+    cell = cell.strip()
     try:
-        stamp = datetime.fromisoformat(cell.strip())
+        if cell[2:3] == ":":
+            hour = time.fromisoformat(cell)
+            day = datetime.combine(datetime.min, hour.replace(tzinfo=None))
+            return (day - datetime.min).total_seconds()
+        stamp = datetime.fromisoformat(cell)
     except ValueError:
         return None
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()

@@ -342,6 +342,7 @@ def test_names_in_a_map_add_no_key_to_the_arm_file(breaks):
         zero, 0.0, zero, zero, np.zeros(1), 0.0, 0.0, zero, zero
     )
     layout = CableLayout(
+        np.ones((1, 3), bool),
         np.array([[0, 1, 2]]),
         np.ones((1, 3)),
         np.array([[0.0, 120.0, 240.0]]),

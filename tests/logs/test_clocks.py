@@ -149,7 +149,7 @@ def test_columns_are_interpolated_within_the_longest_gap_and_rotations_on_the_ar
 @pytest.mark.parametrize(
     ("join", "message"),
     [
-        ('key = "t"', "either by equal keys or by time"),
+        ('key = "t"', "by equal keys, by time or row by row"),
         ('times = ["t"]', "1 times for 2 files"),
         ("offset = [0.0, 0.0]", "2 offset for 2 files"),
     ],

@@ -350,7 +350,7 @@ def _choose_signs(
         if AMBIGUOUS_RATIO < ratio < 1 / AMBIGUOUS_RATIO:
             ambiguities.append(
                 f"module {module}: whether larger numbers pull or release "
-                "(both explain the log about equally well)"
+                "(both explain the log about equally well; state `positive` of its drives)"
             )
         if ratio < 1:
             fit = new

@@ -156,8 +156,8 @@ class Join(MapTable):
     """Files that form one session, with rows matched by a key or by time.
 
     Attributes:
-        by: "key": rows with equal keys; "time": later files are interpolated at the
-            times of the first one.
+        by: "key": rows with equal keys; "row": rows with equal numbers; "time": later
+            files are interpolated at the times of the first one.
         key: column that every file has.
         files: number of files in a session, in the order of the command line.
         times: time column of each file; `rows.time` by default.
@@ -166,7 +166,7 @@ class Join(MapTable):
             estimated, with the drift, from the motion of drives and ends by default.
     """
 
-    by: Literal["key", "time"] = "key"
+    by: Literal["key", "row", "time"] = "key"
     key: Column | None = None
     files: int = Field(default=2, ge=2, le=16)
     times: tuple[Column, ...] | None = None
@@ -175,12 +175,12 @@ class Join(MapTable):
 
     @model_validator(mode="after")
     def _check_method(self):
-        if (self.by == "time") == (self.key is not None):
+        if (self.by == "key") == (self.key is None):
             raise ValueError(
-                "files are joined either by equal keys or by time; give the column "
-                '(key), or set by = "time" and leave key out'
+                "files are joined by equal keys, by time or row by row; give the column "
+                '(key), or set by = "time" or "row" and leave key out'
             )
-        if self.by == "key" and (self.times or self.units or self.offset is not None):
+        if self.by != "time" and (self.times or self.units or self.offset is not None):
             raise ValueError('times, units and offset need by = "time"; set it')
         return self
 
@@ -298,6 +298,16 @@ class End(MapTable):
     sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3}|z)$")
     euler_unit: Literal["deg", "rad"] = "deg"
     along: BodyDirection = "z"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_position(cls, values: Any) -> Any:
+        if isinstance(values, dict) and "position" not in values:
+            raise ValueError(
+                "position is missing; name the columns of x, y and z, or of x and y in "
+                "an image: angles alone do not show an arm's lengths"
+            )
+        return values
 
     @model_validator(mode="after")
     def _check_rotation(self):

@@ -25,6 +25,7 @@ from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import Registration, estimate_registration
 from s2c2a.logs.resampling import split_segments
+from s2c2a.logs.rests import estimate_rests, from_rests
 from s2c2a.logs.rig import (
     KEY,
     Rig,
@@ -53,6 +54,7 @@ class Segments:
         broken_rows: number of unreadable rows among them.
         excluded: poses that are excluded.
         frame_motions: jumps and drifts of the frame.
+        rests: values of the drives at rest that the map does not state [m or free].
         clocks: clocks of later files of each session, if files are joined by time.
     """
 
@@ -61,6 +63,7 @@ class Segments:
     broken_rows: int
     excluded: Excluded
     frame_motions: tuple[FrameMotion, ...]
+    rests: tuple[float, ...]
     clocks: tuple[tuple[LogClock, ...], ...] = ()
 
 
@@ -138,7 +141,9 @@ def import_logs(
         text = arm_to_toml(arm)
         layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
     axes = _rotation_about_z(layout.turn) @ axes
-    rig = Rig.identified(log_map, layout.drive, layout.factor, base, axes)
+    rig = Rig.identified(
+        log_map, segments.rests, layout.drive, layout.factor, base, axes
+    )
     return Imported(
         arm,
         text,
@@ -191,7 +196,7 @@ def import_session(
             the map describes another arm.
     """
     rig = Rig.of(first, log_map)
-    segments = _read_segments(paths, log_map)
+    segments = _read_segments(paths, log_map, rig.rests)
     states = _measured_states(segments.sessions, log_map)
     episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
     _check_reach(episodes, first.arm)
@@ -265,23 +270,36 @@ def arm_file_of(path: str | os.PathLike) -> Path:
     return Path(path).with_suffix(".arm.toml")
 
 
-def _read_segments(paths: Sequence[str | os.PathLike], log_map: LogMap) -> Segments:
-    """Read sessions, exclude outliers, and split the sessions into segments."""
+def _read_segments(
+    paths: Sequence[str | os.PathLike],
+    log_map: LogMap,
+    rests: Sequence[float] = (),
+) -> Segments:
+    """Read sessions, exclude outliers, and split the sessions into segments.
+
+    Args:
+        paths: log files.
+        log_map: the map.
+        rests: of the drives [m, N, Pa or free]; estimated by default.
+    """
     sessions, excluded = exclude_outliers(_read_sessions(paths, log_map), log_map)
+    rests = tuple(rests or estimate_rests(sessions, log_map).tolist())
+    sessions = [from_rests(session, np.array(rests)) for session in sessions]
     period = 1 / log_map.arm.control_rate
     segments = []
     for session in sessions:
         segments += split_segments(session, log_map.rows, period)
     if not segments:
         raise LogError(
-            f"no episode is left: nowhere do {log_map.rows.shortest} steps follow each "
-            "other; check rows.longest_gap and rows.label"
+            f"no episode is left of {sum(map(len, sessions))} rows: nowhere do "
+            f"{log_map.rows.shortest} steps follow each other; give a longer log, or "
+            "check rows.longest_gap and rows.label"
         )
     rows = sum(len(session) for session in sessions)
     broken_rows = sum(session.broken_rows for session in sessions)
     motions = find_frame_motions(sessions, log_map)
     clocks = tuple(session.clocks for session in sessions if session.clocks)
-    return Segments(segments, rows, broken_rows, excluded, motions, clocks)
+    return Segments(segments, rows, broken_rows, excluded, motions, rests, clocks)
 
 
 def _read_sessions(

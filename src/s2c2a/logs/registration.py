@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
@@ -50,17 +50,8 @@ def estimate_registration(
     outer = max(log_map.end_modules)
     tip = positions[:, order[-1]]
     known = np.isfinite(tip).all(axis=1)
-    if known.sum() < MIN_ROWS:
-        raise LogError(
-            f"the end of module {outer} is measured in {known.sum()} rows; "
-            f"at least {MIN_ROWS} are needed"
-        )
-    if log_map.frame.along is None:
-        z = _estimate_z(positions[:, order], log_map)
-    else:
-        z = unit_vector(log_map.frame.along)
-    height = np.where(known, tip @ z, -np.inf)
-    is_straight = height >= np.quantile(height[known], 1 - STRAIGHT_SHARE)
+    z = _find_z(positions, log_map)
+    is_straight = _straight_rows(tip, z)
     rest = np.array(
         [_median(positions[is_straight, end]) for end in range(positions.shape[1])]
     )
@@ -70,6 +61,38 @@ def estimate_registration(
     else:
         base = rest[order[-1]] - lengths[: outer + 1].sum() * z
     return Registration(_complete_axes(z, log_map), base, lengths)
+
+
+def straight_rows(
+    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
+) -> Bool[np.ndarray, " rows"]:
+    """Rows in which the tip is furthest along the arm.
+
+    Raises:
+        LogError: the outermost end is measured in too few rows.
+    """
+    tip = positions[:, int(np.argmax(log_map.end_modules))]
+    return _straight_rows(tip, _find_z(positions, log_map))
+
+
+def _straight_rows(tip: np.ndarray, z: np.ndarray) -> np.ndarray:
+    known = np.isfinite(tip).all(axis=1)
+    height = np.where(known, tip @ z, -np.inf)
+    return height >= np.quantile(height[known], 1 - STRAIGHT_SHARE)
+
+
+def _find_z(positions: np.ndarray, log_map: LogMap) -> np.ndarray:
+    """Direction along the arm, as stated or estimated."""
+    order = np.argsort(log_map.end_modules)
+    known = np.isfinite(positions[:, order[-1]]).all(axis=1)
+    if known.sum() < MIN_ROWS:
+        raise LogError(
+            f"the end of module {max(log_map.end_modules)} is measured in "
+            f"{known.sum()} rows; at least {MIN_ROWS} are needed"
+        )
+    if log_map.frame.along is not None:
+        return unit_vector(log_map.frame.along)
+    return _estimate_z(positions[:, order], log_map)
 
 
 def _median(positions: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "3"]:

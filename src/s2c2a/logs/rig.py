@@ -30,7 +30,8 @@ class Rig(MapTable):
 
     Attributes:
         names: columns of the drives.
-        scales: meters or newtons per unit of these columns.
+        scales: meters, newtons or pascals per unit of these columns.
+        rests: values at rest that the map does not state, in these units; empty: zero.
         drive: index of the drive on each cable, by module and cable.
         factor: displacement [m], positive where the cable lengthens, or tension [N],
             per scaled unit of the drive, by module and cable.
@@ -40,6 +41,7 @@ class Rig(MapTable):
 
     names: tuple[Column, ...] = Field(max_length=MAX_CABLES)
     scales: tuple[float, ...] = Field(max_length=MAX_CABLES)
+    rests: tuple[float, ...] = Field(default=(), max_length=MAX_CABLES)
     drive: tuple[tuple[DriveIndex, ...], ...] = Field(max_length=MAX_CABLES)
     factor: tuple[tuple[float, ...], ...] = Field(max_length=MAX_CABLES)
     base: Vector
@@ -49,7 +51,8 @@ class Rig(MapTable):
     def _check_consistency(self):
         drive_counts = [len(row) for row in self.drive]
         factor_counts = [len(row) for row in self.factor]
-        if drive_counts != factor_counts or len(self.scales) != len(self.names):
+        counts = {len(self.scales), len(self.rests) or len(self.names)}
+        if drive_counts != factor_counts or counts != {len(self.names)}:
             raise ValueError("the numbers of cables or drives disagree")
         if any(drive >= len(self.names) for row in self.drive for drive in row):
             raise ValueError(f"a cable names a drive beyond the {len(self.names)}")
@@ -62,6 +65,7 @@ class Rig(MapTable):
     def identified(
         cls,
         log_map: LogMap,
+        rests: tuple[float, ...],
         drive: np.ndarray,
         factor: np.ndarray,
         base: np.ndarray,
@@ -72,6 +76,7 @@ class Rig(MapTable):
             {
                 "names": [drive.name for drive in log_map.drives],
                 "scales": _scales(log_map),
+                "rests": rests,
                 "drive": drive.tolist(),
                 "factor": factor.tolist(),
                 "base": base.tolist(),

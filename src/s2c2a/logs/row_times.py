@@ -6,6 +6,7 @@ from jaxtyping import Float
 from s2c2a.logs.tables import Table
 from s2c2a.tables import SECONDS
 
+DAY = 86400.0  # s
 EPOCH_UNITS = {"ns": 1e17, "us": 1e14, "ms": 1e11}
 """Smallest times since 1970 in these units: those of 1973. As seconds, 1e11 is 5138."""
 
@@ -23,10 +24,22 @@ def row_times(
     """
     times = table.numbers[column]
     if column in table.stamps:
-        return times
+        return _past_midnight(times)
     if unit is None:
         unit = _epoch_unit(times)
     return times * (SECONDS[unit] if isinstance(unit, str) else unit)
+
+
+def _past_midnight(
+    times: Float[np.ndarray, " rows"],
+) -> Float[np.ndarray, " rows"]:
+    """Times of day that go on after midnight; others as they are."""
+    known = np.isfinite(times)
+    if times[known].max(initial=0.0) >= DAY:
+        return times
+    unwrapped = times.copy()
+    unwrapped[known] = np.unwrap(times[known], period=DAY)
+    return unwrapped
 
 
 def _epoch_unit(times: Float[np.ndarray, " rows"]) -> str:

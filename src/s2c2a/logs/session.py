@@ -1,7 +1,7 @@
 """Sessions: the contents of a log in SI units, in the frame of the log."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -15,6 +15,7 @@ from s2c2a.logs.tables import Table, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
 from s2c2a.tables import METERS
 
+ROW = ""  # key of row numbers, which no map can name
 ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
 
 
@@ -70,9 +71,11 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
     missing = log_map.number_columns - joined - set(table.numbers)
     missing |= log_map.label_columns - set(table.labels)
     if missing:
+        others = {name for each in tables for name in each.available}
+        others -= {*table.numbers, *table.labels}
         raise LogError(
             f"{table.path} lacks columns that the map names: "
-            f"{list_names(sorted(missing))}"
+            f"{list_names(sorted(missing))}; it has others: {list_names(sorted(others))}"
         )
     positions = [
         _vectors(table, end.position) * (end.scale * METERS[end.unit])
@@ -131,9 +134,25 @@ def _join(
     """Table of all files of a session, and the clocks of those joined by time."""
     if log_map.join is None:
         return tables[0], ()
-    if log_map.join.key is None:
+    if log_map.join.by == "time":
         return join_by_time(tables, log_map)
-    return _join_by_key(tables, log_map.join.key), ()
+    if log_map.join.key is not None:
+        return _join_by_key(tables, log_map.join.key), ()
+    return _join_by_row(tables), ()
+
+
+def _join_by_row(tables: Sequence[Table]) -> Table:
+    counts = [len(table) for table in tables]
+    if len(set(counts)) > 1:
+        raise LogError(
+            f"{' and '.join(table.path for table in tables)} have {counts} rows; "
+            'by = "row" needs as many in each; join by a key or by time'
+        )
+    numbered = [
+        replace(table, numbers={**table.numbers, ROW: np.arange(len(table))})
+        for table in tables
+    ]
+    return _join_by_key(numbered, ROW)
 
 
 def _join_by_key(tables: Sequence[Table], key: str) -> Table:

@@ -7,7 +7,7 @@ import numpy as np
 from s2c2a.episodes import Episode
 from s2c2a.logs.command_range import describe_range
 from s2c2a.logs.pipeline import Imported, ImportedSession
-from s2c2a.logs.rig import SimilarRows
+from s2c2a.logs.rig import Rig, SimilarRows
 from s2c2a.logs.session_change import describe_change
 
 SHOWN_UNITS = {
@@ -103,7 +103,19 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
             lines.append(f"clock of {session}file {file}: {clock}")
     if excluded := str(read.excluded):
         lines.append(excluded)
+    lines += _describe_rests(imported.rig)
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
+
+
+def _describe_rests(rig: Rig) -> list[str]:
+    rests = zip(rig.names, rig.rests, rig.scales, strict=False)
+    parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
+    if not parts:
+        return []
+    return [
+        f"rest: {', '.join(parts)}: their values where the arm is straightest, since "
+        "they are never near zero; state the `offset` of a drive that you know"
+    ]
 
 
 def _describe_ends(episodes: Iterable[Episode]) -> str:

@@ -28,6 +28,7 @@ class Table:
         broken_rows: number of unreadable rows, which are NaN.
         stamps: columns of time stamps, which are seconds since 1970 in `numbers`.
         length_unit: unit of lengths that the file states, such as "mm"; empty if none.
+        available: names of all columns of the file, for error messages.
     """
 
     path: str
@@ -36,6 +37,7 @@ class Table:
     broken_rows: int = 0
     stamps: frozenset[str] = frozenset()
     length_unit: str = ""
+    available: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -96,10 +98,12 @@ def check_any_found(
         LogError: nothing is found.
     """
     if not found:
-        below = f", below the {skipped_lines} lines that rows.skip_lines skips"
+        below = "; if names stand further down, set rows.skip_lines to the lines above"
+        if skipped_lines:
+            below = f", below the {skipped_lines} lines that rows.skip_lines skips"
         raise LogError(
             f"{path} has none of the columns that the map names; "
-            f"it has {list_names(available)}{below if skipped_lines else ''}"
+            f"it has {list_names(available)}{below}"
         )
 
 
@@ -123,6 +127,7 @@ class TableBuilder:
         found = [*self.numbers, *self.labels]
         check_any_found(path, found, available, request.skip_lines)
         self._path = path
+        self._available = tuple(available)
         self._request = request
         self._decimal_comma = decimal_comma
         self._values = array("d")
@@ -145,7 +150,8 @@ class TableBuilder:
         for name, cell in zip(self.numbers, cells, strict=False):
             value = self._number(name, cell)
             if value is None:
-                fault = fault or f"column '{name}': '{cell!s:.40}' is not a number"
+                form = "no time" if name in self._stamp_counts else "not a number"
+                fault = fault or f"column '{name}': '{cell!s:.40}' is {form}"
                 break
             values.append(value)
         if fault:
@@ -188,12 +194,19 @@ class TableBuilder:
             broken_rows=self._broken_rows,
             stamps=frozenset(stamps),
             length_unit=length_unit,
+            available=self._available,
         )
 
     def _replace_broken(self, place: str, fault: str) -> list[float]:
         if not self._request.allow_broken_rows:
+            advice = "correct the row"
+            if fault.endswith("no time"):
+                advice = (
+                    "write numbers, times of day (11:33:04.5), or ISO 8601 "
+                    "(2026-01-31 11:33:04.5)"
+                )
             raise LogError(
-                f"{self._path}: {place}, {fault}; correct the row, or set "
+                f"{self._path}: {place}, {fault}; {advice}, or set "
                 'broken_rows = "gap" in the map to treat such rows as gaps'
             )
         self._broken_rows += 1
@@ -269,7 +282,13 @@ def table_of_arrays(
             "save arrays with the same number of rows"
         )
     check_any_found(path, lengths, arrays)
-    return Table(str(path), numbers, labels, stamps=frozenset(stamps))
+    return Table(
+        str(path),
+        numbers=numbers,
+        labels=labels,
+        stamps=frozenset(stamps),
+        available=tuple(arrays),
+    )
 
 
 def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.ndarray:

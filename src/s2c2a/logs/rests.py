@@ -1,0 +1,49 @@
+"""Rest of drives whose numbers count from elsewhere, such as servos around 90 deg."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.registration import straight_rows
+from s2c2a.logs.session import LogSession, effective_drives
+
+FAR = 0.5
+"""Distance of zero from the values of a drive, over their range, from which zero is no
+rest: cables that only pull begin near theirs."""
+
+
+def estimate_rests(
+    sessions: Sequence[LogSession], log_map: LogMap
+) -> Float[np.ndarray, " drives"]:
+    """Value of each drive where the arm is straightest, where zero cannot be its rest.
+
+    It is zero for drives with a stated offset, and for forces.
+
+    Raises:
+        LogError: the outermost end is measured in too few rows.
+    """
+    values = np.concatenate(
+        [effective_drives(session, log_map) for session in sessions]
+    )
+    low = np.nanmin(values, axis=0)
+    high = np.nanmax(values, axis=0)
+    is_far = np.maximum(low, -high) > FAR * (high - low)
+    is_stated = ["offset" in drive.model_fields_set for drive in log_map.drives]
+    is_far &= (high > low) & ~np.array(is_stated)
+    if log_map.by_force or not is_far.any():
+        return np.zeros(len(log_map.drives))
+    positions = np.concatenate([session.positions for session in sessions])
+    is_straight = straight_rows(positions, log_map)
+    return np.where(is_far, np.nanmedian(values[is_straight], axis=0), 0.0)
+
+
+def from_rests(session: LogSession, rests: Float[np.ndarray, " drives"]) -> LogSession:
+    """Session whose drives count from their rest."""
+    return replace(
+        session,
+        commanded=session.commanded - rests,
+        measured=session.measured - rests,
+    )
