@@ -623,6 +623,28 @@ def no_way_table() -> str:
     return table(["scenes", "said within 2 s", "said at the end"], lines)
 
 
+@shown_as("reach")
+def reach_table() -> str:
+    """Searches for reachable poses beside a long search."""
+    file = "reach/results.json"
+    lines = []
+    for row in find_rows(file, metric="verdicts agree"):
+        match = {name: row[name] for name in ("arm", "task", "strategy")}
+        missed, farther = (
+            find_row(file, metric=metric, **match)["mean"]
+            for metric in (
+                "reached by the long search alone",
+                "farther, 99th percentile",
+            )
+        )
+        shares = [f"{100 * share:.1f}%" for share in (row["mean"], missed)]
+        heading = [f"`{row['arm']}`, {row['strategy']}", row["task"]]
+        lines.append([*heading, *shares, number(farther, 2)])
+    header = ["arm, forward model", "poses", "verdicts agree"]
+    header += ["reached by the long search alone", "farther, 99th percentile [cm]"]
+    return table(header, lines)
+
+
 @shown_as("shapes")
 def shapes_table() -> str:
     """Distances of the center line from curves for the whole arm."""
