@@ -188,10 +188,10 @@ def _frame_changes(log_map: LogMap) -> Iterator[Change]:
     for name in ("along", "x"):
         if getattr(log_map.frame, name) is None:
             continue
-        for axis in AXES:
-            frame = _with(log_map.frame, **{name: axis})
+        for direction in AXES:
+            frame = _with(log_map.frame, **{name: direction})
             changed = _with(log_map, frame=frame)
-            yield f'write frame.{name} = "{axis}"', np.eye(3), changed
+            yield f'write frame.{name} = "{direction}"', np.eye(3), changed
 
 
 def _of_others(log_map: LogMap) -> str:
@@ -207,8 +207,8 @@ def _drive_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
                 values = {key: getattr(log_map.drives[other], key) for key in keys}
                 drives[one] = _with(drives[one], **values)
             if _agrees(found, _with(log_map, drives=tuple(drives))):
-                first, second = (log_map.drives[index].name for index in pair)
-                yield f"exchange {', '.join(keys)} of '{first}' and '{second}'"
+                names = [f"'{log_map.drives[index].name}'" for index in pair]
+                yield f"exchange {', '.join(keys)} of {' and '.join(names)}"
                 break
 
 
@@ -219,7 +219,8 @@ def _module_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
         if drive.module is not None:
             order.setdefault(drive.module, int(module))
     drives = tuple(
-        _with(drive, module=order.get(drive.module)) for drive in log_map.drives
+        _with(drive, module=None if drive.module is None else order[drive.module])
+        for drive in log_map.drives
     )
     changed = _with(log_map, drives=drives)
     wrong = sorted(old for old, new in order.items() if old != new)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -243,7 +244,9 @@ def _errors(
         fit.parameters, fit.wiring, observations.columns, observations.tension
     )
     with jax.enable_x64(True):
-        predicted = states_in_log(fit.parameters, states, observations.axes)
+        predicted = states_in_log(
+            fit.parameters, jnp.asarray(states), jnp.asarray(observations.axes)
+        )
     measured = observations.states[..., POSITION]
     errors = np.asarray(predicted)[..., POSITION] - measured
     squares = np.nanmean(np.sum(errors**2, axis=-1), axis=-1)
