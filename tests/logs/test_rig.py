@@ -21,7 +21,7 @@ def first(twin, tmp_path_factory):
     shape = (twin.module_count, twin.cable_count)
     rig = Rig.identified(
         map_from_toml(log.map),
-        (),
+        np.zeros(twin.module_count * twin.cable_count),
         np.arange(twin.module_count * twin.cable_count).reshape(shape),
         np.ones(shape),
         np.zeros(3),

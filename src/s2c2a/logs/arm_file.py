@@ -87,7 +87,8 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Cabl
     # sorted by module, then by angle
     order = np.zeros(present.shape, int)
     order[present] = np.lexsort((angles, owners))
-    gains = np.where(present, parameters.gains[wiring.drive][order], 0.0)
+    every = parameters.gains[wiring.drive]
+    gains = np.where(present, every[order], 0.0)
     mean = gains.sum(axis=1) / np.maximum(counts, 1)
     gains = np.exp(gains - mean[:, None])
     mean = np.exp(parameters.gain + mean)
@@ -97,7 +98,9 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Cabl
         radii = np.full(modules, radius or DEFAULT_RADIUS)
     else:
         radii = np.clip(1 / mean, MIN_RADIUS, MAX_RADIUS)
-    factor = wiring.sign[order] * (1.0 if log_map.actuation == "tension" else -1.0)
+    factor = -wiring.sign[order]
+    if log_map.actuation == "tension":
+        factor = -factor
     if unit == "free":
         factor = factor * gains * (mean * radii)[:, None]
     return CableLayout(
@@ -112,9 +115,10 @@ def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> Cabl
 
 def _opposed(angles_deg: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
     """Opposed angles nearest to those of two cables [deg]."""
-    first, second = np.deg2rad(angles_deg)
-    middle = np.angle(np.exp(1j * first) - np.exp(1j * second))
-    return np.rad2deg([middle, middle + np.pi]) % 360.0
+    first, second = np.exp(1j * np.deg2rad(angles_deg))
+    middle = np.angle(first - second)
+    opposed = np.rad2deg([middle, middle + np.pi])
+    return opposed % 360.0
 
 
 def match_layout(layout: CableLayout, arm: ArmSpec, may_turn: bool) -> CableLayout:

@@ -18,7 +18,6 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 
-STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
 MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
 # a trial with more than this ratio of costs after the first iterations is dropped
 DROP_RATIO = 1.3

@@ -185,8 +185,16 @@ def predict_states(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bends [rad] and states [m, 1] of each row, base frame."""
     with jax.enable_x64(True):
-        bends = equilibrium_bends(parameters, wiring, columns, tension)
-        return np.asarray(bends), np.asarray(states_in_base(parameters, bends))
+        bends, states = _compiled_states(parameters, wiring, columns, tension)
+        return np.asarray(bends), np.asarray(states)
+
+
+def _states(parameters, wiring, columns, tension):
+    bends = equilibrium_bends(parameters, wiring, columns, tension)
+    return bends, states_in_base(parameters, bends)
+
+
+_compiled_states = partial(jax.jit, static_argnames="tension")(_states)
 
 
 def _standard_deviations(

@@ -14,14 +14,16 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.files import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
-from s2c2a.logs.cable_model import CableParameters, tilt_rotation
-from s2c2a.logs.cable_search import STIFFNESS, Assignment, identify_cables
+from s2c2a.logs.cable_model import tilt_rotation
+from s2c2a.logs.cable_search import Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.map_diagnosis import Given, diagnose_map, explained_errors
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
+from s2c2a.logs.priors import first_guess, prior_std
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import Registration, estimate_registration
 from s2c2a.logs.resampling import split_segments
@@ -54,7 +56,6 @@ class Segments:
         broken_rows: number of unreadable rows among them.
         excluded: poses that are excluded.
         frame_motions: jumps and drifts of the frame.
-        rests: values of the drives at rest that the map does not state [m or free].
         clocks: clocks of later files of each session, if files are joined by time.
     """
 
@@ -63,7 +64,6 @@ class Segments:
     broken_rows: int
     excluded: Excluded
     frame_motions: tuple[FrameMotion, ...]
-    rests: tuple[float, ...]
     clocks: tuple[tuple[LogClock, ...], ...] = ()
 
 
@@ -83,6 +83,8 @@ class Imported:
         at_rest: whether every row is a pose at rest.
         ambiguities: what the log does not determine.
         segments: what was read.
+        diagnosis: change of the map under which the log fits clearly better; empty if
+            there is none.
     """
 
     arm: ArmSpec
@@ -96,6 +98,7 @@ class Imported:
     at_rest: bool
     ambiguities: tuple[str, ...]
     segments: Segments
+    diagnosis: str
 
 
 def import_logs(
@@ -115,11 +118,22 @@ def import_logs(
     """
     if arm is not None:
         check_arm(arm, log_map)
-    segments = _read_segments(paths, log_map)
+    read = _read_sessions(paths, log_map)
+    rests = estimate_rests(read, log_map)
+    read = [from_rests(session, rests) for session in read]
+    with explained_errors(read, log_map):
+        return _identify(read, rests, log_map, arm)
+
+
+def _identify(
+    read: list[LogSession], rests: np.ndarray, log_map: LogMap, arm: ArmSpec | None
+) -> Imported:
+    """Identify the arm from sessions whose drives count from their rests."""
+    segments = _build_segments(read, log_map)
     registration = _register(segments.sessions, log_map)
     observations = _observe(segments.sessions, registration, log_map)
     fit, assignment, ambiguities = identify_cables(
-        observations, _start(registration, log_map), log_map, MAX_FITTED
+        observations, first_guess(registration, log_map), log_map, MAX_FITTED
     )
     layout = build_layout(fit, assignment, log_map)
     bends, states = predict_states(
@@ -141,9 +155,8 @@ def import_logs(
         text = arm_to_toml(arm)
         layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
     axes = _rotation_about_z(layout.turn) @ axes
-    rig = Rig.identified(
-        log_map, segments.rests, layout.drive, layout.factor, base, axes
-    )
+    rig = Rig.identified(log_map, rests, layout.drive, layout.factor, base, axes)
+    given = Given(fit, assignment, observations, residual)
     return Imported(
         arm,
         text,
@@ -156,6 +169,7 @@ def import_logs(
         _is_at_rest(log_map),
         tuple(ambiguities),
         segments,
+        diagnose_map(read, log_map, given),
     )
 
 
@@ -196,7 +210,11 @@ def import_session(
             the map describes another arm.
     """
     rig = Rig.of(first, log_map)
-    segments = _read_segments(paths, log_map, rig.rests)
+    read = _read_sessions(paths, log_map)
+    rests = np.array(rig.rests or np.zeros(len(rig.names)))
+    segments = _build_segments(
+        [from_rests(session, rests) for session in read], log_map
+    )
     states = _measured_states(segments.sessions, log_map)
     episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
     _check_reach(episodes, first.arm)
@@ -270,21 +288,9 @@ def arm_file_of(path: str | os.PathLike) -> Path:
     return Path(path).with_suffix(".arm.toml")
 
 
-def _read_segments(
-    paths: Sequence[str | os.PathLike],
-    log_map: LogMap,
-    rests: Sequence[float] = (),
-) -> Segments:
-    """Read sessions, exclude outliers, and split the sessions into segments.
-
-    Args:
-        paths: log files.
-        log_map: the map.
-        rests: of the drives [m, N, Pa or free]; estimated by default.
-    """
-    sessions, excluded = exclude_outliers(_read_sessions(paths, log_map), log_map)
-    rests = tuple(rests or estimate_rests(sessions, log_map).tolist())
-    sessions = [from_rests(session, np.array(rests)) for session in sessions]
+def _build_segments(read: list[LogSession], log_map: LogMap) -> Segments:
+    """Exclude outliers, and split the sessions into segments."""
+    sessions, excluded = exclude_outliers(read, log_map)
     period = 1 / log_map.arm.control_rate
     segments = []
     for session in sessions:
@@ -299,7 +305,7 @@ def _read_segments(
     broken_rows = sum(session.broken_rows for session in sessions)
     motions = find_frame_motions(sessions, log_map)
     clocks = tuple(session.clocks for session in sessions if session.clocks)
-    return Segments(segments, rows, broken_rows, excluded, motions, rests, clocks)
+    return Segments(segments, rows, broken_rows, excluded, motions, clocks)
 
 
 def _read_sessions(
@@ -369,7 +375,7 @@ def _observe(
         _measured_states(segments, log_map),
         registration.axes,
         log_map.by_force,
-        _prior_std(log_map),
+        prior_std(log_map),
         float(registration.lengths.sum()),
     )
 
@@ -387,40 +393,6 @@ def _measured_states(
     states = np.full((len(ends), log_map.arm.modules, 6), np.nan)
     states[:, log_map.end_modules] = ends
     return states
-
-
-def _prior_std(log_map: LogMap) -> dict[str, float]:
-    """Standard deviation of each parameter about its first guess."""
-    arm = log_map.arm
-    return {
-        "angles": 2.0,
-        "gain": 3.0,
-        "gains": 0.3 if log_map.drives[0].unit == "free" else 0.1,
-        "offsets": 0.1,
-        "lengths": 0.2 if arm.lengths is None else 0.002,
-        "total": 0.2 if arm.length is None else 0.002,
-        "stiffness": 2.0,
-        "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
-        # errors of the model repeat, so data alone would tilt the frame by degrees
-        "tilt": 0.1 if log_map.frame.along is None else 0.01,
-        "base": 0.1 if log_map.frame.base is None else 0.002,
-    }
-
-
-def _start(registration: Registration, log_map: LogMap) -> CableParameters:
-    """First guess; angles and gains are replaced later."""
-    zeros = np.zeros(len(log_map.drives))
-    return CableParameters(
-        angles=zeros,
-        gain=np.array(0.0),
-        gains=zeros,
-        offsets=zeros,
-        lengths=np.log(registration.lengths),
-        stiffness=np.array(np.log(STIFFNESS)),
-        gravity=np.array(0.0),
-        tilt=np.zeros(2),
-        base=registration.base,
-    )
 
 
 def _rotation_about_z(angle: float) -> Float[np.ndarray, "3 3"]:

@@ -30,9 +30,11 @@ def estimate_rests(
     )
     low = np.nanmin(values, axis=0)
     high = np.nanmax(values, axis=0)
-    is_far = np.maximum(low, -high) > FAR * (high - low)
-    is_stated = ["offset" in drive.model_fields_set for drive in log_map.drives]
-    is_far &= (high > low) & ~np.array(is_stated)
+    travel = high - low
+    distance = np.maximum(low, -high)
+    is_far = (travel > 0.0) & (distance > FAR * travel)
+    for index, drive in enumerate(log_map.drives):
+        is_far[index] &= "offset" not in drive.model_fields_set
     if log_map.by_force or not is_far.any():
         return np.zeros(len(log_map.drives))
     positions = np.concatenate([session.positions for session in sessions])

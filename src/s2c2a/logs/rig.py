@@ -65,7 +65,7 @@ class Rig(MapTable):
     def identified(
         cls,
         log_map: LogMap,
-        rests: tuple[float, ...],
+        rests: np.ndarray,
         drive: np.ndarray,
         factor: np.ndarray,
         base: np.ndarray,
@@ -76,7 +76,7 @@ class Rig(MapTable):
             {
                 "names": [drive.name for drive in log_map.drives],
                 "scales": _scales(log_map),
-                "rests": rests,
+                "rests": rests.tolist(),
                 "drive": drive.tolist(),
                 "factor": factor.tolist(),
                 "base": base.tolist(),

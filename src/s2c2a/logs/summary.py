@@ -49,6 +49,8 @@ def summary(imported: Imported) -> list[str]:
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
         *describe_range(imported.episodes),
     ]
+    if imported.diagnosis:
+        lines.append(f"warning: {imported.diagnosis}")
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
 

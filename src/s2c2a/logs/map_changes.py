@@ -1,0 +1,271 @@
+"""Single changes of a map under which its statements equal what a log shows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.logs.cable_model import tilt_rotation
+from s2c2a.logs.cable_search import Assignment
+from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.model_fit import CableFit
+from s2c2a.logs.session import unit_vector
+
+# above the error of identified angles (15 deg in tests); a third of a right angle, by
+# which frames and cables are confused
+TOLERANCE_DEG = 30.0
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What a fit identifies.
+
+    Attributes:
+        modules: module of each motor, shape (drives,).
+        signs: 1 where a larger number pulls, shape (drives,).
+        directions: directions of the bends that larger numbers cause, frame of the log,
+            shape (drives, 3).
+        z: direction along the arm, frame of the log.
+        lengths: lengths of the modules [m].
+        gain: bend per meter of cable [rad/m].
+        order: indices of the ends from the base to the tip.
+    """
+
+    modules: np.ndarray
+    signs: np.ndarray
+    directions: Float[np.ndarray, "drives 3"]
+    z: Float[np.ndarray, "3"]
+    lengths: Float[np.ndarray, " modules"]
+    gain: float
+    order: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        fit: CableFit,
+        assignment: Assignment,
+        axes: np.ndarray,
+        scale: float = 1.0,
+        order: np.ndarray | None = None,
+    ) -> "Identified":
+        """Values of a fit to ends divided by a scale, in an order."""
+        parameters = fit.parameters
+        axes = axes @ np.asarray(tilt_rotation(parameters.tilt))
+        angles = np.asarray(parameters.angles)
+        across = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ axes[:, :2].T
+        return cls(
+            assignment.modules,
+            assignment.signs,
+            assignment.signs[:, None] * across,
+            axes[:, 2],
+            scale * np.exp(np.asarray(parameters.lengths)),
+            float(np.exp(parameters.gain)),
+            np.arange(0) if order is None else order,
+        )
+
+    def transformed(self, columns: np.ndarray) -> "Identified":
+        """The same, with other columns of the positions."""
+        return replace(self, directions=self.directions @ columns.T, z=columns @ self.z)
+
+
+def stated_angles(
+    angles: Float[np.ndarray, " drives"], log_map: LogMap
+) -> Float[np.ndarray, " drives"]:
+    """Stated angles instead of identified ones [rad], turned if x is not stated."""
+    stated = _angles(log_map)
+    errors = _without_turn(np.asarray(angles) - stated, log_map)
+    return np.where(np.isfinite(stated), angles - errors, angles)
+
+
+def contradicts_angles(found: Identified, log_map: LogMap) -> bool:
+    """Whether an identified angle is far from the stated one."""
+    errors = _angle_errors(found, log_map)
+    return errors is None or bool((errors > np.deg2rad(TOLERANCE_DEG)).any())
+
+
+def find_changes(found: Identified, log_map: LogMap) -> list[str]:
+    """Clauses of the single changes, each of which explains all; empty if none does."""
+    if _agrees(found, log_map):
+        return []
+    frames = [
+        clause
+        for clause, columns, changed in _frame_changes(log_map)
+        if _agrees(found.transformed(columns), changed)
+    ]
+    return [
+        *frames,
+        *_drive_changes(found, log_map),
+        *_module_changes(found, log_map),
+        *_end_changes(found, log_map),
+        *_sign_changes(found, log_map),
+    ]
+
+
+def _agrees(found: Identified, log_map: LogMap) -> bool:
+    """Whether all statements about frame, ends, and drives hold."""
+    return (
+        not contradicts_angles(found, log_map)
+        and _modules_agree(found, log_map)
+        and _is_sorted(found, log_map)
+        and not _are_reversed(found, log_map)
+    )
+
+
+def _modules_agree(found: Identified, log_map: LogMap) -> bool:
+    stated = [drive.module for drive in log_map.drives]
+    pairs = zip(stated, found.modules, strict=True)
+    return all(one is None or one == other for one, other in pairs)
+
+
+def _is_sorted(found: Identified, log_map: LogMap) -> bool:
+    modules = np.array(log_map.end_modules)[found.order]
+    return bool((np.diff(modules) > 0).all())
+
+
+def _are_reversed(found: Identified, log_map: LogMap) -> bool:
+    stated = _signs(log_map)
+    known = stated != 0
+    return bool(known.any() and (found.signs[known] == -stated[known]).all())
+
+
+def _signs(log_map: LogMap) -> np.ndarray:
+    signs = {"pulls": 1, "releases": -1, "unknown": 0}
+    return np.array([signs[drive.positive] for drive in log_map.drives])
+
+
+def _angles(log_map: LogMap) -> Float[np.ndarray, " drives"]:
+    """Stated angles [rad]; NaN where the angle or the sign of a motor is free."""
+    degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
+    return np.where(_signs(log_map) == 0, np.nan, np.deg2rad(degrees))
+
+
+def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:
+    """Errors of stated angles [rad], zero where none is; None: `along` is wrong."""
+    frame = log_map.frame
+    z = found.z
+    if frame.along is not None:
+        z = unit_vector(frame.along)
+    tolerance = np.deg2rad(TOLERANCE_DEG)
+    if found.z @ z < np.cos(tolerance):
+        return None
+    x = np.eye(3)[np.argmin(np.abs(z))]
+    if frame.x is not None:
+        x = unit_vector(frame.x)
+    x = x - (x @ z) * z
+    size = np.linalg.norm(x)
+    if size < 0.1:
+        return None
+    x = x / size
+    y = np.cross(z, x)
+    signs = _signs(log_map)
+    directions = found.directions * signs[:, None]
+    angles = np.arctan2(directions @ y, directions @ x)
+    stated = _angles(log_map)
+    errors = _without_turn(angles - stated, log_map)
+    return np.nan_to_num(np.abs(errors))
+
+
+def _without_turn(errors: np.ndarray, log_map: LogMap) -> np.ndarray:
+    """Errors of angles [rad]; without the turn of most where x is not stated."""
+    turns = errors[np.isfinite(errors)]
+    if log_map.frame.x is not None or not len(turns):
+        turns = np.zeros(1)
+    turned = errors - turns[:, None]
+    wrapped = np.angle(np.exp(1j * turned))
+    sizes = np.minimum(np.abs(wrapped), 0.5)
+    costs = np.nansum(sizes, axis=1)
+    return wrapped[np.argmin(costs)]
+
+
+Change = tuple[str, np.ndarray, LogMap]
+
+
+def _frame_changes(log_map: LogMap) -> Iterator[Change]:
+    """Other columns, or another direction of the frame."""
+    names = log_map.ends[0].position
+    for axis, name in enumerate(names):
+        columns = np.eye(3)
+        columns[axis, axis] = -1.0
+        text = f"the frame is left-handed: negate the column '{name}'"
+        yield f"{text}{_of_others(log_map)}", columns, log_map
+    for first, second in combinations(range(len(names)), 2):
+        order = np.arange(3)
+        order[[first, second]] = second, first
+        text = f"exchange the columns '{names[first]}' and '{names[second]}'"
+        yield f"{text}{_of_others(log_map)}", np.eye(3)[order], log_map
+    for name in ("along", "x"):
+        if getattr(log_map.frame, name) is None:
+            continue
+        for direction in AXES:
+            frame = _with(log_map.frame, **{name: direction})
+            changed = _with(log_map, frame=frame)
+            yield f'write frame.{name} = "{direction}"', np.eye(3), changed
+
+
+def _of_others(log_map: LogMap) -> str:
+    return " of `position`, and those of other ends" if len(log_map.ends) > 1 else ""
+
+
+def _drive_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
+    """Two drives exchanged: module and angle, or these and the effect of numbers."""
+    for pair in combinations(range(len(log_map.drives)), 2):
+        for keys in (("module", "angle_deg"), ("module", "angle_deg", "positive")):
+            drives = list(log_map.drives)
+            for one, other in (pair, pair[::-1]):
+                values = {key: getattr(log_map.drives[other], key) for key in keys}
+                drives[one] = _with(drives[one], **values)
+            if _agrees(found, _with(log_map, drives=tuple(drives))):
+                names = [f"'{log_map.drives[index].name}'" for index in pair]
+                yield f"exchange {', '.join(keys)} of {' and '.join(names)}"
+                break
+
+
+def _module_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
+    """Stated modules of all drives, permuted."""
+    order: dict[int, int] = {}
+    for drive, module in zip(log_map.drives, found.modules, strict=True):
+        if drive.module is not None:
+            order.setdefault(drive.module, int(module))
+    drives = tuple(
+        _with(drive, module=None if drive.module is None else order[drive.module])
+        for drive in log_map.drives
+    )
+    changed = _with(log_map, drives=drives)
+    wrong = sorted(old for old, new in order.items() if old != new)
+    if wrong and _agrees(found, changed):
+        yield "write " + ", ".join(
+            f"module = {order[old]} for the drives of module {old}" for old in wrong
+        )
+
+
+def _end_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
+    if _is_sorted(found, log_map):
+        return
+    modules = sorted(log_map.end_modules)
+    ends = list(log_map.ends)
+    texts = []
+    for index, module in zip(found.order, modules, strict=True):
+        if log_map.end_modules[index] != module:
+            name = ends[index].position[0]
+            texts.append(f"module = {module} for the end '{name}'")
+        ends[index] = _with(ends[index], module=module)
+    if _agrees(found, _with(log_map, ends=tuple(ends))):
+        yield f"write {', '.join(texts)}"
+
+
+def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
+    other = {"pulls": "releases", "releases": "pulls", "unknown": "unknown"}
+    drives = tuple(
+        _with(drive, positive=other[drive.positive]) for drive in log_map.drives
+    )
+    changed = _with(log_map, drives=drives)
+    if _are_reversed(found, log_map) and _agrees(found, changed):
+        yield "reverse `positive` of each drive"
+
+
+def _with(entry: Any, **values: Any) -> Any:
+    return entry.model_copy(update=values)
