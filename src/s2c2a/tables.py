@@ -210,9 +210,9 @@ def parse_stamp(cell: str) -> float | None:
     cell = cell.strip()
     try:
         if cell[2:3] == ":":
-            hour = time.fromisoformat(cell)
-            day = datetime.combine(datetime.min, hour.replace(tzinfo=None))
-            return (day - datetime.min).total_seconds()
+            hour = time.fromisoformat(cell).replace(tzinfo=None)
+            since = datetime.combine(datetime.min, hour) - datetime.min
+            return since.total_seconds()
         stamp = datetime.fromisoformat(cell)
     except ValueError:
         return None

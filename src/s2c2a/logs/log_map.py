@@ -507,6 +507,11 @@ class LogMap(MapTable):
         return self.actuation != "displacement"
 
     @property
+    def in_plane(self) -> bool:
+        """Whether all ends are measured in the plane of x and y alone."""
+        return all(end.in_plane for end in self.ends)
+
+    @property
     def end_modules(self) -> list[int]:
         """Modules whose ends are measured, in the order of `ends`."""
         last = self.arm.modules - 1

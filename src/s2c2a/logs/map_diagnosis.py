@@ -163,20 +163,18 @@ def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
     place = np.arange(len(rows.columns)) * STRETCHES / len(rows.columns)
     is_middle = np.abs(place % 1 - 0.5) < 0.25
     is_fitted = rows.stretches % 2 == 0
-    order = np.argsort(
-        [_motion(rows.ends[:, [end], :3]) for end in range(len(log_map.ends))]
-    )
+    places = rows.ends[..., POSITION]
+    motions = [_motion(places[:, [end]]) for end in range(len(log_map.ends))]
+    order = np.argsort(motions)
     free_map = _free_map(log_map, order)
-    scale = _motion(rows.ends[..., :3]) / FREE_MOTION
+    scale = _motion(places) / FREE_MOTION
     if not scale > 0:
         raise LogError("the ends do not move")
     observations = _observe(rows.take(is_fitted), free_map, order, scale)
-    registration = estimate_registration(
-        observations.states[:, free_map.end_modules, POSITION], free_map
-    )
-    observations = replace(
-        observations, axes=registration.axes, scale=float(registration.lengths.sum())
-    )
+    measured = observations.states[:, free_map.end_modules, POSITION]
+    registration = estimate_registration(measured, free_map)
+    length = float(registration.lengths.sum())
+    observations = replace(observations, axes=registration.axes, scale=length)
     fit, assignment, _ = identify_cables(
         observations, first_guess(registration, free_map), free_map, FREE_ROWS
     )

@@ -118,8 +118,8 @@ def _estimate_z(
         return along / np.linalg.norm(along)
     centered = tip - tip.mean(axis=0)
     # a tip in the plane of a camera moves on an arc
-    in_plane = all(end.in_plane for end in log_map.ends)
-    z = np.linalg.svd(centered, full_matrices=False)[2][1 if in_plane else 2]
+    directions = np.linalg.svd(centered, full_matrices=False)[2]
+    z = directions[1 if log_map.in_plane else 2]
     height = centered @ z
     distance = np.sum(centered**2, axis=1) - height**2
     return -z if np.cov(height, distance)[0, 1] > 0 else z
@@ -173,8 +173,10 @@ def _complete_axes(
     """Axes as columns: x as stated, or along the log's axis most across the arm."""
     if log_map.frame.x is None:
         # of a plane, the axis in it
-        axes = np.eye(3)[:2] if all(end.in_plane for end in log_map.ends) else np.eye(3)
-        across = axes[int(np.argmin(np.abs(axes @ z)))]
+        axes = np.eye(3)
+        if log_map.in_plane:
+            axes = axes[:2]
+        across = axes[np.argmin(np.abs(axes @ z))]
     else:
         across = unit_vector(log_map.frame.x)
     x = across - (across @ z) * z
