@@ -60,3 +60,15 @@ def test_unusual_values_are_asked_about(tmp_path, capsys):
     assert "unusual: a damping ratio below 0.03" in capsys.readouterr().out
     check("twin_arm")
     assert "unusual" not in capsys.readouterr().out
+
+
+def test_check_says_how_far_pressures_bend_an_arm(tmp_path, capsys):
+    arm = load_arm("pneumatic_arm")
+    weak = arm.modules[1].model_copy(update={"chamber_area": 3e-5})
+    modules = (arm.modules[0], weak)
+    path = tmp_path / "weak.toml"
+    save_arm(arm.model_copy(update={"modules": modules}), path)
+    check(str(path))
+    out = capsys.readouterr().out
+    assert "full pressure_limit bends the modules by about 46, 5 deg" in out
+    assert "bend_limit_deg: 70, 70" in out

@@ -203,7 +203,8 @@ class Module(Frozen):
                 f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
                 f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
                 "deg, or give two opposed cables, such as [0, 180], for bends in one "
-                "plane, or none, [], for a passive module"
+                "plane, or none, [], for a passive module; a spring in place of the "
+                "second cable is not described"
             )
 
     def _check_cables(self):

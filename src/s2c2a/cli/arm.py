@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
 from tyro.extras import SubcommandApp
 
@@ -17,6 +18,13 @@ from s2c2a.arm import (
     randomized_arm,
     save_arm,
 )
+from s2c2a.arm.geometry import (
+    ArmGeometry,
+    cables_present,
+    per_module,
+    per_unit_of_pull,
+)
+from s2c2a.arm.spec import REQUIRED
 from s2c2a.cli.console import Arm, File, print_table
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
@@ -66,6 +74,7 @@ def check(arm: File) -> None:
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     for line in [
         *_unusual_properties(frequency, damping),
+        *_full_bends(spec),
         *_hardware_lines(spec),
         *_missing_packages(spec),
     ]:
@@ -87,6 +96,28 @@ def _unusual_properties(frequency: float, damping: float) -> list[str]:
             "for minutes; check damping_time [s]"
         )
     return lines
+
+
+def _full_bends(spec: ArmSpec) -> list[str]:
+    """Line about how far full tensions or pressures bend the modules of a force arm."""
+    if spec.actuation == "displacement":
+        return []
+    geometry = ArmGeometry.of(spec)
+    pulls = np.abs(geometry.action_scale * per_unit_of_pull(spec))
+    # of evenly spread cables, half of the pulls bend
+    moments = pulls * geometry.cable_radii * cables_present(spec).sum(axis=1) / 2.0
+    bends = moments * geometry.lengths / per_module(spec, "bending_stiffness")
+    bends_deg = np.rad2deg(bends).round().astype(int)
+    limits_deg = np.rad2deg(geometry.bend_limits).round().astype(int)
+    return [
+        f"full {REQUIRED[spec.actuation][0]} bends the modules by about "
+        f"{_join(bends_deg)} deg against their stiffness; their bend_limit_deg: "
+        f"{_join(limits_deg)}"
+    ]
+
+
+def _join(numbers: np.ndarray) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _missing_packages(spec: ArmSpec) -> list[str]:

@@ -334,17 +334,20 @@ def _reach_model(
 ) -> "ForwardModel | None":
     """The model that tells what is out of reach; None where arcs alone tell it.
 
-    Named tasks are made within reach, and are checked only to be projected.
+    Named tasks are made within reach of arms that bend every way; of these, they are
+    checked only to be projected.
 
     Raises:
         S2C2AError: as `forward_model_of`, for a projection.
     """
+    from s2c2a.arm import ArmGeometry
     from s2c2a.cli.reach import forward_model_of, trained_model
     from s2c2a.tasks import TASKS, split_pace
 
-    if project:
-        return forward_model_of(weights, spec, 1000.0 * payload, session)
     is_named = task is not None and split_pace(task)[0] in TASKS
+    bends_every_way = ArmGeometry.of(spec).steerable is None
+    if project or (is_named and not bends_every_way):
+        return forward_model_of(weights, spec, 1000.0 * payload, session)
     if is_named or weights is None:
         return None
     return trained_model(weights, spec, session)
