@@ -1,7 +1,8 @@
 // Runs stepper_winch.ino on a computer, in a time of its own.
 //
 // Input: lines "MICROSECONDS TEXT"; the sketch hears TEXT at that time. Output: what it
-// prints, and before it, as "pulses a b ...", the pulses that its drivers have got.
+// prints, and before it, as "pulses on a b ...", whether its drivers are on, and the
+// pulses that they have got.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -57,7 +58,7 @@ void step(int, int);
 
 void pulse(int pin) {
   for (int i = 0; i < MOTORS; i++)
-    if (pin == STEP_PINS[i] && levels[ENABLE_PIN] == LOW)
+    if (pin == STEP_PINS[i])
       pulses[i] += levels[DIRECTION_PINS[i]] == HIGH ? DIRECTIONS[i] : -DIRECTIONS[i];
 }
 
@@ -70,7 +71,7 @@ int main() {
     for (; now_us < until; now_us += LOOP_TIME) loop();
     std::string text = input.substr(gap + 1);
     if (text == "?") {
-      std::cout << "pulses";
+      std::cout << "pulses " << (levels[ENABLE_PIN] == LOW ? "on" : "off");
       for (int i = 0; i < MOTORS; i++) std::cout << " " << pulses[i];
       std::cout << "\n";
     }
