@@ -41,7 +41,6 @@ SPEED = constant("SPEED")
 ACCELERATION = constant("ACCELERATION")
 GAIN = constant("GAIN")
 WATCHDOG = constant("WATCHDOG")
-PERIOD = constant("PERIOD")
 
 
 class Board:
@@ -52,7 +51,9 @@ class Board:
         self.speed = speed
         self.is_homed = False
         self._is_moving = False
-        self._commanded_at = self._changed_at = self._moved_at = 0
+        self._commanded_at = self._moved_at = 0
+        self._changed_at = [0] * motors
+        self._changing = 0
         self.motors = motors
         self._at_zero()
 
@@ -95,9 +96,7 @@ class Board:
     def _loop(self):
         if self.now - self._commanded_at > WATCHDOG:
             self._is_moving = False
-        if self.now - self._changed_at >= PERIOD:
-            self._change_speeds(1e-6 * (self.now - self._changed_at))
-            self._changed_at = self.now
+        self._change_speed()
         self._fractions += self.speeds * 1e-6 * (self.now - self._moved_at)
         self._moved_at = self.now
         ways = np.trunc(np.clip(self._fractions, -1, 1)).astype(int)
@@ -106,13 +105,14 @@ class Board:
         self.speeds *= inside
         self.positions += ways * inside
 
-    def _change_speeds(self, duration):
-        wanted = np.zeros(self.motors)
-        if self._is_moving:
-            distances = self._targets - self.positions
-            wanted = np.array([wanted_speed(one, self.speed) for one in distances])
-        most = ACCELERATION * duration
-        self.speeds += np.clip(wanted - self.speeds, -most, most)
+    def _change_speed(self):
+        """Change the speed of one motor, the next of all."""
+        one = self._changing = (self._changing + 1) % self.motors
+        most = 1e-6 * ACCELERATION * (self.now - self._changed_at[one])
+        self._changed_at[one] = self.now
+        distance = self._targets[one] - self.positions[one]
+        wanted = wanted_speed(distance, self.speed) if self._is_moving else 0.0
+        self.speeds[one] += np.clip(wanted - self.speeds[one], -most, most)
 
 
 def wanted_speed(distance, most):

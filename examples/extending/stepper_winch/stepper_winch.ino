@@ -26,7 +26,6 @@ const float SPEED = 1500.0;         // steps/s
 const float ACCELERATION = 8000.0;  // steps/s^2
 const float GAIN = 40.0;            // 1/s, of the speed over the last few steps
 const unsigned long WATCHDOG = 500000;  // us
-const unsigned long PERIOD = 2000;      // us between changes of the speeds
 const unsigned int LONGEST_LINE = 120;
 
 long targets[MOTORS];
@@ -36,7 +35,8 @@ float fractions[MOTORS];  // of the next step
 bool isHomed = false;
 bool isMoving = false;  // false: all brake
 unsigned long commandedAt = 0;
-unsigned long changedAt = 0;
+unsigned long changedAt[MOTORS];
+int changing = 0;  // motor whose speed changes next
 unsigned long steppedAt = 0;
 char line[LONGEST_LINE + 1];
 unsigned int length = 0;
@@ -55,10 +55,10 @@ void loop() {
   while (Serial.available() > 0) collect(Serial.read());
   unsigned long now = micros();
   if (now - commandedAt > WATCHDOG) isMoving = false;
-  if (now - changedAt >= PERIOD) {
-    for (int i = 0; i < MOTORS; i++) changeSpeed(i, 1e-6 * (now - changedAt));
-    changedAt = now;
-  }
+  // one after the other, so that no loop takes long and steps are even
+  changing = (changing + 1) % MOTORS;
+  changeSpeed(changing, 1e-6 * (now - changedAt[changing]));
+  changedAt[changing] = now;
   for (int i = 0; i < MOTORS; i++) move(i, 1e-6 * (now - steppedAt));
   steppedAt = now;
 }
