@@ -38,6 +38,11 @@ class StepperWinch(Robot):
                 f"a stepper winch commands displacements; '{arm.name}' has "
                 f'actuation = "{arm.actuation}": choose an arm with "displacement"'
             )
+        if steps_per_turn < 1:
+            raise RobotError(
+                f"steps_per_turn is {steps_per_turn}; give the steps of one turn of the "
+                "pulley with the microsteps of the driver, such as 1600"
+            )
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
         self._present = cables_present(arm)

@@ -365,6 +365,11 @@ def test_an_arm_that_takes_no_displacements_is_refused():
         robot_class(ROBOT)(load_arm("pneumatic_arm"), port="/dev/null")
 
 
+def test_a_turn_without_steps_is_refused(arm):
+    with pytest.raises(RobotError, match="steps_per_turn is 0; give"):
+        robot_class(ROBOT)(arm, port="/dev/null", steps_per_turn=0)
+
+
 def total(numbers):
     return " ".join(map(str, ["M", *numbers, sum(numbers)]))
 
