@@ -12,9 +12,11 @@ from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 
 
 class NoBus:
-    torque_constant = 0.35
     has_watchdog = True
     ticks_per_turn = 4096
+
+    def torque_constant_of(self, id):
+        return 0.35
 
     def scan(self, ids):
         return []
