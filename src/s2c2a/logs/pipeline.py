@@ -23,7 +23,7 @@ from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_diagnosis import Given, diagnose_map, explained_errors
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
-from s2c2a.logs.priors import first_guess, prior_std
+from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import Registration, estimate_registration
 from s2c2a.logs.resampling import split_segments
@@ -38,6 +38,7 @@ from s2c2a.logs.rig import (
 )
 from s2c2a.logs.session import LogSession, build_session, effective_drives
 from s2c2a.logs.session_change import SessionChange, find_change
+from s2c2a.logs.stated_values import describe_contradictions
 from s2c2a.logs.tables import ColumnRequest
 from s2c2a.spaces import POSITION
 
@@ -85,6 +86,7 @@ class Imported:
         segments: what was read.
         diagnosis: change of the map under which the log fits clearly better; empty if
             there is none.
+        contradictions: stated values that the log contradicts; empty if there is none.
     """
 
     arm: ArmSpec
@@ -99,6 +101,7 @@ class Imported:
     ambiguities: tuple[str, ...]
     segments: Segments
     diagnosis: str
+    contradictions: str
 
 
 def import_logs(
@@ -170,6 +173,7 @@ def _identify(
         tuple(ambiguities),
         segments,
         diagnose_map(read, log_map, given),
+        describe_contradictions(fit.parameters, observations),
     )
 
 
@@ -377,6 +381,7 @@ def _observe(
         log_map.by_force,
         prior_std(log_map),
         float(registration.lengths.sum()),
+        stated_bounds(registration, log_map),
     )
 
 
