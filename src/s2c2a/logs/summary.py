@@ -49,7 +49,7 @@ def summary(imported: Imported) -> list[str]:
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
         *describe_range(imported.episodes),
     ]
-    warnings = (imported.diagnosis, imported.contradictions)
+    warnings = (imported.diagnosis, imported.poor_fit, imported.contradictions)
     lines += [f"warning: {text}" for text in warnings if text]
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
