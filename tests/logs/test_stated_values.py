@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from s2c2a.logs import LogMap
+from s2c2a.logs.arm_file import _length_origin
 from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.stated_values import describe_contradictions
@@ -78,3 +80,32 @@ def test_deviations_of_lengths_are_the_same_with_a_stated_sum(log):
     assert free is not None
     assert stated is not None
     np.testing.assert_allclose(free.lengths, stated.lengths, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("ends", "lengths", "expected"),
+    [
+        ([1], None, ["not determined by the measured ends; state it"] * 2),
+        ([0, 1], None, ["+- 0.00200", "+- 0.00200"]),
+        ([1], [0.1, 0.2], ["stated", "stated"]),
+    ],
+)
+def test_a_length_has_a_deviation_only_between_measured_ends(ends, lengths, expected):
+    log_map = LogMap.model_validate(
+        {
+            "rows": {"kind": "timed", "rate": 10},
+            "arm": {
+                "name": "two",
+                "modules": 2,
+                "control_rate": 10,
+                "lengths": lengths,
+            },
+            "drives": [{"commanded": f"c{each}", "unit": "mm"} for each in range(6)],
+            "ends": [
+                {"module": end, "position": [f"x{end}", f"y{end}", f"z{end}"]}
+                | {"unit": "m"}
+                for end in ends
+            ],
+        }
+    )
+    assert [_length_origin(module, 0.002, log_map) for module in (0, 1)] == expected
