@@ -39,7 +39,7 @@ def log_map(commands: str) -> LogMap:
     )
 
 
-def warn(stated: str, random_ends: bool = False) -> str:
+def warn(stated: str, random_ends: bool = False, measured: bool = False) -> str:
     """Warning of a log whose rows are measured before their command is sent."""
     random = np.random.default_rng(0)
     commands = random.uniform(-0.7, 0.7, (ROWS, 3))
@@ -54,9 +54,8 @@ def warn(stated: str, random_ends: bool = False) -> str:
     motion = states[..., :3] - states[..., :3].mean(axis=0)
     rms = np.sqrt(np.mean(np.sum(motion**2, axis=-1)))
     residual = rms * missed_shares(fit, observations, np.zeros(ROWS))[0]
-    session = SimpleNamespace(
-        commands=commands, measured=np.full_like(commands, np.nan)
-    )
+    values = columns if measured else np.full_like(commands, np.nan)
+    session = SimpleNamespace(commands=commands, measured=values)
     given = Given(fit, None, observations, residual)  # type: ignore[arg-type]
     return describe_poor_fit([session], log_map(stated), given, TRUE, ROWS)  # type: ignore[list-item]
 
@@ -74,5 +73,12 @@ def test_a_good_fit_gives_no_warning():
 @pytest.mark.parametrize("stated", ["sent", "settled"])
 def test_ends_that_do_not_follow_the_drives_give_what_to_check(stated):
     text = warn(stated, random_ends=True)
+    assert "does not fit clearly better" in text
     assert "no single change of the map explains it" in text
     assert "check offset, unit, and positive of the drives" in text
+
+
+def test_commands_are_not_blamed_where_drives_are_measured():
+    text = warn("sent", random_ends=True, measured=True)
+    assert "check offset" in text
+    assert "rows.commands" not in text

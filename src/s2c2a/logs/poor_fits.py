@@ -44,11 +44,13 @@ def describe_poor_fit(
             f'{missed}; with rows.commands = "{other}" in the map it misses '
             f"{100 * other_share:.0f} % (nothing was changed)"
         )
+    tried = ""
+    if np.isfinite(other_share):
+        tried = f' rows.commands ("{other}" does not fit clearly better),'
     return (
         f"{missed}, and no single change of the map explains it; check offset, unit, "
-        f'and positive of the drives, rows.commands ("{other}" does not fit clearly '
-        "better), and whether the log is fast: the model has no dynamics and no "
-        "hysteresis"
+        f"and positive of the drives,{tried} and whether the log is fast: the model "
+        "has no dynamics and no hysteresis"
     )
 
 
