@@ -267,7 +267,7 @@ def _module_lines(
             layout.gains[module][present], std.gains[drives], strict=True
         )
     ]
-    length_origin = _origin(length * std.lengths[module], arm.lengths)
+    length_origin = _length_origin(module, length * std.lengths[module], log_map)
     radius_origin = _origin(radius * gain_std, arm.cable_radius)
     angles = _join(layout.angles_deg[module][present], 2)
     angle_std = _join(np.rad2deg(std.angles[drives]), 1)
@@ -317,6 +317,18 @@ def _property_lines(arm: KnownArm, limit: float) -> list[str]:
 
 def _stated_or_guess(arm: KnownArm, key: str) -> str:
     return "stated" if key in arm.model_fields_set else "a guess"
+
+
+def _length_origin(module: int, std: float, log_map: LogMap) -> str:
+    """Origin of a length, without a deviation where an end of the module is unknown.
+
+    Errors of the model then move the length by more than the scatter of the log shows,
+    and equally in every stretch.
+    """
+    ends = {-1, *log_map.end_modules}
+    if log_map.arm.lengths is None and not {module - 1, module} <= ends:
+        return "not determined by the measured ends; state it"
+    return _origin(std, log_map.arm.lengths)
 
 
 def _origin(std: float, stated: object) -> str:

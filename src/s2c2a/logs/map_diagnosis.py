@@ -110,7 +110,7 @@ def diagnose_map(sessions: Sequence[LogSession], log_map: LogMap, given: Given) 
         The sentence; empty if the map fits, or if no change explains the difference.
     """
     parameters = given.fit.parameters
-    motion = _motion(given.observations.states[:, log_map.end_modules, POSITION])
+    motion = rms_motion(given.observations.states[:, log_map.end_modules, POSITION])
     identified = Identified.of(given.fit, given.assignment, given.observations.axes)
     length = float(np.exp(parameters.lengths).min())
     if (
@@ -164,10 +164,10 @@ def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
     is_middle = np.abs(place % 1 - 0.5) < 0.25
     is_fitted = rows.stretches % 2 == 0
     places = rows.ends[..., POSITION]
-    motions = [_motion(places[:, [end]]) for end in range(len(log_map.ends))]
+    motions = [rms_motion(places[:, [end]]) for end in range(len(log_map.ends))]
     order = np.argsort(motions)
     free_map = _free_map(log_map, order)
-    scale = _motion(places) / FREE_MOTION
+    scale = rms_motion(places) / FREE_MOTION
     if not scale > 0:
         raise LogError("the ends do not move")
     observations = _observe(rows.take(is_fitted), free_map, order, scale)
@@ -181,7 +181,9 @@ def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
     held_out = rows.take(~is_fitted & is_middle)
     found = Identified.of(fit, assignment, observations.axes, scale, order)
     unseen = _observe(held_out, free_map, order, scale)
-    errors = _errors(fit, replace(unseen, axes=observations.axes), held_out.stretches)
+    errors = missed_shares(
+        fit, replace(unseen, axes=observations.axes), held_out.stretches
+    )
     return _FreeFit(found, errors, held_out)
 
 
@@ -229,13 +231,13 @@ def _observe(
     )
 
 
-def _motion(positions: Float[np.ndarray, "rows ends 3"]) -> float:
+def rms_motion(positions: Float[np.ndarray, "rows ends 3"]) -> float:
     """Rms distance of the ends from their mean [m]."""
     centered = positions - np.nanmean(positions, axis=0)
     return float(np.sqrt(np.nanmean(np.sum(centered**2, axis=-1))))
 
 
-def _errors(
+def missed_shares(
     fit: CableFit, observations: Observations, stretches: np.ndarray
 ) -> Float[np.ndarray, " stretches"]:
     """Share of the motion that a fit misses in each stretch."""
@@ -253,7 +255,7 @@ def _errors(
     means = [squares[stretches == each].mean() for each in set(stretches)]
     rms = np.sqrt(means)
     is_measured = np.isfinite(measured[..., 0]).any(axis=0)
-    return rms / _motion(measured[:, is_measured])
+    return rms / rms_motion(measured[:, is_measured])
 
 
 def _stated_errors(given: Given, log_map: LogMap, rows: _KnownRows) -> np.ndarray:
@@ -263,6 +265,6 @@ def _stated_errors(given: Given, log_map: LogMap, rows: _KnownRows) -> np.ndarra
     states = np.full((len(rows.columns), log_map.arm.modules, 6), np.nan)
     states[:, log_map.end_modules] = rows.ends
     observations = replace(given.observations, columns=rows.columns, states=states)
-    return _errors(
+    return missed_shares(
         replace(given.fit, parameters=parameters), observations, rows.stretches
     )

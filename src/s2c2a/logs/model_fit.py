@@ -1,10 +1,11 @@
 """Least-squares fit of the cable model, with a prior on each parameter.
 
-Residuals are relative to the length of the arm.
+Residuals are relative to the length of the arm. Stated values stay within bounds, since
+errors of the model repeat in every row and would outvote any prior.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import jax
@@ -15,6 +16,7 @@ from scipy.optimize import least_squares
 
 from s2c2a.logs.cable_model import (
     CableParameters,
+    Numbers,
     Wiring,
     equilibrium_bends,
     states_in_base,
@@ -42,6 +44,7 @@ class Observations:
         prior_std: standard deviation of each parameter about its first guess, and of
             the logarithm of the total length (`total`).
         scale: length of the arm [m].
+        bounds: stated value of parameters, or of `total`, and the largest deviation.
     """
 
     columns: Float[np.ndarray, "rows drives"]
@@ -50,6 +53,7 @@ class Observations:
     tension: bool
     prior_std: Mapping[str, float]
     scale: float
+    bounds: Mapping[str, tuple[np.ndarray, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,7 @@ def fit_parameters(
         with_std: whether to compute standard deviations.
     """
     std = None
+    by_total = "total" in observations.bounds
     with jax.enable_x64(True):
         first = flatten(start)
         prior_std = _prior_std(observations, start)
@@ -100,6 +105,7 @@ def fit_parameters(
             prior_std,
             observations.prior_std.get("total", WIDE),
             observations.tension,
+            by_total,
         )
 
         def residuals(vector):
@@ -108,21 +114,27 @@ def fit_parameters(
         def jacobian(vector):
             return np.asarray(_compiled_jacobian(vector, *arguments))
 
+        low, high = _bounds(observations, start)
+        variables = _to_variables(start, by_total)
         result = least_squares(
             residuals,
-            first,
+            np.clip(variables, low, high),
             jacobian,
+            bounds=(low, high),
             loss="soft_l1",
             f_scale=1.0,
             max_nfev=iterations,
             x_scale=np.minimum(prior_std, 1.0),
         )
+        parameters = _from_variables(result.x, start, by_total)
         if with_std:
             vector = _standard_deviations(
-                residuals(result.x), jacobian(result.x), len(observations.columns)
+                residuals(result.x),
+                jacobian(result.x) @ _variables_jacobian(parameters, by_total),
+                len(observations.columns),
             )
             std = unflatten(vector, start)
-    return CableFit(unflatten(result.x, start), wiring, float(result.cost), std)
+    return CableFit(parameters, wiring, float(result.cost), std)
 
 
 def flatten(parameters: CableParameters) -> np.ndarray:
@@ -139,6 +151,65 @@ def unflatten(vector, like: CableParameters) -> CableParameters:
         values.append(vector[begin:end].reshape(np.shape(value)))
         begin = end
     return CableParameters(*values)
+
+
+def _to_variables(parameters: CableParameters, by_total: bool) -> np.ndarray:
+    """Vector of which bounds are intervals.
+
+    Where the length of the arm is stated, lengths are the logarithm of their sum, and
+    of their ratios to the last one.
+    """
+    if not by_total:
+        return flatten(parameters)
+    lengths = parameters.lengths
+    total = np.log(np.sum(np.exp(lengths)))
+    return flatten(
+        parameters._replace(lengths=np.append(total, lengths[:-1] - lengths[-1]))
+    )
+
+
+def _from_variables(vector, like: CableParameters, by_total: bool) -> CableParameters:
+    parameters = unflatten(vector, like)
+    if not by_total:
+        return parameters
+    total, ratios = parameters.lengths[0], parameters.lengths[1:]
+    shares: Numbers = jax.nn.log_softmax(jnp.append(ratios, 0.0))
+    if isinstance(vector, np.ndarray):
+        shares = np.asarray(shares)
+    return parameters._replace(lengths=total + shares)
+
+
+def _variables_jacobian(parameters: CableParameters, by_total: bool) -> np.ndarray:
+    """Derivative of the variables by the parameters."""
+    matrix = np.eye(len(flatten(parameters)))
+    if not by_total:
+        return matrix
+    lengths = np.exp(parameters.lengths)
+    block = np.eye(len(lengths), k=-1)
+    block[1:, -1] -= 1.0
+    block[0] = lengths / lengths.sum()
+    before = parameters[: CableParameters._fields.index("lengths")]
+    begin = sum(np.size(value) for value in before)
+    own = slice(begin, begin + len(lengths))
+    matrix[own, own] = block
+    return matrix
+
+
+def _bounds(
+    observations: Observations, start: CableParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest variables; infinite where nothing is stated."""
+    ends = []
+    for sign in (-1.0, 1.0):
+        free = [np.full(np.shape(value), sign * np.inf) for value in start]
+        values = CableParameters(*free)
+        for name, (stated, deviation) in observations.bounds.items():
+            if name == "total":
+                values.lengths[0] = stated + sign * deviation
+            else:
+                values = values._replace(**{name: stated + sign * deviation})
+        ends.append(flatten(values))
+    return ends[0], ends[1]
 
 
 def _prior_std(observations: Observations, start: CableParameters) -> np.ndarray:
@@ -162,9 +233,21 @@ def _weights(observations: Observations) -> np.ndarray:
 
 
 def _residuals(
-    vector, start, weights, columns, states, axes, wiring, like, std, total_std, tension
+    variables,
+    start,
+    weights,
+    columns,
+    states,
+    axes,
+    wiring,
+    like,
+    std,
+    total_std,
+    tension,
+    by_total,
 ):
-    parameters = unflatten(vector, like)
+    parameters = _from_variables(variables, like, by_total)
+    vector = jnp.concatenate([jnp.ravel(value) for value in parameters])
     bends = equilibrium_bends(parameters, wiring, columns, tension)
     predicted = states_in_log(parameters, states_in_base(parameters, bends), axes)
     errors = weights * (predicted - states)
@@ -176,8 +259,9 @@ def _residuals(
     )
 
 
-_compiled_residuals = partial(jax.jit, static_argnames="tension")(_residuals)
-_compiled_jacobian = partial(jax.jit, static_argnames="tension")(jax.jacfwd(_residuals))
+_compile = partial(jax.jit, static_argnames=("tension", "by_total"))
+_compiled_residuals = _compile(_residuals)
+_compiled_jacobian = _compile(jax.jacfwd(_residuals))
 
 
 def predict_states(

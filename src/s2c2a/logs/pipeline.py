@@ -23,7 +23,8 @@ from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_diagnosis import Given, diagnose_map, explained_errors
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
-from s2c2a.logs.priors import first_guess, prior_std
+from s2c2a.logs.poor_fits import describe_poor_fit
+from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import Registration, estimate_registration
 from s2c2a.logs.resampling import split_segments
@@ -38,6 +39,7 @@ from s2c2a.logs.rig import (
 )
 from s2c2a.logs.session import LogSession, build_session, effective_drives
 from s2c2a.logs.session_change import SessionChange, find_change
+from s2c2a.logs.stated_values import describe_contradictions
 from s2c2a.logs.tables import ColumnRequest
 from s2c2a.spaces import POSITION
 
@@ -85,6 +87,9 @@ class Imported:
         segments: what was read.
         diagnosis: change of the map under which the log fits clearly better; empty if
             there is none.
+        poor_fit: what a fit that no change of the map explains misses, and what to
+            check; empty for others.
+        contradictions: stated values that the log contradicts; empty if there is none.
     """
 
     arm: ArmSpec
@@ -99,6 +104,8 @@ class Imported:
     ambiguities: tuple[str, ...]
     segments: Segments
     diagnosis: str
+    poor_fit: str
+    contradictions: str
 
 
 def import_logs(
@@ -132,8 +139,9 @@ def _identify(
     segments = _build_segments(read, log_map)
     registration = _register(segments.sessions, log_map)
     observations = _observe(segments.sessions, registration, log_map)
+    start = first_guess(registration, log_map)
     fit, assignment, ambiguities = identify_cables(
-        observations, first_guess(registration, log_map), log_map, MAX_FITTED
+        observations, start, log_map, MAX_FITTED
     )
     layout = build_layout(fit, assignment, log_map)
     bends, states = predict_states(
@@ -157,6 +165,12 @@ def _identify(
     axes = _rotation_about_z(layout.turn) @ axes
     rig = Rig.identified(log_map, rests, layout.drive, layout.factor, base, axes)
     given = Given(fit, assignment, observations, residual)
+    diagnosis = diagnose_map(read, log_map, given)
+    poor_fit = ""
+    if not diagnosis:
+        poor_fit = describe_poor_fit(
+            segments.sessions, log_map, given, start, MAX_FITTED
+        )
     return Imported(
         arm,
         text,
@@ -169,7 +183,9 @@ def _identify(
         _is_at_rest(log_map),
         tuple(ambiguities),
         segments,
-        diagnose_map(read, log_map, given),
+        diagnosis,
+        poor_fit,
+        describe_contradictions(fit.parameters, observations),
     )
 
 
@@ -377,6 +393,7 @@ def _observe(
         log_map.by_force,
         prior_std(log_map),
         float(registration.lengths.sum()),
+        stated_bounds(registration, log_map),
     )
 
 

@@ -6,6 +6,10 @@ from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.registration import Registration
 
+# largest deviation from stated values: errors of careful measurements by hand
+BASE_BOUND = 0.002  # m, of each coordinate
+LENGTH_BOUND = 0.002  # of the logarithm
+TILT_BOUND = np.deg2rad(1.0)  # about each of x and y
 STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
 
 
@@ -25,6 +29,23 @@ def prior_std(log_map: LogMap) -> dict[str, float]:
         "tilt": 0.1 if log_map.frame.along is None else 0.01,
         "base": 0.1 if log_map.frame.base is None else 0.002,
     }
+
+
+def stated_bounds(
+    registration: Registration, log_map: LogMap
+) -> dict[str, tuple[np.ndarray, float]]:
+    """Stated values of parameters and of `total`, and their largest deviations."""
+    arm = log_map.arm
+    bounds: dict[str, tuple[np.ndarray, float]] = {}
+    if log_map.frame.base is not None:
+        bounds["base"] = (registration.base, BASE_BOUND)
+    if log_map.frame.along is not None:
+        bounds["tilt"] = (np.zeros(2), TILT_BOUND)
+    if arm.lengths is not None:
+        bounds["lengths"] = (np.log(registration.lengths), LENGTH_BOUND)
+    if arm.length is not None:
+        bounds["total"] = (np.log(registration.lengths.sum()), LENGTH_BOUND)
+    return bounds
 
 
 def first_guess(registration: Registration, log_map: LogMap) -> CableParameters:

@@ -49,8 +49,8 @@ def summary(imported: Imported) -> list[str]:
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
         *describe_range(imported.episodes),
     ]
-    if imported.diagnosis:
-        lines.append(f"warning: {imported.diagnosis}")
+    warnings = (imported.diagnosis, imported.poor_fit, imported.contradictions)
+    lines += [f"warning: {text}" for text in warnings if text]
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
 
