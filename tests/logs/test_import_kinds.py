@@ -9,6 +9,7 @@ from s2c2a.arm.geometry import cable_matrix
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.errors import LogError
+from s2c2a.logs.priors import with_stated_angles
 
 ROWS = 200
 LENGTHS = np.array([0.1, 0.12])
@@ -36,10 +37,15 @@ class Kind:
     stated: bool = True
 
     @property
+    def column(self) -> str:
+        """Pressures are measured, displacements are commanded."""
+        return "measured" if self.unit == "kPa" else "commanded"
+
+    @property
     def map(self) -> str:
         """Table of every drive."""
         return "".join(
-            f'[[drives]]\ncommanded = "c{module}{cable}"\nunit = "{self.unit}"\n'
+            f'[[drives]]\n{self.column} = "c{module}{cable}"\nunit = "{self.unit}"\n'
             + (f"module = {module}\n" if self.stated else "")
             + ('positive = "releases"\n' if self.unit == "m" else "")
             for module, angles in enumerate(self.angles_deg)
@@ -53,6 +59,7 @@ class Kind:
             values = bends[:, module] @ cable_matrix(np.deg2rad(angles)).T
             if self.unit == "kPa":
                 values = 40.0 * (values - values.min(axis=1, keepdims=True))
+                values -= 0.05  # error of the sensor's zero
             else:
                 values = RADIUS * values
             columns |= {f"c{module}{k}": value for k, value in enumerate(values.T)}
@@ -113,7 +120,9 @@ def test_angles_of_all_cables_are_identified(tmp_path, kind):
 
 def test_pressures_bend_the_identified_arm_as_in_the_log(tmp_path):
     head = HEAD.replace("0.012", "0.012\nbending_stiffness = 0.02")
-    arm = import_kind(tmp_path, PRESSURE, SPATIAL, head=head).arm
+    imported = import_kind(tmp_path, PRESSURE, SPATIAL, head=head)
+    assert min(episode["actions"].min() for episode in imported.episodes) == 0.0
+    arm = imported.arm
     # 40 kPa a radian at a chamber's angle, and half of it at the two others
     for module, length in zip(arm.modules, LENGTHS, strict=True):
         area = 0.02 / length / (RADIUS * 60e3)
@@ -157,3 +166,17 @@ def test_an_angle_in_a_plane_needs_the_direction_along_the_arm():
     end = END.format(1, ["u", "v"]) + 'euler = ["angle"]\nsequence = "z"'
     with pytest.raises(LogError, match="state along"):
         map_from_toml(HEAD + PLANAR.map + end)
+
+
+def test_stated_angles_count_from_an_unknown_x():
+    drives = MIXED.map
+    for cable, angle in enumerate((0, 120)):
+        name = f'"c0{cable}"\n'
+        drives = drives.replace(name, f"{name}angle_deg = {angle}\n")
+    log_map = map_from_toml(HEAD + drives + SPATIAL)
+    estimated = np.deg2rad([95.0, 205.0, 330.0, 0.0, 90.0, 180.0, 270.0])
+    angles = np.rad2deg(with_stated_angles(estimated, log_map))
+    np.testing.assert_allclose(angles[:3], [90.0, 210.0, 330.0], atol=1e-6)
+    stated = map_from_toml(HEAD + drives + SPATIAL + '[frame]\nx = "x"\n')
+    angles = np.rad2deg(with_stated_angles(estimated, stated))
+    np.testing.assert_allclose(angles[:3], [0.0, 120.0, 330.0], atol=1e-6)

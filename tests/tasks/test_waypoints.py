@@ -280,7 +280,7 @@ def test_opposite_axes_cannot_be_interpolated(table):
 
 
 @pytest.mark.parametrize(
-    "content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\n"]
+    "content", [b"\xff\xfe\x00\x01\x02", b"time,x,y,z\n0,0,0,\xe9\0\n"]
 )
 def test_a_file_that_is_no_text_is_rejected(tmp_path, content):
     path = tmp_path / "picture.csv"

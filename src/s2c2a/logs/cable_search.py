@@ -17,6 +17,7 @@ from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
+from s2c2a.logs.priors import with_stated_angles
 
 MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
 # a trial with more than this ratio of costs after the first iterations is dropped
@@ -220,9 +221,7 @@ def _first_parameters(
     ]
     pulls = assignment.signs[:, None] * tip
     angles = np.arctan2(pulls[:, 1], pulls[:, 0])
-    for index, drive in enumerate(log_map.drives):
-        if drive.angle_deg is not None:
-            angles[index] = np.deg2rad(drive.angle_deg)
+    angles = with_stated_angles(angles, log_map)
     gains = np.linalg.norm(tip, axis=1) / np.array(levers)
     gains = gains[gains > 0]
     gain = np.log(np.median(gains) if len(gains) else 1.0)

@@ -451,6 +451,9 @@ def _build_episode(
     command, so commands are shifted by one row.
     """
     sent = segment.commands
+    if log_map.by_force:  # noise of sensors; no command is below zero
+        is_measured = [drive.commanded is None for drive in log_map.drives]
+        sent = np.where(is_measured, np.maximum(sent, 0.0), sent)
     if log_map.rows.settled:
         sent = np.concatenate([sent[1:], sent[-1:]])
     columns = {

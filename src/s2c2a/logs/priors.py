@@ -1,6 +1,7 @@
 """First guess of the cable model's parameters, and how far a fit may move them."""
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.log_map import LogMap
@@ -62,3 +63,20 @@ def first_guess(registration: Registration, log_map: LogMap) -> CableParameters:
         tilt=np.zeros(2),
         base=registration.base,
     )
+
+
+def with_stated_angles(
+    angles: Float[np.ndarray, " drives"], log_map: LogMap
+) -> Float[np.ndarray, " drives"]:
+    """Angles [rad] where stated ones replace estimated ones.
+
+    Where the map does not state x, stated angles count from an unknown direction: all
+    turn by the mean difference from the estimated ones.
+    """
+    degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
+    stated = np.deg2rad(degrees)
+    known = np.isfinite(stated)
+    if log_map.frame.x is None and known.any():
+        differences = np.exp(1j * (angles - stated))
+        stated = stated + np.angle(differences[known].sum())
+    return np.where(known, stated, angles)
