@@ -25,7 +25,7 @@ MAX_ANGLE_ERROR_DEG = 60.0
 MIN_RADIUS = 0.0015  # m
 MAX_RADIUS = 0.3  # m
 DEFAULT_RADIUS = 0.01  # m
-CHAMBER_AREA = (1e-8, 0.1)  # m2
+CHAMBER_AREA = (1e-8, 0.1)  # m2, the range of arm files
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Several servo buses as one: other ports, or other models on the same port."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from s2c2a.lab.hardware.bus import (
     BusError,
@@ -147,9 +147,10 @@ class CombinedBus(ServoBus):
         self._owner(id).reboot(id)
 
     def close(self) -> None:
-        """Close all ports."""
-        for bus in self._buses:
-            bus.close()
+        """Close all ports, also after one of them failed."""
+        with ExitStack() as stack:
+            for bus in self._buses:
+                stack.callback(bus.close)
 
     def _owner(self, id: int) -> ServoBus:
         if id not in self._owners:
