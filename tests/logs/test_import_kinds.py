@@ -174,7 +174,7 @@ def test_stated_angles_count_from_an_unknown_x():
         name = f'"c0{cable}"\n'
         drives = drives.replace(name, f"{name}angle_deg = {angle}\n")
     log_map = map_from_toml(HEAD + drives + SPATIAL)
-    estimated = np.deg2rad([95.0, 205.0, 330.0, 0.0, 90.0, 180.0, 270.0])
+    estimated = np.deg2rad([90.0, 200.0, 330.0, 0.0, 90.0, 180.0, 270.0])
     angles = np.rad2deg(with_stated_angles(estimated, log_map))
     np.testing.assert_allclose(angles[:3], [90.0, 210.0, 330.0], atol=1e-6)
     stated = map_from_toml(HEAD + drives + SPATIAL + '[frame]\nx = "x"\n')

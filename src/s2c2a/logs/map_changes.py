@@ -12,6 +12,7 @@ from s2c2a.logs.cable_model import tilt_rotation
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
+from s2c2a.logs.priors import without_turn
 from s2c2a.logs.session import unit_vector
 
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
@@ -77,7 +78,7 @@ def stated_angles(
 ) -> Float[np.ndarray, " drives"]:
     """Stated angles instead of identified ones [rad], turned if x is not stated."""
     stated = _angles(log_map)
-    errors = _without_turn(np.asarray(angles) - stated, log_map)
+    errors = without_turn(np.asarray(angles) - stated, log_map)
     return np.where(np.isfinite(stated), angles - errors, angles)
 
 
@@ -165,20 +166,8 @@ def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:
     directions = found.directions * signs[:, None]
     angles = np.arctan2(directions @ y, directions @ x)
     stated = _angles(log_map)
-    errors = _without_turn(angles - stated, log_map)
+    errors = without_turn(angles - stated, log_map)
     return np.nan_to_num(np.abs(errors))
-
-
-def _without_turn(errors: np.ndarray, log_map: LogMap) -> np.ndarray:
-    """Errors of angles [rad]; without the turn of most where x is not stated."""
-    turns = errors[np.isfinite(errors)]
-    if log_map.frame.x is not None or not len(turns):
-        turns = np.zeros(1)
-    turned = errors - turns[:, None]
-    wrapped = np.angle(np.exp(1j * turned))
-    sizes = np.minimum(np.abs(wrapped), 0.5)
-    costs = np.nansum(sizes, axis=1)
-    return wrapped[np.argmin(costs)]
 
 
 Change = tuple[str, np.ndarray, LogMap]

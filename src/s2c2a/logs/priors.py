@@ -11,6 +11,7 @@ from s2c2a.logs.registration import Registration
 BASE_BOUND = 0.002  # m, of each coordinate
 LENGTH_BOUND = 0.002  # of the logarithm
 TILT_BOUND = np.deg2rad(1.0)  # about each of x and y
+WRONG_ANGLE = 0.5  # rad; a larger error says nothing of the turn of the frame
 STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
 
 
@@ -68,15 +69,19 @@ def first_guess(registration: Registration, log_map: LogMap) -> CableParameters:
 def with_stated_angles(
     angles: Float[np.ndarray, " drives"], log_map: LogMap
 ) -> Float[np.ndarray, " drives"]:
-    """Angles [rad] where stated ones replace estimated ones.
-
-    Where the map does not state x, stated angles count from an unknown direction: all
-    turn by the mean difference from the estimated ones.
-    """
+    """Angles [rad] where stated ones replace estimated ones, turned if x is unknown."""
     degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
-    stated = np.deg2rad(degrees)
-    known = np.isfinite(stated)
-    if log_map.frame.x is None and known.any():
-        differences = np.exp(1j * (angles - stated))
-        stated = stated + np.angle(differences[known].sum())
-    return np.where(known, stated, angles)
+    errors = without_turn(angles - np.deg2rad(degrees), log_map)
+    return angles - np.nan_to_num(errors)
+
+
+def without_turn(errors: np.ndarray, log_map: LogMap) -> np.ndarray:
+    """Errors of angles [rad]; without the turn of most where x is not stated."""
+    turns = errors[np.isfinite(errors)]
+    if log_map.frame.x is not None or not len(turns):
+        turns = np.zeros(1)
+    turned = errors - turns[:, None]
+    wrapped = np.angle(np.exp(1j * turned))
+    sizes = np.minimum(np.abs(wrapped), WRONG_ANGLE)
+    costs = np.nansum(sizes, axis=1)
+    return wrapped[np.argmin(costs)]
