@@ -38,7 +38,7 @@ for name in ("twin_arm", "simulated_arm"):
 CORE = """
 from importlib.util import find_spec
 import s2c2a
-for name in ("lab", "logs", "live"):
+for name in ("lab", "logs", "live", "integrations"):
     assert find_spec(f"s2c2a.{name}") is None, name
 for name in ("viser", "cv2", "serial", "distributed", "optuna", "pytest"):
     assert find_spec(name) is None, name

@@ -36,6 +36,8 @@ GROUPS = {
     "solver": "s2c2a.solvers",
     "guide": "s2c2a.guides",
     "tracker": "s2c2a.trackers",
+    "export": "s2c2a.exports",
+    "stream": "s2c2a.streams",
 }
 """Groups of entry points, by the kind of objects that they hold."""
 

@@ -158,5 +158,29 @@ def test_an_exported_csv_is_imported_again_with_its_map(recording, tmp_path):
 
 
 def test_another_ending_is_refused(recording, tmp_path):
-    with pytest.raises(S2C2AError, match=r"none of \.npz, \.mat, \.csv, \.parquet"):
+    with pytest.raises(S2C2AError, match="choose one of csv, parquet, npz, mat"):
         export(recording, tmp_path / "two.xls")
+
+
+def test_a_form_is_asked_for_without_an_ending(recording, tmp_path):
+    with pytest.raises(S2C2AError, match="neither --to nor --out"):
+        export(recording)
+    with pytest.raises(S2C2AError, match="has no ending; add --to"):
+        export(recording, tmp_path / "two")
+
+
+def test_a_form_by_name_is_written_to_the_current_folder(
+    recording, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    export(recording, to="npz")
+    assert "episode1.time" in np.load("two.npz")
+
+
+def test_a_form_of_a_users_file(recording, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code = "def write(file, out):\n    out.write_text(file.name)\n    return 'a name'\n"
+    (tmp_path / "own_form.py").write_text(code)
+    export(recording, tmp_path / "name.txt", to="own_form.py:write")
+    assert (tmp_path / "name.txt").read_text() == "two.episodes"
+    assert "a name: " in capsys.readouterr().out

@@ -19,6 +19,7 @@ API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
 INTERNAL = {
     "cli": "the command line: Commands",
     "live": "the page in the browser: s2c2a live and s2c2a view",
+    "integrations": "other software: the guides of exports, environments and ROS 2",
 }
 """Packages behind a command, without a page."""
 

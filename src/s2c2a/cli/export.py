@@ -1,8 +1,8 @@
-"""Command `s2c2a export`: episodes as arrays or tables, for other programs."""
+"""Command `s2c2a export`: recordings and trained strategies for other programs."""
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,14 +14,13 @@ from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, write_atomically
+from s2c2a.plugins import resolve, trust_code
 
-RecordingFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
-TABLES = ".csv", ".parquet"
-ENDINGS = ".npz", ".mat", *TABLES
+ExportedFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 
 
-def export(recording: RecordingFile, out: Path) -> None:
-    """Write the episodes of a recording or run for other programs (docs/reference/episodes.md).
+def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -> None:
+    """Write a recording, a run or a trained strategy for other programs (docs/guides/export.md).
 
     NPZ and MAT hold every column of every episode as an array, such as
     episode1.sensor_cables; the arm file and the options are text. CSV and Parquet hold
@@ -29,28 +28,44 @@ def export(recording: RecordingFile, out: Path) -> None:
     FILE.map.toml beside it imports it again.
 
     Args:
-        recording: the episodes, such as mine.episodes.
-        out: the file, ending in .npz, .mat, .csv or .parquet; replaced if it exists.
+        file: the recording, such as mine.episodes, or the strategy, such as
+            mine.safetensors.
+        out: where to write, such as mine.csv; replaced if it exists. By default, the
+            name of the file with the form as its ending, in the current folder.
+        to: the form: csv, parquet, npz or mat, of a plug-in, or module:function; by
+            default, the ending of --out.
     """
-    if out.suffix not in ENDINGS:
-        raise S2C2AError(f"--out '{out}' ends in none of {', '.join(ENDINGS)}")
-    episodes, options = load_episodes(recording)
-    if out.suffix in TABLES:
-        _write_table(episodes, options, out)
-    else:
-        _write_arrays(episodes, options, out)
-    print(f"{len(episodes)} episodes: {out}")
+    form = to or (out.suffix.removeprefix(".") if out else "")
+    if not form:
+        given = (
+            f"--out '{out}' has no ending"
+            if out
+            else "neither --to nor --out was given"
+        )
+        raise S2C2AError(f"{given}; add --to with one of {', '.join(FORMS)}")
+    trust_code(form)
+    write: ExportForm = resolve("export", form, FORMS)
+    target = out or Path(f"{file.stem}.{form}")
+    print(f"{write(file, target)}: {target}")
 
 
-def _write_table(
-    episodes: Sequence[Episode], options: dict[str, Any], out: Path
-) -> None:
-    """Write a table, and its map if module ends were measured."""
-    table = table_of(episodes)
-    write = _write_csv if out.suffix == ".csv" else _write_parquet
-    write(table, units_of(episodes), _texts(episodes, options), out)
-    if text := import_map(episodes, table, bool(options.get("at_rest"))):
-        write_atomically(text, f"{out}.map.toml")
+ExportForm = Callable[[Path, Path], str]
+"""Writes what a file holds to a path; returns what it wrote, such as "3 episodes"."""
+TableWriter = Callable[[Columns, dict[str, str], dict[str, str], Path], None]
+
+
+def _table_form(write: TableWriter) -> ExportForm:
+    """The form of a table: it writes the map, too, if module ends were measured."""
+
+    def export_table(file: Path, out: Path) -> str:
+        episodes, options = load_episodes(file)
+        table = table_of(episodes)
+        write(table, units_of(episodes), _texts(episodes, options), out)
+        if text := import_map(episodes, table, bool(options.get("at_rest"))):
+            write_atomically(text, f"{out}.map.toml")
+        return f"{len(episodes)} episodes"
+
+    return export_table
 
 
 def _texts(episodes: Sequence[Episode], options: dict[str, Any]) -> dict[str, str]:
@@ -94,10 +109,11 @@ def _write_parquet(
         parquet.write_table(pyarrow.table(table, metadata=metadata), part)
 
 
-def _write_arrays(
-    episodes: Sequence[Episode], options: dict[str, Any], out: Path
-) -> None:
-    content: dict[str, Any] = {**_texts(episodes, options)}
+def _arrays(
+    episodes: Sequence[Episode], options: dict[str, Any]
+) -> dict[str, str | dict[str, Any]]:
+    """Texts, and the columns of every episode by name."""
+    content: dict[str, str | dict[str, Any]] = {**_texts(episodes, options)}
     for number, episode in enumerate(episodes, 1):
         # MATLAB allows no point in a name
         columns: dict[str, Any] = {
@@ -105,13 +121,24 @@ def _write_arrays(
         }
         columns["options"] = json.dumps(dict(episode.options))
         content[f"episode{number}"] = columns
-    with atomic_write(out) as part, open(part, "wb") as file:
-        if out.suffix == ".npz":
-            np.savez_compressed(file, **_flat(content))
-        else:
-            from scipy.io import savemat
+    return content
 
-            savemat(file, content, long_field_names=True, do_compression=True)
+
+def _export_npz(file: Path, out: Path) -> str:
+    episodes, options = load_episodes(file)
+    with atomic_write(out) as part, open(part, "wb") as archive:
+        np.savez_compressed(archive, **_flat(_arrays(episodes, options)))
+    return f"{len(episodes)} episodes"
+
+
+def _export_mat(file: Path, out: Path) -> str:
+    from scipy.io import savemat
+
+    episodes, options = load_episodes(file)
+    content = _arrays(episodes, options)
+    with atomic_write(out) as part, open(part, "wb") as archive:
+        savemat(archive, content, long_field_names=True, do_compression=True)
+    return f"{len(episodes)} episodes"
 
 
 def _flat(content: dict[str, Any]) -> dict[str, Any]:
@@ -123,3 +150,12 @@ def _flat(content: dict[str, Any]) -> dict[str, Any]:
         else:
             flat[name] = value
     return flat
+
+
+FORMS: dict[str, ExportForm] = {
+    "csv": _table_form(_write_csv),
+    "parquet": _table_form(_write_parquet),
+    "npz": _export_npz,
+    "mat": _export_mat,
+}
+"""Forms of the core; others are entry points of `s2c2a.exports`."""
