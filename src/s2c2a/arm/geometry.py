@@ -258,7 +258,7 @@ class ArmGeometry:
             cables: displacements over the cable radius [rad], or shares of the actions;
                 the bends have the same unit.
         """
-        return np.einsum("mkc,...mc->...mk", self.bend_matrices, cables)
+        return (self.bend_matrices @ cables[..., None])[..., 0]
 
     def commanded_bends(
         self, actions: Float[np.ndarray, "*batch modules cables"]

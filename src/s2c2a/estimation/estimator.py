@@ -186,6 +186,11 @@ class EncoderEstimator(StateEstimator):
     """Configurations from a map of the reading, and a payload that the user states.
 
     Its only memory is the hysteresis of the forward model.
+
+    Attributes:
+        configuration_map: from readings to configurations.
+        model: forward model whose hysteresis it follows, or None.
+        payload: mass at the tip [kg].
     """
 
     def __init__(
@@ -202,21 +207,22 @@ class EncoderEstimator(StateEstimator):
                 does, if its model has any.
             payload: mass at the tip [kg].
         """
-        self._map = configuration_map
+        self.configuration_map = configuration_map
+        self.model = model
+        self.payload = payload
         # Equinox takes as long to look a method up as the map takes to run
         self._inputs = configuration_map.inputs
-        self._sensed = compiled(_sensed, configuration_map, model)
-        self._payload = payload
+        self._sensed = compiled(sense, configuration_map, model)
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        return self._map.sensors
+        return self.configuration_map.sensors
 
     def start(self, reading: Reading) -> Estimate:
         configuration, hysteresis = self._sensed(self._inputs(reading), None)
-        if not self._payload:
+        if not self.payload:
             return Estimate(configuration, hysteresis=hysteresis)
-        return Estimate.of(configuration, self._payload, hysteresis=hysteresis)
+        return Estimate.of(configuration, self.payload, hysteresis=hysteresis)
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
@@ -226,7 +232,7 @@ class EncoderEstimator(StateEstimator):
         return estimate._replace(configuration=configuration, hysteresis=hysteresis)
 
 
-def _sensed(
+def sense(
     configuration_map: ConfigurationMap,
     model: ForwardModel | None,
     inputs: Measured,

@@ -50,7 +50,10 @@ class KalmanEstimator(StateEstimator):
     """Configurations from encoders; payload and bend biases from all other sensors.
 
     Attributes:
+        configuration_map: from encoders to configurations.
         filter: the Kalman filter.
+        payload: known mass at the tip [kg].
+        reader: of the measurements of the other sensors.
     """
 
     def __init__(
@@ -69,27 +72,27 @@ class KalmanEstimator(StateEstimator):
             payload: known mass at the tip [kg].
         """
         self.filter = disturbance_filter
-        self._map = configuration_map
+        self.configuration_map = configuration_map
         self._inputs = configuration_map.inputs
-        self._payload = np.float32(payload)
-        self._reader = MeasurementReader(arm, disturbance_filter.sensors)
+        self.payload = np.float32(payload)
+        self.reader = MeasurementReader(arm, disturbance_filter.sensors)
         self._names = tuple(sensor.name for sensor in disturbance_filter.sensors)
-        self._start = compiled(_start, configuration_map, disturbance_filter)
-        self._update = compiled(_update, configuration_map, disturbance_filter)
+        self._start = compiled(start_estimate, configuration_map, disturbance_filter)
+        self._update = compiled(update_estimate, configuration_map, disturbance_filter)
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """See `StateEstimator`: other sensors may be missing at any time."""
-        return self._map.sensors
+        return self.configuration_map.sensors
 
     def start(self, reading: Reading) -> Estimate:
-        self._reader.reset()
-        return self._named(self._start(self._inputs(reading), self._payload))
+        self.reader.reset()
+        return self._named(self._start(self._inputs(reading), self.payload))
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
-        measurements = self._reader.measurements(reading)
+        measurements = self.reader.measurements(reading)
         inputs = self._inputs(reading)
         return self._named(self._update(estimate.memory, inputs, measurements))
 
@@ -100,18 +103,19 @@ class KalmanEstimator(StateEstimator):
         return estimate._replace(rejected=flags, hysteresis=hysteresis)
 
 
-def _start(
+def start_estimate(
     configuration_map: ConfigurationMap,
     disturbance_filter: DisturbanceFilter,
     inputs: Mapping[str, Array],
     payload: Float[Array, ""],
 ) -> tuple[Estimate, Array]:
+    """Estimate of an arm at rest, and which sensors are not used."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.start(configuration, payload)
     return _estimate(disturbance_filter, configuration, state)
 
 
-def _update(
+def update_estimate(
     configuration_map: ConfigurationMap,
     disturbance_filter: DisturbanceFilter,
     last: FilterState,

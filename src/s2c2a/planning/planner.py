@@ -396,6 +396,10 @@ class Planner:
     """Plans the next configuration online, one control step at a time.
 
     Compiles at the first call. Targets, obstacles and weights may change in each call.
+
+    Attributes:
+        model: predicts states.
+        step: what is compiled.
     """
 
     def __init__(
@@ -414,7 +418,7 @@ class Planner:
             factors: of the arm's stiffness and damping; nominal ones by default.
         """
         self.model = model
-        step = Step.of(arm, model, options, factors)
+        self.step = step = Step.of(arm, model, options, factors)
         _, _, guides = options.build()
         self._leaders = [guide.leader(arm, model, options.guard) for guide in guides]
         self._no_lead = Lead.none(arm.module_count)

@@ -5,6 +5,7 @@ This is the definition for commands. Every command passes it, whatever the sourc
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -85,27 +86,29 @@ class CommandLimits:
             change: change that the last command made.
             before: desired command of the last step, finite or not.
         """
-        target = self._in_range(np.where(np.isfinite(desired), desired, last))
+        xp = array_namespace(desired)
+        target = self._in_range(xp.where(xp.isfinite(desired), desired, last))
         displacement = target - last
         # a desired command beyond the range does not move while it stays there
-        last_target = self._in_range(np.where(np.isfinite(before), before, target))
+        last_target = self._in_range(xp.where(xp.isfinite(before), before, target))
         target_change = target - last_target
         lag = displacement - target_change
         size, acceleration, lag_size = self.change_sizes(
-            np.stack([displacement, displacement - change, lag])
+            xp.stack([displacement, displacement - change, lag])
         )
         allowed = (
             (size <= self.step_limit)
-            & (np.maximum(acceleration, lag_size) <= self.acceleration_limit)
+            & (xp.maximum(acceleration, lag_size) <= self.acceleration_limit)
             & self._stops_in_range(displacement, last)
         )
-        if allowed.all():
+        # the usual case; a traced step cannot branch
+        if isinstance(allowed, np.ndarray) and allowed.all():
             return target
         catch_up = target_change + self._capped(lag, self._stoppable_change(lag_size))
         feasible = self._accelerated(
             self._capped(catch_up, self.step_limit), last, change
         )
-        return np.where(allowed, target, feasible)
+        return xp.where(allowed, target, feasible)
 
     def towards_rest(self, last: Actions, change: Actions) -> Actions:
         """Return the next command on the way to rest; all modules arrive together."""
@@ -122,7 +125,8 @@ class CommandLimits:
         squared_bends = (bends**2).sum(axis=-1, keepdims=True)
         alone = parts / self._common_share
         squared_cables = (alone**2).max(axis=-1, keepdims=True)
-        return np.sqrt(np.maximum(squared_bends, squared_cables))
+        xp = array_namespace(change)
+        return xp.sqrt(xp.maximum(squared_bends, squared_cables))
 
     @cached_property
     def _common_share(self) -> PerModule | float:
@@ -139,16 +143,18 @@ class CommandLimits:
 
     def _stoppable_change(self, distance: PerModule) -> PerModule:
         """Largest change from which braking at the limit covers just a distance."""
+        xp = array_namespace(distance)
         limit = self.acceleration_limit
-        steps = np.floor((np.sqrt(1.0 + 8.0 * distance / limit) - 1.0) / 2.0)
+        steps = xp.floor((xp.sqrt(1.0 + 8.0 * distance / limit) - 1.0) / 2.0)
         return distance / (steps + 1.0) + 0.5 * limit * steps
 
     def _stops_in_range(
         self, change: Actions, last: Actions
     ) -> Bool[np.ndarray, "modules 1"]:
         """Whether the arm can brake after a change before a limit of value."""
-        size = np.maximum(self.change_sizes(change), ROUNDING)
-        steps = np.floor(size / self.acceleration_limit)
+        xp = array_namespace(change)
+        size = xp.maximum(self.change_sizes(change), ROUNDING)
+        steps = xp.floor(size / self.acceleration_limit)
         lost = 0.5 * self.acceleration_limit * steps / size  # share lost by braking
         stop = last + change * (steps + 1.0) * (1.0 - lost)
         tolerance = ROUNDING / np.abs(self._inverse_scales)
@@ -162,15 +168,19 @@ class CommandLimits:
         faster = change + self._capped(desired - change, limit)
         braking = change - self._capped(change, limit)
         safe = self._stops_in_range(faster, last)
-        return self._in_range(last + np.where(safe, faster, braking))
+        xp = array_namespace(change)
+        return self._in_range(last + xp.where(safe, faster, braking))
 
     def _in_range(self, command: Actions) -> Actions:
-        return np.clip(command, self.geometry.action_low, self.geometry.action_high)
+        return array_namespace(command).clip(
+            command, self.geometry.action_low, self.geometry.action_high
+        )
 
     def _capped(self, change: Actions, max_size: PerModule) -> Actions:
         """Shorten a change to a largest size, in the same direction."""
-        size = np.maximum(self.change_sizes(change), ROUNDING)
-        return change * np.minimum(1.0, max_size / size)
+        xp = array_namespace(change)
+        size = xp.maximum(self.change_sizes(change), ROUNDING)
+        return change * xp.minimum(1.0, max_size / size)
 
 
 def command_range(arm: ArmSpec) -> tuple[Actions, Actions]:
@@ -202,6 +212,11 @@ def arm_at(arm: ArmSpec, rate: float) -> ArmSpec:
         * ratio**2,
     }
     return arm.model_copy(update=update)
+
+
+def array_namespace(array: Any) -> Any:
+    """The module of an array's functions: limits also run in JAX, in exported code."""
+    return array.__array_namespace__()
 
 
 class CommandLimiter:

@@ -23,6 +23,9 @@ class Strategy:
         name: such as "s2c2a".
         arm: that it drives.
         sensors: names of the sensors that every reading must hold.
+        estimator: from readings to the state.
+        planner: from state and goal to the next configuration.
+        controller: from the planned configuration to the command.
     """
 
     def __init__(
@@ -45,8 +48,9 @@ class Strategy:
         self.name = name
         self.arm = arm
         self.sensors = estimator.sensors
-        self._estimator = estimator
-        self._planner = planner
+        self.estimator = estimator
+        self.planner = planner
+        self.controller = controller
         self._start_controller = compiled(type(controller).start, controller)
         self._act = compiled(type(controller).act, controller)
         self._sent = compiled(type(controller).sent, controller)
@@ -63,7 +67,7 @@ class Strategy:
         Raises:
             StrategyError: the sensors gave no finite numbers.
         """
-        self._begin(_checked(self._estimator.start(reading)))
+        self._begin(_checked(self.estimator.start(reading)))
 
     def estimate(self, reading: Reading, last_command: Actions) -> Estimate:
         """The state of the arm after a reading.
@@ -78,7 +82,7 @@ class Strategy:
                 numbers; the next reading may be better.
         """
         self._check_started()
-        estimate = self._estimator.update(self._estimate, reading, last_command)
+        estimate = self.estimator.update(self._estimate, reading, last_command)
         self._estimate = _checked(estimate)
         return self._estimate
 
@@ -89,7 +93,7 @@ class Strategy:
             estimate: of the arm's state.
             goal: for the state after the next command.
         """
-        self._plan = self._planner.plan(self._check_started(), estimate, goal)
+        self._plan = self.planner.plan(self._check_started(), estimate, goal)
         self._goal = goal
         return self._plan
 
@@ -142,7 +146,7 @@ class Strategy:
             StrategyError: the strategy was not started.
         """
         plan = self._check_started()
-        expectation = self._planner.expectation(plan)
+        expectation = self.planner.expectation(plan)
         ahead = {}
         if expectation.horizon is not None:
             ahead["horizon"] = np.asarray(expectation.horizon, dtype=float)
@@ -161,11 +165,11 @@ class Strategy:
 
     def set_real_time(self, is_real: bool) -> None:
         """See `Planner.set_real_time`."""
-        self._planner.set_real_time(is_real)
+        self.planner.set_real_time(is_real)
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate = estimate
-        self._plan = self._planner.start(estimate)
+        self._plan = self.planner.start(estimate)
         self._goal = Goal.of(self.arm.module_count)
         self._controller_memory = self._start_controller(estimate.configuration)
         self._command = ArmGeometry.of(self.arm).action_neutral
@@ -184,7 +188,7 @@ class Strategy:
         cables = np.zeros((modules, self.arm.cable_count))
         reading = Reading(0.0, {"cables": cables, "configurations": straight})
         if set(self.sensors) <= set(reading.sensors):
-            self._begin(self._estimator.start(reading))
+            self._begin(self.estimator.start(reading))
             estimate = self.estimate(reading, cables)
         else:
             estimate = Estimate.of(straight)

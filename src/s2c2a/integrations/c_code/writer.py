@@ -1,0 +1,301 @@
+"""From a jaxpr to statements of a program."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+
+from s2c2a.errors import S2C2AError
+from s2c2a.integrations.c_code.elementwise import cost_of, element_of
+from s2c2a.integrations.c_code.program import Program, constant, kind_of
+from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
+
+MAX_COST = 40  # operations of one expression; compilers take long over larger ones
+MAX_FOLDED = 4096  # elements of an array that is computed when the program is written
+
+Rule = Callable[["Writer", JaxprEqn, list[Value]], Sequence[Value]]
+RULES: dict[str, Rule] = {}
+"""How operations on whole arrays are written, by the name of the primitive."""
+VIEWS = {"broadcast_in_dim", "reshape", "squeeze", "transpose", "slice", "rev", "split"}
+"""Primitives that move no memory."""
+NESTED = {"jit", "pjit", "closed_call", "core_call", "remat", "checkpoint"}
+CUSTOM = {"custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr"}
+
+
+def rule(*names: str) -> Callable[[Rule], Rule]:
+    """Register a function as the rule of primitives."""
+
+    def register(function: Rule) -> Rule:
+        RULES.update(dict.fromkeys(names, function))
+        return function
+
+    return register
+
+
+@dataclass
+class Scope:
+    """Values of the variables of one jaxpr, and how often each is still read."""
+
+    values: dict[Var, Value | np.ndarray] = field(default_factory=dict)
+    uses: Counter = field(default_factory=Counter)
+
+
+class Writer:
+    """Writes jaxprs into a program.
+
+    Attributes:
+        program: that is written.
+    """
+
+    def __init__(self, program: Program):
+        """Nothing is written yet."""
+        self.program = program
+        self._protected: list[frozenset[Place]] = []
+
+    def write(
+        self,
+        jaxpr: Jaxpr,
+        constants: Sequence[Any],
+        inputs: Sequence[Value | np.ndarray],
+        needed: Sequence[bool] | None = None,
+    ) -> list[Value | np.ndarray]:
+        """Write all operations of a jaxpr; returns its outputs.
+
+        Args:
+            jaxpr: operations.
+            constants: arrays of its constant variables.
+            inputs: of its other variables.
+            needed: which outputs are used; the others may be anything.
+        """
+        wanted = [True] * len(jaxpr.outvars) if needed is None else list(needed)
+        equations = _needed_equations(jaxpr, wanted)
+        scope = Scope(uses=_uses(jaxpr, equations, wanted))
+        for variable, array in zip(jaxpr.constvars, constants, strict=True):
+            scope.values[variable] = _known(array)
+        for variable, value in zip(jaxpr.invars, inputs, strict=True):
+            scope.values[variable] = self._kept(value, scope.uses[variable])
+        self._protected.append(self._reads(list(inputs)))
+        for equation, is_used in equations:
+            self._write_equation(equation, is_used, scope)
+        self._protected.pop()
+        return [
+            self._read(variable, scope)
+            if is_needed
+            else np.zeros(described(variable).shape)
+            for variable, is_needed in zip(jaxpr.outvars, wanted, strict=True)
+        ]
+
+    def write_closed(
+        self, closed: ClosedJaxpr, inputs: Sequence[Value | np.ndarray]
+    ) -> list[Value]:
+        """Write a jaxpr with its constants; returns its outputs as values."""
+        outputs = self.write(closed.jaxpr, closed.consts, inputs)
+        return [self.value(output) for output in outputs]
+
+    def value(self, known: Value | np.ndarray) -> Value:
+        """A value that code can read."""
+        if not isinstance(known, np.ndarray):
+            return known
+        if known.size and (known == known.flat[0]).all():
+            number = constant(known.flat[0], kind_of(known.dtype))
+            return number.broadcast(known.shape, ())
+        return self.program.constants.stored(known)
+
+    def stored(self, value: Value) -> Stored:
+        """The value in memory, if reading it costs anything or it has to be there."""
+        return self.program.stored(value)
+
+    @contextmanager
+    def protecting(self, values: Sequence[Value]) -> Iterator[None]:
+        """Keep the places of values while the block writes other operations."""
+        self._protected.append(self._reads(list(values)))
+        try:
+            yield
+        finally:
+            self._protected.pop()
+
+    def _write_equation(
+        self, equation: JaxprEqn, is_used: list[bool], scope: Scope
+    ) -> None:
+        operands = [self._read(variable, scope) for variable in equation.invars]
+        for variable in equation.invars:
+            if isinstance(variable, Var):
+                scope.uses[variable] -= 1
+        outputs = self._outputs(equation, is_used, operands, scope)
+        for variable, output in zip(equation.outvars, outputs, strict=True):
+            scope.values[variable] = self._kept(output, scope.uses[variable])
+        for variable in equation.invars:
+            if isinstance(variable, Var) and not scope.uses[variable]:
+                scope.values.pop(variable, None)
+        live = self._reads(list(scope.values.values())).union(*self._protected)
+        self.program.free_all_but(live)
+
+    def _outputs(
+        self,
+        equation: JaxprEqn,
+        is_used: list[bool],
+        operands: list[Value | np.ndarray],
+        scope: Scope,
+    ) -> Sequence[Value | np.ndarray]:
+        name = equation.primitive.name
+        inner = _inner_jaxpr(equation)
+        if inner is not None:
+            self._protected.append(self._reads(list(scope.values.values())))
+            outputs = self.write(inner.jaxpr, inner.consts, operands, is_used)
+            self._protected.pop()
+            return outputs
+        if (folded := _folded(equation, operands)) is not None:
+            return folded
+        if (simple := _simplified(equation, operands)) is not None:
+            return [simple]
+        values = [self.value(operand) for operand in operands]
+        if name in RULES:
+            here = self._reads([*scope.values.values(), *values])
+            self._protected.append(here)
+            written = RULES[name](self, equation, values)
+            self._protected.pop()
+            return written
+        dtypes = [described(variable).dtype for variable in equation.invars]
+        element = element_of(name, equation.params, dtypes)
+        if element is None:
+            raise S2C2AError(
+                f"the operation '{name}' cannot be exported to C; choose another recipe, "
+                "or export to onnx"
+            )
+        return [_elementwise(equation, element, values)]
+
+    def _kept(self, value: Value | np.ndarray, uses: int) -> Value | np.ndarray:
+        """The value as later operations read it: stored if computed too often."""
+        if not isinstance(value, Computed) or not value.cost:
+            return value
+        if uses > 1 or value.cost > MAX_COST:
+            return self.program.stored(value)
+        return value
+
+    def _read(self, variable: Any, scope: Scope) -> Value | np.ndarray:
+        if isinstance(variable, Literal):
+            return _known(variable.val)
+        return scope.values[variable]
+
+    def _reads(self, values: list[Value | np.ndarray]) -> frozenset[Place]:
+        places = [value.places for value in values if not isinstance(value, np.ndarray)]
+        return frozenset().union(*places)
+
+
+def described(variable: Any) -> Any:
+    """Shape and type of a variable."""
+    return variable.aval
+
+
+def _known(array: Any) -> np.ndarray:
+    values = np.asarray(array)
+    is_float = np.issubdtype(values.dtype, np.floating)
+    return values.astype(np.float32) if is_float else values
+
+
+def _inner_jaxpr(equation: JaxprEqn) -> ClosedJaxpr | None:
+    """The jaxpr that an operation stands for, if it is one call."""
+    name = equation.primitive.name
+    if name in NESTED:
+        return equation.params["jaxpr"]
+    if name in CUSTOM:
+        return equation.params.get("call_jaxpr") or equation.params["fun_jaxpr"]
+    return None
+
+
+def _needed_equations(
+    jaxpr: Jaxpr, wanted: list[bool]
+) -> list[tuple[JaxprEqn, list[bool]]]:
+    """Operations whose results are used, in order, and which results."""
+    pairs = zip(jaxpr.outvars, wanted, strict=True)
+    used = {variable for variable, want in pairs if want and isinstance(variable, Var)}
+    found = []
+    for equation in reversed(jaxpr.eqns):
+        is_used = [variable in used for variable in equation.outvars]
+        if not any(is_used):
+            continue
+        found.append((equation, is_used))
+        used |= {variable for variable in equation.invars if isinstance(variable, Var)}
+    return found[::-1]
+
+
+def _uses(
+    jaxpr: Jaxpr, equations: list[tuple[JaxprEqn, list[bool]]], wanted: list[bool]
+) -> Counter:
+    """How often each variable is read."""
+    uses: Counter = Counter()
+    for equation, _ in equations:
+        uses.update(
+            variable for variable in equation.invars if isinstance(variable, Var)
+        )
+    for variable, want in zip(jaxpr.outvars, wanted, strict=True):
+        if want and isinstance(variable, Var):
+            uses[variable] += 1
+    return uses
+
+
+def _folded(
+    equation: JaxprEqn, operands: list[Value | np.ndarray]
+) -> list[np.ndarray] | None:
+    """Results that do not depend on inputs, unless they are large."""
+    name = equation.primitive.name
+    if name in ("scan", "while", "cond", "custom_linear_solve"):
+        return None
+    if not all(isinstance(operand, np.ndarray) for operand in operands):
+        return None
+    if max(described(variable).size for variable in equation.outvars) > MAX_FOLDED:
+        return None
+    result = equation.primitive.bind(*operands, **equation.params)
+    results = result if equation.primitive.multiple_results else [result]
+    return [_known(each) for each in results]
+
+
+def _simplified(
+    equation: JaxprEqn, operands: list[Value | np.ndarray]
+) -> Value | np.ndarray | None:
+    """The operand that an operation returns, where another one is constant."""
+    name = equation.primitive.name
+    shape = described(equation.outvars[0]).shape
+    if name == "select_n" and isinstance(operands[0], np.ndarray):
+        which = operands[0]
+        if (which == which.flat[0]).all():
+            return operands[1 + int(which.flat[0])]
+    neutral = {"mul": 1.0, "div": 1.0, "add": 0.0, "sub": 0.0, "add_any": 0.0}.get(name)
+    if neutral is None:
+        return None
+    left, right = operands
+    if (
+        isinstance(right, np.ndarray)
+        and (right == neutral).all()
+        and left.shape == shape
+    ):
+        return left
+    commutes = name in ("mul", "add", "add_any")
+    if commutes and isinstance(left, np.ndarray) and (left == neutral).all():
+        return right if right.shape == shape else None
+    return None
+
+
+def broadcast_at(value: Value, indices: Indices) -> str:
+    """An element of a value that is broadcast to more elements."""
+    if not value.shape:
+        return value.at(())
+    pairs = zip(indices, value.shape, strict=True)
+    return value.at(tuple("0" if size == 1 else index for index, size in pairs))
+
+
+def _elementwise(
+    equation: JaxprEqn, element: Callable[..., str], values: list[Value]
+) -> Computed:
+    output = described(equation.outvars[0])
+
+    def at(indices: Indices) -> str:
+        return element(*(broadcast_at(value, indices) for value in values))
+
+    cost = cost_of(equation.primitive.name) + sum(value.cost for value in values)
+    places = frozenset().union(*(value.places for value in values))
+    return Computed(kind_of(output.dtype), output.shape, at, cost, places)

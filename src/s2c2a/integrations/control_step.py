@@ -1,0 +1,247 @@
+"""One control step of a strategy as a function without side effects.
+
+It estimates, plans, acts and limits the command, as the control loop does
+(`runtime.Loop`), and takes and returns its memory. What waits or branches outside of
+compiled programs is not in it: the search for ways around obstacles (`Detour`), checks
+of readings, and the emergency stop.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.control import Controller
+from s2c2a.errors import StrategyError
+from s2c2a.estimation import Estimate, StateEstimator
+from s2c2a.estimation.estimator import EncoderEstimator, sense
+from s2c2a.estimation.kalman_estimator import (
+    KalmanEstimator,
+    start_estimate,
+    update_estimate,
+)
+from s2c2a.goals import Goal
+from s2c2a.planning import Plan
+from s2c2a.planning.planner import Step
+from s2c2a.runtime.limits import CommandLimits
+from s2c2a.spaces import Reading
+from s2c2a.strategies.strategy import Strategy
+
+Measured = Mapping[str, Array | np.ndarray]
+Commands = Float[Array, "modules cables"]
+
+
+class StepInput(NamedTuple):
+    """What a control step reads.
+
+    Attributes:
+        measured: sensor name -> values of the sensors that give configurations, such as
+            cables [m].
+        measurements: name -> values of the other sensors that the state estimator
+            takes; NaN where they are missing.
+        goal: for the state after the command.
+    """
+
+    measured: Measured
+    measurements: Measured
+    goal: Goal
+
+
+class StepMemory(NamedTuple):
+    """What a control step remembers.
+
+    Attributes:
+        estimate: of the state.
+        plan: of the last step.
+        controller: memory of the controller.
+        command: last command [m or N], shape (modules, cables).
+        change: that it made.
+        desired: command of the last step before its limits.
+    """
+
+    estimate: Estimate
+    plan: Plan
+    controller: Any
+    command: Commands
+    change: Commands
+    desired: Commands
+
+
+class ControlStep(NamedTuple):
+    """The functions of a strategy's control step.
+
+    Attributes:
+        arm: that is driven.
+        estimator: its functions from readings to the state.
+        planner: one step of planning.
+        controller: from the planned configuration to the command.
+        limits: of commands.
+    """
+
+    arm: ArmSpec
+    estimator: "EstimatorFunctions"
+    planner: Step
+    controller: Controller
+    limits: CommandLimits
+
+    @classmethod
+    def of(cls, strategy: Strategy) -> "ControlStep":
+        """The control step of a strategy.
+
+        Raises:
+            StrategyError: its state estimator is not one of the package.
+        """
+        return cls(
+            strategy.arm,
+            functions_of(strategy.estimator),
+            strategy.planner.step,
+            strategy.controller,
+            CommandLimits.of(strategy.arm),
+        )
+
+    def example(self) -> StepInput:
+        """Input of an arm at rest without a goal, of the right shapes."""
+        arm = self.arm
+        cables = np.zeros((arm.module_count, arm.cable_count), np.float32)
+        straight = np.tile(np.array([0, 0, 1], np.float32), (arm.module_count, 1))
+        known = {"cables": cables, "configurations": straight}
+        try:
+            measured = {name: known[name] for name in self.estimator.sensors}
+        except KeyError as error:
+            raise StrategyError(
+                f"the sensor {error} of a configuration map of your own has no known "
+                "shape, so this strategy cannot be exported; use encoders"
+            ) from error
+        measurements = self.estimator.missing
+        return StepInput(measured, measurements, Goal.of(arm.module_count))
+
+    def start(self, measured: Measured) -> StepMemory:
+        """Memory of an arm at rest.
+
+        Args:
+            measured: first reading (`StepInput`).
+        """
+        estimate = self.estimator.start(measured)
+        configuration = jnp.asarray(estimate.configuration)
+        disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
+        plan = self.planner.started(configuration, disturbances, hysteresis)
+        rest = jnp.asarray(self.limits.rest, jnp.float32)
+        none = jnp.zeros_like(rest)
+        memory = self.controller.start(configuration)
+        return StepMemory(estimate, plan, memory, rest, none, rest)
+
+    def step(
+        self, memory: StepMemory, reading: StepInput
+    ) -> tuple[Commands, StepMemory]:
+        """The next command [m or N], and the memory after it.
+
+        After a reading that is not finite, the last command holds.
+        """
+        estimate = self.estimator.update(
+            memory.estimate, reading.measured, reading.measurements
+        )
+        configuration = jnp.asarray(estimate.configuration)
+        plan = self.planner.next_plan(
+            memory.plan,
+            configuration,
+            reading.goal,
+            estimate.disturbances,
+            estimate.hysteresis,
+        )
+        desired, controller = self.controller.act(
+            plan.configurations, configuration, memory.controller
+        )
+        limited = self._limited(desired, memory)
+        controller = self.controller.sent(limited, controller)
+        change = limited - memory.command
+        new = StepMemory(estimate, plan, controller, limited, change, desired)
+        held = memory._replace(change=jnp.zeros_like(change), desired=memory.command)
+        is_sound = jnp.isfinite(configuration).all()
+        new = jax.tree.map(lambda a, b: jnp.where(is_sound, a, b), new, held)
+        return new.command, new
+
+    def _limited(self, desired: Commands, memory: StepMemory) -> Commands:
+        """The command within the limits, which are written for NumPy and JAX alike."""
+        limited: Any = self.limits.limited
+        command = limited(desired, memory.command, memory.change, memory.desired)
+        return jnp.asarray(command, jnp.float32)
+
+
+class EstimatorFunctions(NamedTuple):
+    """A state estimator as functions without side effects.
+
+    Attributes:
+        sensors: names of the sensors that give configurations.
+        missing: measurements of the other sensors, all missing.
+        start: from the first measured values to the estimate.
+        update: from the last estimate, measured values and measurements to the next.
+    """
+
+    sensors: tuple[str, ...]
+    missing: dict[str, np.ndarray]
+    start: Callable[[Measured], Estimate]
+    update: Callable[[Estimate, Measured, Measured], Estimate]
+
+
+def functions_of(estimator: StateEstimator) -> EstimatorFunctions:
+    """The functions of a state estimator.
+
+    Raises:
+        StrategyError: it is not one of the package.
+    """
+    if isinstance(estimator, EncoderEstimator):
+        return _encoder_functions(estimator)
+    if isinstance(estimator, KalmanEstimator):
+        return _kalman_functions(estimator)
+    raise StrategyError(
+        f"the state estimator {type(estimator).__name__} is not one of the package, so "
+        "its control step cannot be exported; use KalmanFilter or EncoderOnly"
+    )
+
+
+def _encoder_functions(estimator: EncoderEstimator) -> EstimatorFunctions:
+    def start(measured: Measured) -> Estimate:
+        configuration, hysteresis = _sensed(estimator, measured, None)
+        if not estimator.payload:
+            return Estimate(configuration, hysteresis=hysteresis)
+        return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
+
+    def update(last: Estimate, measured: Measured, measurements: Measured) -> Estimate:
+        configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
+        return last._replace(configuration=configuration, hysteresis=hysteresis)
+
+    return EstimatorFunctions(estimator.sensors, {}, start, update)
+
+
+def _sensed(
+    estimator: EncoderEstimator, measured: Measured, hysteresis: Any
+) -> tuple[Array, Any]:
+    return sense(estimator.configuration_map, estimator.model, measured, hysteresis)
+
+
+def _kalman_functions(estimator: KalmanEstimator) -> EstimatorFunctions:
+    parts = estimator.configuration_map, estimator.filter
+
+    def start(measured: Measured) -> Estimate:
+        estimate, _ = start_estimate(*parts, measured, jnp.asarray(estimator.payload))
+        return _followed(estimate)
+
+    def update(last: Estimate, measured: Measured, measurements: Measured) -> Estimate:
+        estimate, _ = update_estimate(*parts, last.memory, measured, measurements)
+        return _followed(estimate)
+
+    nothing = Reading(0.0, {})
+    missing = {
+        name: np.full_like(values, np.nan)
+        for name, values in estimator.reader.measurements(nothing).items()
+    }
+    estimator.reader.reset()
+    return EstimatorFunctions(estimator.sensors, missing, start, update)
+
+
+def _followed(estimate: Estimate) -> Estimate:
+    return estimate._replace(hysteresis=estimate.memory.hysteresis)
