@@ -10,6 +10,7 @@ from s2c2a.logs.bags import read_bag
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.json_lines import read_json_lines
 from s2c2a.logs.lerobot_folders import is_lerobot, read_lerobot
+from s2c2a.logs.mcap_files import read_mcap
 from s2c2a.logs.parquet_files import read_parquet
 from s2c2a.logs.sheet_files import read_xlsx
 from s2c2a.logs.tables import ColumnRequest, Table
@@ -39,7 +40,8 @@ FORMS = (
     Form("Parquet", (".parquet", ".pq"), read_parquet),
     Form("XLSX", (".xlsx", ".xlsm"), read_xlsx),
     Form("JSON lines", (".jsonl", ".ndjson", ".json"), read_json_lines),
-    Form("bag", (".bag", ".db3", ".mcap"), read_bag),
+    Form("bag", (".bag", ".db3"), read_bag),
+    Form("MCAP", (".mcap",), read_mcap),
 )
 """Forms that endings show; a folder is a LeRobotDataset or a bag, and every
 other file delimited text."""

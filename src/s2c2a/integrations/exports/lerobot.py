@@ -24,6 +24,7 @@ from s2c2a.cli.export_table import (
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.exports.folders import new_folder, write_map
+from s2c2a.integrations.exports.targets import held
 from s2c2a.integrations.extras import needs_extra
 
 VERSION = "v3.0"
@@ -126,16 +127,9 @@ def _belongs(name: str, values: np.ndarray, prefix: str) -> bool:
 
 
 def _held(values: np.ndarray, episodes: np.ndarray) -> np.ndarray:
-    """Targets held where there is none: a network learns nothing from NaN."""
-    held = values.copy()
-    for episode in np.unique(episodes):
-        rows = np.flatnonzero(episodes == episode)
-        for column in held.T:
-            known = rows[np.isfinite(column[rows])]
-            if len(known):
-                last = np.searchsorted(known, rows, side="right") - 1
-                column[rows] = column[known[np.maximum(last, 0)]]
-    return held
+    """Targets held within each episode."""
+    parts = [held(values[episodes == episode]) for episode in np.unique(episodes)]
+    return np.concatenate(parts)
 
 
 def _indices(episodes: Sequence[Episode], tasks: Sequence[str]) -> dict[str, Feature]:
