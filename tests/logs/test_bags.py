@@ -126,7 +126,7 @@ def test_times_of_recording_are_seconds_and_missing_fields_are_named(bag):
 def test_a_broken_bag_is_an_error(tmp_path):
     path = tmp_path / "walk.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
-    with pytest.raises(LogError, match="cannot be read as a bag"):
+    with pytest.raises(LogError, match="cannot be read as MCAP"):
         read_table(path, ColumnRequest(["time"]))
 
 

@@ -1,8 +1,8 @@
 """Execution options that commands share: executor, run directory and robot."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,11 +14,13 @@ from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
 from s2c2a.executors import Processes, Serial, limit_jax_to_one_thread
-from s2c2a.options import options_from
+from s2c2a.options import convert_option, named_parameters, options_from
+from s2c2a.plugins import resolve, trust_code
 from s2c2a.robots.factory import NO_TRACKING, RobotFactory, robot_class
 
 if TYPE_CHECKING:
-    from s2c2a import jobs
+    from s2c2a import arm, jobs
+    from s2c2a.evaluation.rollout import OnStep
 
 RobotName = Annotated[str, tyro.conf.arg(metavar="sim|dynamixel|feetech|MODULE:CLASS")]
 TrackingSource = Annotated[
@@ -28,6 +30,10 @@ TrackingSource = Annotated[
     ),
 ]
 RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
+Stream = Callable[..., "AbstractContextManager[OnStep]"]
+"""Called with the arm and options; what it yields is called with the record of every
+step, and must be quick."""
+StreamTarget = Annotated[str, tyro.conf.arg(metavar="rerun|foxglove|MODULE:FUNCTION")]
 Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 
@@ -153,6 +159,35 @@ def _executor_of(folder: _OutputOptions, alone: bool) -> Executor:
     if alone or not isinstance(folder, _WorkOptions):
         return Serial()
     return make_executor(folder.jobs, folder.cluster)
+
+
+@contextmanager
+def stream_to(target: str, spec: "arm.ArmSpec") -> "Iterator[OnStep]":
+    """Open a stream of control steps to a viewer; without a target, show nothing.
+
+    Args:
+        target: name of a stream, with the options of its function behind commas, such
+            as "foxglove,port=9000".
+        spec: the arm.
+
+    Raises:
+        S2C2AError: there is no such stream or option, or it cannot be opened.
+    """
+    from s2c2a.evaluation.rollout import ignore_step
+
+    if not target:
+        yield ignore_step
+        return
+    name, *given = target.split(",")
+    trust_code(name)
+    open_stream: Stream = resolve("stream", name, {})
+    parameters = named_parameters(open_stream)
+    options = {
+        key: convert_option(open_stream, parameters, key, value)
+        for key, value in options_from(given)
+    }
+    with open_stream(spec, **options) as on_step:
+        yield on_step
 
 
 def require(extra: str, *packages: str) -> None:

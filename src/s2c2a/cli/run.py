@@ -27,11 +27,13 @@ from s2c2a.cli.execution import (
     ALL_CORES,
     RobotName,
     RobotOptions,
+    StreamTarget,
     TrackingSource,
     Work,
     check_parallel,
     robot_factory_for,
     run_directory,
+    stream_to,
     uses_recipe,
 )
 
@@ -81,6 +83,7 @@ def run(
     guard: GuardName = "tip",
     repeat: int = 1,
     video: bool = False,
+    stream: StreamTarget = "",
     work: Work = ALL_CORES,
 ) -> None:
     """Run strategies on a task; write results, a figure and a replay page.
@@ -129,6 +132,8 @@ def run(
             errors that a camera or motion capture measured in the one before; results
             are those of the last (docs/guides/sensors.md).
         video: also write a video of the first run: MP4 with ffmpeg, else GIF.
+        stream: show every step while it runs, such as rerun or foxglove,port=9000
+            (docs/guides/streams.md).
         work: run directory and parallel execution.
     """
     from s2c2a import jobs, strategies
@@ -187,6 +192,7 @@ def run(
     if calibration := factory.describe_calibration(spec):
         print(f"tracking calibration: {calibration}")
     one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
+    one_process = one_process or bool(stream)
     is_unfinished = (
         work.out is not None and not (work.out / f"{spec.name}.html").exists()
     )
@@ -196,8 +202,9 @@ def run(
             label, options, work, alone=one_process, resume=is_unfinished
         ) as (directory, make),
         emergency_controls(factory),
+        stream_to(stream, spec) as on_step,
     ):
-        runs = make(job_list)
+        runs = make([replace(job, on_step=on_step) for job in job_list])
     _report(runs, directory, f"{paced.name} with {spec.name}", video)
 
 

@@ -4,7 +4,7 @@ import hashlib
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
 from operator import attrgetter
@@ -87,6 +87,8 @@ class Job(Artifact[Run]):
         conditions: robot and options of the run.
         weights: networks in place of trained ones, for the strategy that they belong to.
         repetitions: of the task; each learns from the one before (`tasks.repetition`).
+        on_step: see `evaluation.rollout`; no part of the result, so that a finished run
+            is not repeated for it.
 
     Raises:
         S2C2AError: no such strategy, it ignores an option of the run, or the number of
@@ -103,6 +105,7 @@ class Job(Artifact[Run]):
     conditions: Conditions = SIMULATED_FAST
     weights: Networks | None = None
     repetitions: int = 1
+    on_step: OnStep = field(default=ignore_step, compare=False, repr=False)
 
     def __post_init__(self):
         """Refuse unknown strategies, options that they ignore, and wrong numbers."""
@@ -168,7 +171,12 @@ class Job(Artifact[Run]):
         report = partial(progress, str(self))
         robot = self.robot()
         kept: list[episodes.Episode] = []
-        with self._steps_on_disk(robot, cache, kept) as on_step:
+        with self._steps_on_disk(robot, cache, kept) as keep_step:
+
+            def on_step(step: StepRecord) -> None:
+                keep_step(step)
+                self.on_step(step)
+
             runs = self._episodes(robot, strategy, report, cache, on_step, kept)
             described = [
                 episode.with_options(

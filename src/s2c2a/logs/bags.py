@@ -48,7 +48,7 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
     ):
         topic = _topic_of(path, bag.topics, request.topic)
         rows = _rows_of(bag, topic, is_first)
-        return _table(path, rows, request)
+        return table_of_rows(path, rows, request)
 
 
 def _check_size(path: Path) -> None:
@@ -123,11 +123,16 @@ def _check_count(name: str, count: int) -> None:
         )
 
 
-def _table(
+def table_of_rows(
     path: str | os.PathLike,
     rows: Iterator[dict[str, float]],
     request: ColumnRequest,
 ) -> Table:
+    """Table of the numbers of messages, one row each.
+
+    Raises:
+        LogError: there is no message, or none has a requested column.
+    """
     first = next(rows, None)
     if first is None:
         raise LogError(f"{path}: the topic has no messages; record it anew")

@@ -21,18 +21,30 @@ def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the extra is missing, or the file is damaged, too large, or has none
             of the columns.
     """
+    with reading_as(path, "Parquet", "save it as CSV"):
+        columns = parquet_arrays(path, request)
+        return table_of_arrays(path, columns, request)
+
+
+def parquet_arrays(
+    path: str | os.PathLike, request: ColumnRequest
+) -> dict[str, np.ndarray]:
+    """Arrays of the requested columns; of others, empty ones.
+
+    Raises:
+        LogError: the extra is missing, or the file is too large.
+    """
     with needs_extra(path, "Parquet"):
         import pyarrow.parquet as parquet  # noqa: PLC0415  # an extra
-    with reading_as(path, "Parquet", "save it as CSV"):
-        with parquet.ParquetFile(path) as file:
-            _check_size(path, file.metadata)
-            columns = dict.fromkeys(file.schema_arrow.names, np.empty(0))
-            for name in list(columns):
-                if not _is_requested(name, request):
-                    continue
-                values = file.read(columns=[name]).column(name)
-                columns |= _leaves(name, values.combine_chunks())
-        return table_of_arrays(path, columns, request)
+    with parquet.ParquetFile(path) as file:
+        _check_size(path, file.metadata)
+        columns = dict.fromkeys(file.schema_arrow.names, np.empty(0))
+        for name in list(columns):
+            if not _is_requested(name, request):
+                continue
+            values = file.read(columns=[name]).column(name)
+            columns |= _leaves(name, values.combine_chunks())
+    return columns
 
 
 def _check_size(path: str | os.PathLike, metadata: Any) -> None:

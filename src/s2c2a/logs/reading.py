@@ -9,6 +9,8 @@ from s2c2a.logs.array_files import read_mat, read_npz
 from s2c2a.logs.bags import read_bag
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.json_lines import read_json_lines
+from s2c2a.logs.lerobot_folders import is_lerobot, read_lerobot
+from s2c2a.logs.mcap_files import read_mcap
 from s2c2a.logs.parquet_files import read_parquet
 from s2c2a.logs.sheet_files import read_xlsx
 from s2c2a.logs.tables import ColumnRequest, Table
@@ -38,9 +40,11 @@ FORMS = (
     Form("Parquet", (".parquet", ".pq"), read_parquet),
     Form("XLSX", (".xlsx", ".xlsm"), read_xlsx),
     Form("JSON lines", (".jsonl", ".ndjson", ".json"), read_json_lines),
-    Form("bag", (".bag", ".db3", ".mcap"), read_bag),
+    Form("bag", (".bag", ".db3"), read_bag),
+    Form("MCAP", (".mcap",), read_mcap),
 )
-"""Forms that endings show; a folder is a bag, and every other file delimited text."""
+"""Forms that endings show; a folder is a LeRobotDataset or a bag, and every
+other file delimited text."""
 WAYS_OUT = {
     ".npy": "NPY: save named arrays with numpy.savez",
     ".h5": "HDF5: save the arrays as NPZ, with numpy.savez",
@@ -84,7 +88,8 @@ def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
     if not Path(path).exists():
         raise LogError(f"{path} does not exist; check the path of the log")
     if Path(path).is_dir():
-        return read_bag(path, request)
+        read = read_lerobot if is_lerobot(path) else read_bag
+        return read(path, request)
     for form in FORMS:
         if ending in form.endings:
             return form.read(path, request)

@@ -30,8 +30,9 @@ def import_(
     writes the recording alone.
 
     Args:
-        logs: files of measurements: text, JSON lines, NPZ, MAT, XLSX, Parquet, or
-            exports of motion capture. Each is one session, unless the map joins several.
+        logs: files of measurements: text, JSON lines, NPZ, MAT, XLSX, Parquet, bags,
+            folders of LeRobotDatasets, or exports of motion capture. Each is one
+            session, unless the map joins several.
         map: description of the columns (TOML).
         out: the recording, such as mine.episodes.
         arm: use this arm, and match its cables with those of the logs, instead of

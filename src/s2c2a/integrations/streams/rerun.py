@@ -1,0 +1,56 @@
+"""Runs in the viewer of Rerun."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError
+from s2c2a.evaluation.rollout import OnStep
+from s2c2a.integrations.extras import needs_extra
+from s2c2a.integrations.rerun_scene import RerunScene, layout
+from s2c2a.integrations.streams.background import shown_in_background
+
+
+@contextmanager
+def rerun_stream(arm: ArmSpec, url: str = "", file: str = "") -> Iterator[OnStep]:
+    """Show steps in a viewer that is started here, unless `url` or `file` is given.
+
+    Args:
+        arm: that is controlled.
+        url: of a viewer that runs, such as rerun+http://127.0.0.1:9876/proxy.
+        file: where to write a recording instead, such as run.rrd.
+
+    Raises:
+        S2C2AError: the extra `rerun` is missing, both are given, or there is no viewer.
+    """
+    with needs_extra("rerun", "--stream rerun"):
+        import rerun  # noqa: PLC0415  # an extra
+    if url and file:
+        raise S2C2AError("--stream rerun has both url and file; leave one out")
+    stream = rerun.RecordingStream("s2c2a")
+    _open(stream, url, file)
+    entities = RerunScene(arm, stream)
+    try:
+        with shown_in_background(arm, entities.log_step) as on_step:
+            yield on_step
+    finally:
+        stream.disconnect()
+
+
+def _open(stream: Any, url: str, file: str) -> None:
+    try:
+        if file:
+            stream.save(file, default_blueprint=layout())
+        elif url:
+            stream.connect_grpc(url, default_blueprint=layout())
+        else:
+            stream.spawn(default_blueprint=layout())
+    except (RuntimeError, ValueError, OSError) as error:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        raise S2C2AError(
+            f"no viewer of Rerun can be opened: {reason}; start one with `rerun`, and "
+            "add its address (--stream rerun,url=rerun+http://127.0.0.1:9876/proxy), or "
+            "write a file (--stream rerun,file=run.rrd)"
+        ) from error
+    print(f"stream: Rerun, {file or url or 'a viewer of its own'}")

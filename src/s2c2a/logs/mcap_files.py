@@ -1,0 +1,134 @@
+"""MCAP files with JSON messages, as Foxglove's tools write them: one topic is one table.
+
+Messages of ROS are read by `bags`. Chunks are unpacked here, with limits: the reader of
+the format unpacks whatever a stranger's file claims.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from s2c2a.logs.bags import NANOSECOND, TIME, read_bag, table_of_rows
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, reading_as
+from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.tables import ColumnRequest, Table, list_names
+
+JSON = "json"
+
+
+def read_mcap(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read one topic: JSON messages here, those of ROS as a bag.
+
+    Fields are named `pose.x` and `position.0`; `time` is that of the log [s].
+
+    Raises:
+        LogError: an extra is missing, the file cannot be read or is too large, the
+            topic is not one of its own, or its messages have another encoding.
+    """
+    with needs_extra(path, "MCAP"):
+        import mcap  # noqa: F401, PLC0415  # an extra
+    if Path(path).stat().st_size > MAX_BYTES:
+        raise LogError(
+            f"{path} has more than {MAX_BYTES} bytes; record the topics of the arm alone"
+        )
+    with reading_as(path, "MCAP", "check that it is complete (`mcap doctor`)"):
+        encodings = {
+            record.topic: record.message_encoding
+            for record in _records(Path(path))
+            if hasattr(record, "message_encoding")
+        }
+    if "cdr" in encodings.values() or not encodings:
+        return read_bag(path, request)
+    topic = _topic_of(path, encodings, request.topic)
+    with reading_as(path, "MCAP", "check that it is complete (`mcap doctor`)"):
+        return table_of_rows(path, _rows_of(Path(path), topic), request)
+
+
+def _topic_of(
+    path: str | os.PathLike, encodings: dict[str, str], wanted: str | None
+) -> str:
+    readable = sorted(name for name, each in encodings.items() if each == JSON)
+    if wanted is None and len(readable) == 1:
+        return readable[0]
+    if wanted in readable:
+        return wanted
+    given = "no topic" if wanted is None else f"'{wanted}'"
+    if wanted in encodings:
+        given += f", whose messages are {encodings[wanted]:.20}"
+    raise LogError(
+        f"{path}: the map names {given}; set rows.topic to one with JSON messages: "
+        f"{list_names(readable)}"
+    )
+
+
+def _rows_of(path: Path, topic: str) -> Iterator[dict[str, float]]:
+    """The numbers of every message of a topic, by their names."""
+    channels = set()
+    for record in _records(path):
+        if getattr(record, "topic", None) == topic:
+            channels.add(record.id)
+        elif getattr(record, "channel_id", None) in channels and hasattr(
+            record, "data"
+        ):
+            row = dict(_leaves(json.loads(record.data)))
+            yield row | {TIME: record.log_time * NANOSECOND}
+
+
+def _leaves(message: Any) -> Iterator[tuple[str, float]]:
+    """Name and value of each number of a message; missing numbers are null."""
+    waiting = [("", message)]
+    for count, (name, value) in enumerate(waiting):
+        if count > MAX_COLUMNS:
+            raise LogError(
+                f"a message has more than {MAX_COLUMNS} values; choose a topic of "
+                "numbers"
+            )
+        begin = f"{name}." if name else ""
+        if isinstance(value, dict):
+            waiting += [(f"{begin}{key}", part) for key, part in value.items()]
+        elif isinstance(value, list):
+            waiting += [(f"{begin}{place}", part) for place, part in enumerate(value)]
+        elif value is None:
+            yield name, float("nan")
+        elif isinstance(value, int | float):
+            yield name, float(value)
+
+
+def _records(path: Path) -> Iterator[Any]:
+    """Records of a file, those in chunks among them."""
+    from mcap.records import Chunk  # noqa: PLC0415  # an extra
+    from mcap.stream_reader import StreamReader, breakup_chunk  # noqa: PLC0415
+
+    size = 0
+    with open(path, "rb") as file:
+        for record in StreamReader(
+            file, emit_chunks=True, record_size_limit=MAX_BYTES
+        ).records:
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            data = _unpacked(record, MAX_BYTES - size)
+            size += len(data)
+            yield from breakup_chunk(replace(record, compression="", data=data))
+
+
+def _unpacked(chunk: Any, limit: int) -> bytes:
+    """Content of a chunk; unpacking stops at the size that it claims."""
+    import lz4.frame  # noqa: PLC0415  # an extra
+    import zstandard  # noqa: PLC0415
+
+    size = chunk.uncompressed_size
+    if size > limit:
+        raise LogError(
+            f"it has more than {MAX_BYTES} bytes after decompression; record the topics "
+            "of the arm alone"
+        )
+    if chunk.compression == "zstd":
+        unpacking = zstandard.ZstdDecompressor().stream_reader(chunk.data)
+        return unpacking.read(size)
+    if chunk.compression == "lz4":
+        return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size)
+    return chunk.data
