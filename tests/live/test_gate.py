@@ -189,3 +189,69 @@ def test_a_page_that_listens_on_all_addresses_keeps_its_checks(twin):
             browser(opened, origin=address)
     finally:
         opened.close()
+
+
+def steering(page):
+    """A connection that steers, as the page of a browser opens it."""
+    return connect(f"ws://127.0.0.1:{page.gate.port}/steer", origin=page.gate.address)
+
+
+def steer(connection, key, direction):
+    message = {"key": key, "direction": direction}
+    connection.send(msgspec.json.encode(message).decode())
+
+
+def test_the_browser_that_drives_steers_the_target_at_a_limited_speed(control, page):
+    with browser(page) as driver, steering(page) as keys:
+        driver.send(msgspec.msgpack.encode(CAMERA))
+        until(lambda: control.latest.stage is Stage.RUN, what="driving")
+        until(lambda: control.request.target is not None, what="a target")
+        before = np.array(control.request.target)
+        (panel,) = page._panels.values()
+        began = time.monotonic()
+        while time.monotonic() < began + 0.5:
+            steer(keys, panel.steering_key, [0.0, 1.0, 0.0])
+            time.sleep(0.05)
+        until(lambda: page._steering.direction() is None, what="the end")
+        lasted = time.monotonic() - began
+        moved = np.subtract(control.request.target, before)
+        # away from a camera on the diagonal, level
+        assert moved[0] == pytest.approx(moved[1], abs=1e-6)
+        # it starts at the tip, and stays within the arm's length
+        assert -0.02 < moved[2] <= 1e-6
+        assert -0.15 * (lasted + 0.1) * np.sqrt(0.5) < moved[0] < -0.02
+        held = control.request.target
+        time.sleep(0.2)
+        assert control.request.target == held
+
+
+def test_only_the_key_of_the_driver_steers(control, page):
+    with browser(page) as driver, steering(page) as keys:
+        driver.send(msgspec.msgpack.encode(CAMERA))
+        until(lambda: control.request.target is not None, what="a target")
+        before = control.request.target
+        for _ in range(5):
+            steer(keys, "0" * 32, [1.0, 0.0, 0.0])
+            time.sleep(0.05)
+        assert control.request.target == before
+
+
+def test_a_page_of_another_origin_does_not_steer(page):
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(f"ws://127.0.0.1:{page.gate.port}/steer", origin="http://evil.example")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{}",
+        '{"key": "a", "direction": [9, 0, 0]}',
+        '{"key": "a", "direction": [NaN, 0, 0]}',
+        '{"key": "a", "direction": [0, 0]}',
+        "[" * 5000,
+    ],
+)
+def test_steering_of_another_form_is_refused(text, page):
+    with steering(page) as keys:
+        keys.send(text)
+        until(lambda: page.gate.refused["form"] == 1, what="the refusal")

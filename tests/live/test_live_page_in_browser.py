@@ -215,3 +215,29 @@ def test_watchers_can_stop_the_arm_by_button_and_escape_with_the_panel_folded(
     watcher.page.keyboard.press("Escape")
     until(lambda: control.latest.stage is Stage.HOLD, what="the stop by the key")
     assert first.errors == watcher.errors == []
+
+
+def test_keys_move_the_target_and_not_the_camera(control, page, open_tab):
+    tab = ready(open_tab())
+    camera = next(iter(page.server.get_clients().values())).camera
+    before = np.array(camera.position)
+    start = np.array(control.request.target)
+    tab.page.keyboard.down("ArrowRight")
+    until(lambda: target_beside(control, start) > 0.05, what="the target's motion")
+    tab.page.keyboard.up("ArrowRight")
+    until(lambda: page._steering.direction() is None, what="its end")
+    tab.page.keyboard.down("f")
+    until(lambda: control.request.target[2] < start[2] - 0.03, what="descent")
+    tab.page.keyboard.up("f")
+    assert np.allclose(camera.position, before), "the keys turned the camera"
+    until(lambda: page._steering.direction() is None, what="its end")
+    tab.page.get_by_label("Target [cm]").or_(tab.page.locator("input")).first.focus()
+    held = control.request.target
+    tab.page.keyboard.press("ArrowUp")
+    assert control.request.target == held, "the keys of a field moved the target"
+    assert tab.errors == []
+
+
+def target_beside(control, start):
+    """How far the target is to the right on the screen [m]."""
+    return np.subtract(control.request.target, start) @ across_the_screen(control.arm)

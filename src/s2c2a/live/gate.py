@@ -7,7 +7,8 @@ listens behind it on another port of 127.0.0.1 and accepts websockets from the g
 only, which sends a secret as their origin.
 
 The gate serves the page, so it also adds the Stop button, which works independently of
-viser, and keeps keys of the panel from the camera.
+viser, and keeps keys of the panel from the camera. Keys and gamepads that steer the
+target come over a connection of their own, which ends here.
 """
 
 import asyncio
@@ -19,7 +20,7 @@ import threading
 import time
 import urllib.request
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, suppress
 from functools import partial
@@ -36,15 +37,18 @@ from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.messages import MAX_BYTES, is_valid
+from s2c2a.live.messages import MAX_BYTES, is_valid, steering_of
+from s2c2a.live.request import Point
 
 HOST = "127.0.0.1"
 LOCAL = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII)
 UNIQUE_HEADERS = ("Host", "Origin", "Upgrade", "Accept-Encoding", "Connection")
 STOP = "/stop"
 STOP_HEADER = "S2C2A-Stop"
+STEER = "/steer"
 STOP_BUTTON = Path(__file__).with_name("stop_button.html")
 PANEL_KEYS = Path(__file__).with_name("panel_keys.html")
+STEERING = Path(__file__).with_name("steering.html")
 NO_RESPONSE = "No response: cut the power"
 MAX_CONNECTIONS = 16
 # messages of one browser within a time [s]; a drag or a turn sends 20 a second
@@ -108,6 +112,7 @@ class Gate:
         secret: str,
         on_stop: Callable[[], str] | None = None,
         host: str = HOST,
+        on_steer: Callable[[str, Point], None] | None = None,
     ):
         """Listen on `port`, or on the next free port after it.
 
@@ -119,6 +124,8 @@ class Gate:
                 nothing if the arm did not obey. No Stop button if None.
             host: address to listen on. Whatever it is, browsers must name the page as
                 localhost or 127.0.0.1.
+            on_steer: gets the key of a panel, and a direction to the right, forward and
+                upward in parts of the largest speed. No steering if None.
 
         Raises:
             S2C2AError: no port is free, or viser does not respond.
@@ -130,8 +137,11 @@ class Gate:
         self._secret = secret
         self._connections = 0
         self._on_stop = on_stop
+        self._on_steer = on_steer
         button = b"" if on_stop is None else STOP_BUTTON.read_bytes()
-        self._page = _page_of(viser_port, PANEL_KEYS.read_bytes() + button)
+        steering = b"" if on_steer is None else STEERING.read_bytes()
+        added = PANEL_KEYS.read_bytes() + button + steering
+        self._page = _page_of(viser_port, added)
         self._closing = asyncio.Event()
         opened = Future[tuple[int, asyncio.AbstractEventLoop]]()
         self._thread = threading.Thread(
@@ -223,6 +233,8 @@ class Gate:
         """Pass messages in both directions until either side closes."""
         self._connections += 1
         try:
+            if browser.request is not None and browser.request.path == STEER:
+                return await self._check_all(browser, self._steer)
             async with connect(
                 f"ws://{HOST}:{self._viser_port}",
                 origin=Origin(self._secret),
@@ -241,14 +253,39 @@ class Gate:
         self, browser: ServerConnection, viser: ClientConnection
     ) -> None:
         """Pass valid messages; disconnect a browser that floods or sends others."""
+
+        async def accept(message: str | bytes) -> bool:
+            if not is_valid(message):
+                return False
+            await viser.send(message)
+            return True
+
+        await self._check_all(browser, accept)
+
+    async def _steer(self, message: str | bytes) -> bool:
+        """Accept a message of a steering connection; return whether it is valid."""
+        steering = steering_of(message)
+        if steering is None or self._on_steer is None:
+            return False
+        self._on_steer(steering.key, steering.direction)
+        return True
+
+    async def _check_all(
+        self, browser: ServerConnection, accept: Callable[[Any], Awaitable[bool]]
+    ) -> None:
+        """Accept valid messages; disconnect a browser that floods or sends others.
+
+        Args:
+            browser: that sends them.
+            accept: handles a message; returns whether it is valid.
+        """
         times = deque[float](maxlen=BURST)
         refused = 0
         with suppress(ConnectionClosed):
             async for message in browser:
                 times.append(time.monotonic())
                 flood = len(times) == BURST and times[-1] - times[0] < WITHIN
-                if not flood and is_valid(message):
-                    await viser.send(message)
+                if not flood and await accept(message):
                     continue
                 reason = "flood" if flood else "form"
                 self.refused[reason] += 1

@@ -1,4 +1,6 @@
-"""Messages that a browser may send: three types, of known form, with finite numbers.
+"""Messages that a browser may send: of known form, with finite numbers.
+
+Three types go to viser; those of the steering connection do not.
 
 All others are refused: viser itself also accepts files, opens a public tunnel on
 request, and sets any attribute of a panel's elements.
@@ -62,6 +64,29 @@ class SceneNodeDragMessage(_Message, frozen=True):
 _DECODER: Decoder = Decoder(
     ViewerCameraMessage | GuiUpdateMessage | SceneNodeDragMessage
 )
+
+
+Part: TypeAlias = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
+
+
+class SteeringMessage(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Keys or sticks that are held.
+
+    Attributes:
+        key: which the panel of the driver's browser holds.
+        direction: to the right, forward and upward, each in parts of the largest speed.
+    """
+
+    key: Annotated[str, msgspec.Meta(max_length=64)]
+    direction: tuple[Part, Part, Part]
+
+
+def steering_of(message: str | bytes) -> SteeringMessage | None:
+    """The message of a steering connection, or None if it may not pass."""
+    with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
+        if len(message) <= MAX_BYTES:
+            return msgspec.json.decode(message, type=SteeringMessage)
+    return None
 
 
 def is_valid(message: str | bytes) -> TypeGuard[bytes]:

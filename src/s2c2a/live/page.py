@@ -26,10 +26,12 @@ from s2c2a.live.request import Point, point
 from s2c2a.live.scene import REACH_TOLERANCE
 from s2c2a.live.session import CLOUD, GHOST, TRAILS, DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
+from s2c2a.live.steering import Steering, across_view, largest_speed, moved_target
 from s2c2a.live.window import Window
 from s2c2a.obstacles import ROW
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import POSITION, Stage
+from s2c2a.viz.mounting import Mounting
 
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
@@ -79,6 +81,8 @@ class LivePage(Window):
         self.session = DrivingSession(self._session_changed)
         self._panels = dict[int, Panel]()
         self._recorder = Recorder(control, runs)
+        self._steering = Steering()
+        self._up = Mounting.of(self.arm).turn[2]
         self._status = gui.add_markdown(f"**{self.arm.name}** · {PREPARING}", order=0)
         self.scene.on_drag(
             self._drag_target, self._drag_pointer, self._drag_obstacle, self._drag_end
@@ -103,7 +107,7 @@ class LivePage(Window):
         self.server.on_client_connect(self._add_client)
         self.server.on_client_disconnect(self._remove_client)
         self.every(self._draw)
-        self.open(port, self._stop, host)
+        self.open(port, self._stop, host, self._steer)
 
     def close(self) -> None:
         """See `Window`; writes a recording that runs."""
@@ -157,6 +161,36 @@ class LivePage(Window):
         for client in self.server.get_clients().values():
             client.add_notification(title="s2c2a", body=text, auto_close_seconds=6.0)
 
+    def _steer(self, key: str, direction: Point) -> None:
+        """Steer the target, if the key is that of the browser that drives."""
+        panel = self._panels.get(self._driver)
+        if panel is not None and panel.steering_key == key:
+            self._steering.set(direction)
+
+    @property
+    def _driver(self) -> int:
+        """Client number of the browser that drives; -1 without one."""
+        driver = self.session.driver
+        return -1 if driver is None else driver
+
+    def _move_target(self, elapsed: float) -> None:
+        """Move the target as the driver steers, seen from the driver's camera.
+
+        Args:
+            elapsed: since the last frame [s].
+        """
+        direction = self._steering.direction()
+        client = self.server.get_clients().get(self._driver)
+        request = self._control.request
+        moves = request.driven and not request.stopped and request.task is None
+        if direction is None or client is None or request.target is None or not moves:
+            return
+        camera = client.camera
+        level = across_view(direction, camera.position, camera.look_at, self._up)
+        velocity = point(largest_speed(self.arm) * level)
+        target = moved_target(request.target, velocity, elapsed, self.arm)
+        self._control.ask(target=target)
+
     def _drag_target(self, client: int, position: Point) -> None:
         if self.session.drives(client) and self._control.request.task is None:
             self._control.ask(target=position)
@@ -188,8 +222,9 @@ class LivePage(Window):
                 self.scene.draw_cloud(cloud)
                 self._gap_at = lru_cache(maxsize=1)(gap)
 
-    def _draw(self, _elapsed: float) -> None:
-        """Draw one frame."""
+    def _draw(self, elapsed: float) -> None:
+        """Draw one frame, after the target has moved."""
+        self._move_target(elapsed)
         latest = self._control.latest
         if latest is None:
             return

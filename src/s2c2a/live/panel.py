@@ -3,6 +3,7 @@
 The Stop button is not part of the panel: the gate adds it to the page for everybody.
 """
 
+import secrets
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -45,7 +46,10 @@ NEW_THRESHOLD = 0.1  # in arm lengths
 NEW_DISTANCE = 0.35  # in arm lengths; distance of a new obstacle from the tip
 COUPLED_MODULES = 3  # modules of the paper's arm, whose sensors are coupled
 SHAPE = "Set the whole shape"
-DRAG_HINT = "You drive. Drag the violet ball: the arm follows."
+DRAG_HINT = (
+    "You drive. Drag the violet ball: the arm follows. Keys move it, too: W A S D or "
+    "arrows level, R and F up and down; a gamepad by its sticks."
+)
 OBSTACLE_HINT = (
     "Drag an obstacle: the arm avoids it. It moves in the plane of the screen; "
     "turn the view to move it in another plane."
@@ -63,7 +67,12 @@ KINDS = "sphere", "box", "capsule", "cylinder", "half_space"
 
 
 class Panel:
-    """Panel of one browser, rebuilt when the browser becomes driver or watcher."""
+    """Panel of one browser, rebuilt when the browser becomes driver or watcher.
+
+    Attributes:
+        steering_key: which the page of the browser that drives holds; no other page
+            knows it.
+    """
 
     def __init__(
         self,
@@ -82,6 +91,7 @@ class Panel:
             recorder: of the page.
             notify: shows a message in all browsers.
         """
+        self.steering_key = secrets.token_hex(16)
         self._client = client.client_id
         self._gui = client.gui
         self._control = control
@@ -135,6 +145,7 @@ class Panel:
             resume.visible = request.stopped
 
         self._followers.append(follow)
+        self._build_steering()
         tabs = {
             "Task": self._build_task,
             "Avoid": self._build_obstacles,
@@ -146,6 +157,18 @@ class Panel:
         for label, build in tabs.items():
             with group.add_tab(label):
                 build()
+
+    def _build_steering(self) -> None:
+        """Give the page its key while the target, and no task, is followed."""
+        holder = self._gui.add_html("", order=-2)
+
+        def follow(request: Request) -> None:
+            key = f'<span data-s2c2a-steering="{self.steering_key}"></span>'
+            content = key if request.task is None else ""
+            if holder.content != content:
+                holder.content = content
+
+        self._followers.append(follow)
 
     def _build_task(self) -> None:
         control = self._control

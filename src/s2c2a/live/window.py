@@ -71,6 +71,7 @@ class Window:
         port: int,
         on_stop: Callable[[], str] | None = None,
         host: str = HOST,
+        on_steer: Callable[[str, Point], None] | None = None,
     ) -> Self:
         """Accept browsers on `port`, or on the next free port; returns the window.
 
@@ -78,12 +79,13 @@ class Window:
             port: of the page.
             on_stop: see `Gate`.
             host: address to listen on.
+            on_steer: see `Gate`.
 
         Raises:
             S2C2AError: no port is free.
         """
         viser_port = self.server.get_port()
-        self.gate = Gate(port, viser_port, self._secret, on_stop, host)
+        self.gate = Gate(port, viser_port, self._secret, on_stop, host, on_steer)
         return self
 
     def every(self, draw: Callable[[float], None]) -> None:
