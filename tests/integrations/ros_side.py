@@ -133,6 +133,7 @@ def main():
         else:
             current.clear()
             current.update(order)
+    os._exit(0)  # threads of the SDK would keep a process that nobody needs
 
 
 if __name__ == "__main__":
