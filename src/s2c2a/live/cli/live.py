@@ -181,7 +181,7 @@ def running_page(
         )
         control = ControlProcess(spec, build)
         # before the arm opens, and until it is at rest again
-        stack.enter_context(_signal_stops(control))
+        stack.enter_context(signal_stops(control))
         stack.callback(control.stop)
         # this import runs while the control process does its own
         from s2c2a.live.page import LivePage
@@ -196,7 +196,7 @@ def running_page(
 
 
 @contextmanager
-def _signal_stops(control: "ControlProcess") -> "Iterator[None]":
+def signal_stops(control: "ControlProcess") -> "Iterator[None]":
     """Let SIGUSR1 to this process stop the arm at once."""
     # not on Windows; only the main thread receives signals
     is_main = threading.current_thread() is threading.main_thread()

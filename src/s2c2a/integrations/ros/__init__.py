@@ -1,0 +1,1 @@
+"""ROS 2 without a ROS installation: topics over Zenoh, as rmw_zenoh names them."""
