@@ -14,12 +14,12 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live", "integrations")
-MAX_CORE = 24_219
+MAX_CORE = 24_248
 """Code lines of the core; the aim is 20,000, and nothing may move away from it but what
 the core did not do before: the last were scene files with solids of all kinds, shapes of
 the whole arm, projection to what is within reach, and arms that are pushed by pressure,
-planar, passive, or have modules of different kinds; servos on several ports; and forms
-of exports by name."""
+planar, passive, or have modules of different kinds; servos on several ports; forms of
+exports by name; and registration of environments in either order of imports."""
 MAX_NUMBERS = 525
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {
