@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line
@@ -31,7 +32,8 @@ def draw(
     """
     figure = Figure((SIZE, SIZE), dpi=DOTS)
     canvas = FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
+    axes = Axes3D(figure, rect=(0.0, 0.0, 1.0, 1.0))
+    figure.add_axes(axes)
     points = np.vstack([np.zeros(3), center_line(states, ArmGeometry.of(arm).lengths)])
     axes.plot(*points.T, color=REAL, linewidth=5)
     axes.quiver(*points[-1], *states[-1, AXIS], length=0.1 * arm.length, color=REAL)

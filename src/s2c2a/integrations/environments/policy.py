@@ -5,7 +5,7 @@ not needed to run it.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Literal
 
@@ -32,7 +32,10 @@ from s2c2a.strategies import (
 )
 
 Layer = tuple[Float[np.ndarray, "out in"], Float[np.ndarray, " out"]]
-ACTIVATIONS = {"relu": lambda values: np.maximum(values, 0.0), "tanh": np.tanh}
+ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "relu": lambda values: np.maximum(values, 0.0),
+    "tanh": np.tanh,
+}
 NETWORK = "policy"
 
 

@@ -84,7 +84,7 @@ class SimulationBatch:
         self._robots: list[SimulatedRobot] = [self._robot(0, self.arm)] * count
         threads = min(threads or len(os.sched_getaffinity(0)), count)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self._groups = np.array_split(np.arange(count), threads)
+        self._groups = [range(start, count, threads) for start in range(threads)]
         rest = self._limits.rest
         self._commands = np.tile(rest, (count, 1, 1))
         self._desired = self._commands.copy()

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from gymnasium.utils.seeding import np_random
@@ -128,7 +128,7 @@ def export_policy(
             "or PPO with MlpPolicy"
         )
     names = {type(module).__name__ for module in modules}
-    activation = "tanh" if "Tanh" in names else "relu"
+    activation: Literal["relu", "tanh"] = "tanh" if "Tanh" in names else "relu"
     if not names <= {"Linear", "ReLU", "Tanh"} or {"ReLU", "Tanh"} <= names:
         raise StrategyError(f"the network has {names}; use ReLU or Tanh alone")
     layers = [

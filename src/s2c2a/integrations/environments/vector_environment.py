@@ -58,12 +58,17 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         options: dict | None = None,
     ):
         if seed is not None:
-            seeds = [seed + i for i in range(self.num_envs)] if _one(seed) else seed
-            self._randoms = [np_random(each)[0] for each in seeds]
+            self._randoms = [np_random(each)[0] for each in self._seeds(seed)]
         self._over[:] = False
         numbers = range(self.num_envs)
         self.batch.reset(numbers, self._randoms, new_robots=seed is not None)
         return self.batch.observations(), {}
+
+    def _seeds(self, seed: int | Sequence[int | None]) -> Sequence[int | None]:
+        """The seed of each arm."""
+        if isinstance(seed, Sequence):
+            return seed
+        return [seed + number for number in range(self.num_envs)]
 
     def step(self, actions):
         outcome = self.batch.step(actions)
@@ -86,7 +91,3 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
 
     def close_extras(self, **kwargs: Any):
         self.batch.close()
-
-
-def _one(seed: Any) -> bool:
-    return isinstance(seed, int | np.integer)
