@@ -19,7 +19,8 @@ MAX_CORE = 24_300
 the core did not do before: the last were scene files with solids of all kinds, shapes of
 the whole arm, projection to what is within reach, and arms that are pushed by pressure,
 planar, passive, or have modules of different kinds; servos on several ports; forms of
-exports by name; and streams of runs to viewers."""
+exports by name; streams of runs to viewers; and registration of environments in either
+order of imports."""
 MAX_NUMBERS = 525
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {

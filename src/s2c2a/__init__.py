@@ -52,10 +52,12 @@ through these names. Other names are in the packages, such as `s2c2a.planning`.
 
 import lazy_loader
 
+from s2c2a.after_import import import_after
 from s2c2a.jax_settings import configure_jax
 
 __version__ = "0.3.0"
 
 configure_jax()  # before a module of the package imports JAX
+import_after("gymnasium", "s2c2a.integrations.environments.registration")
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
-from s2c2a.estimation.configuration_maps import ConfigurationMap
+from s2c2a.estimation.configuration_maps import ConfigurationMap, Measured
 from s2c2a.estimation.disturbance_filter import DisturbanceFilter, FilterOptions
 from s2c2a.estimation.estimate import Estimate
 from s2c2a.estimation.estimator import (
@@ -106,7 +106,7 @@ class KalmanEstimator(StateEstimator):
 def start_estimate(
     configuration_map: ConfigurationMap,
     disturbance_filter: DisturbanceFilter,
-    inputs: Mapping[str, Array],
+    inputs: Measured,
     payload: Float[Array, ""],
 ) -> tuple[Estimate, Array]:
     """Estimate of an arm at rest, and which sensors are not used."""
@@ -119,7 +119,7 @@ def update_estimate(
     configuration_map: ConfigurationMap,
     disturbance_filter: DisturbanceFilter,
     last: FilterState,
-    inputs: Mapping[str, Array],
+    inputs: Measured,
     measurements: Measurements,
 ) -> tuple[Estimate, Array]:
     """One update; the last state replaces a result that is not finite."""

@@ -1,0 +1,80 @@
+"""The Gymnasium environment of one arm."""
+
+from typing import Any
+
+import numpy as np
+
+from s2c2a.integrations.environments.simulation import SimulationBatch
+from s2c2a.integrations.environments.spaces import MAX_VALUE, observation_parts
+from s2c2a.integrations.extras import needs_extra
+
+with needs_extra("gym", "an environment"):
+    import gymnasium
+
+
+def action_space(batch: SimulationBatch) -> gymnasium.spaces.Box:
+    """Space of the actions of one arm; see `spaces`."""
+    return gymnasium.spaces.Box(-1.0, 1.0, (batch.controls.count,), np.float32)
+
+
+def observation_space(batch: SimulationBatch) -> gymnasium.spaces.Box:
+    """Space of the observations of one arm; see `spaces`."""
+    parts = observation_parts(batch.controls, batch.family.has_obstacle)
+    size = max(part.stop for part in parts.values())
+    return gymnasium.spaces.Box(-MAX_VALUE, MAX_VALUE, (size,), np.float32)
+
+
+class ArmEnv(gymnasium.Env):
+    """One simulated arm with a task; actions and observations as in `spaces`.
+
+    Args:
+        task: name of a family of tasks (`tasks.FAMILIES`).
+        arm: preset, arm file, or description.
+        render_mode: "rgb_array" or None.
+        options: see `SimulationBatch`.
+
+    Raises:
+        S2C2AError: see `SimulationBatch`.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str = "Reach",
+        arm: Any = "twin_arm",
+        render_mode: str | None = None,
+        **options: Any,
+    ):
+        self.batch = SimulationBatch(task, arm, **options)
+        self.action_space = action_space(self.batch)
+        self.observation_space = observation_space(self.batch)
+        self.render_mode = render_mode
+
+    def reset(self, *, seed: int | None = None, options: dict | None = None):
+        super().reset(seed=seed)
+        self.batch.reset([0], [self.np_random], new_robots=seed is not None)
+        return self.batch.observations()[0], {}
+
+    def step(self, action):
+        outcome = self.batch.step(np.asarray(action)[None])
+        return (
+            outcome.observations[0],
+            float(outcome.rewards[0]),
+            bool(outcome.terminated[0]),
+            bool(outcome.truncated[0]),
+            {"error": float(outcome.errors[0])},
+        )
+
+    def render(self):
+        if self.render_mode != "rgb_array":
+            return None
+        from s2c2a.integrations.environments.picture import (  # noqa: PLC0415  # slow
+            draw,
+        )
+
+        batch = self.batch
+        return draw(batch.arm, batch.states(0), batch.goal(0), batch.obstacle(0))
+
+    def close(self):
+        self.batch.close()

@@ -1,0 +1,18 @@
+"""Names of the environments in Gymnasium, such as `S2C2A/Reach-v0`.
+
+Importing this module registers them.
+"""
+
+from gymnasium.envs.registration import register
+
+PACKAGE = "s2c2a.integrations.environments"
+NAMES = ("Reach", "Track", "Avoid", "Hold", "Follow")
+"""As `tasks.FAMILIES`, which loads JAX."""
+
+for name in NAMES:
+    register(
+        f"S2C2A/{name}-v0",
+        entry_point=f"{PACKAGE}.environment:ArmEnv",
+        vector_entry_point=f"{PACKAGE}.vector_environment:ArmVectorEnv",
+        kwargs={"task": name},
+    )

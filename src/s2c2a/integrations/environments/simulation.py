@@ -1,0 +1,257 @@
+"""The simulated arms behind the environments, which advance on threads."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from s2c2a.arm import ArmSpec, load_arm
+from s2c2a.arm.randomized import randomized_arm
+from s2c2a.errors import S2C2AError, SimulationError, did_you_mean
+from s2c2a.integrations.environments.spaces import Controls, observe
+from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime.limits import CommandLimits
+from s2c2a.spaces import POSITION
+
+DIVERGED = -100.0  # reward of a simulation that diverges, worse than any other
+MAX_SEED = 2**31  # of robots and sampled arms
+MAX_STEPS = 100_000  # of an episode; goals are sampled when it begins
+
+
+class BatchStep(NamedTuple):
+    """What a step of a batch gives.
+
+    Attributes:
+        observations: shape (batch, values).
+        rewards: shape (batch,).
+        terminated: whether the simulation of an arm diverged.
+        truncated: whether the time of an episode is over.
+        errors: distances of the tips from their goals [m].
+    """
+
+    observations: Float[np.ndarray, "batch values"]
+    rewards: Float[np.ndarray, " batch"]
+    terminated: Bool[np.ndarray, " batch"]
+    truncated: Bool[np.ndarray, " batch"]
+    errors: Float[np.ndarray, " batch"]
+
+
+class SimulationBatch:
+    """Simulated arms of one kind, each in an episode of its own.
+
+    Every arm is a `SimulatedRobot`. MuJoCo releases Python's lock while it computes, so
+    that arms on several threads advance at the same time.
+
+    Args:
+        task: name of a family (`FAMILIES`).
+        arm: preset, arm file, or description.
+        count: number of arms.
+        randomization: strength of the model mismatch of every episode's arm, 0 to 2
+            (`s2c2a.arm.randomized`); 0 simulates the arm itself.
+        seconds: duration of an episode [s].
+        fidelity: "fast" or "accurate".
+        threads: by default as many as cores, and no more than arms.
+
+    Raises:
+        S2C2AError: no such task or arm, or a number is out of range.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        arm: str | os.PathLike | ArmSpec,
+        count: int = 1,
+        randomization: float = 0.0,
+        seconds: float = EPISODE_TIME,
+        fidelity: str = "fast",
+        threads: int | None = None,
+    ):
+        self.arm = arm if isinstance(arm, ArmSpec) else load_arm(arm)
+        self.controls = Controls.of(self.arm)
+        self.family = _family(task, self.controls, seconds)
+        self._limits = CommandLimits.of(self.arm)
+        self._randomization = randomization
+        self._fidelity = fidelity
+        if count < 1:
+            raise S2C2AError(f"{count} environments are not possible; give 1 or more")
+        if self.controls.count == 0:
+            raise S2C2AError(f"{self.arm.name} has no cables that bend it")
+        self._robots: list[SimulatedRobot] = [self._robot(0, self.arm)] * count
+        threads = min(threads or len(os.sched_getaffinity(0)), count)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._groups = [range(start, count, threads) for start in range(threads)]
+        rest = self._limits.rest
+        self._commands = np.tile(rest, (count, 1, 1))
+        self._desired = self._commands.copy()
+        self._changes = np.zeros_like(self._commands)
+        self._cables = self._commands.copy()
+        self._actions = np.zeros((count, self.controls.count))
+        self._states = np.zeros((count, self.arm.module_count, 6))
+        self._elapsed = np.zeros(count, int)
+        self._goals = np.zeros((count, self.family.steps + 2, 3))
+        self._forces = np.zeros((count, self.family.steps, 3))
+        self._obstacles = np.zeros((count, 4))
+        self._diverged = np.zeros(count, bool)
+
+    def reset(
+        self,
+        numbers: Sequence[int],
+        randoms: Sequence[np.random.Generator],
+        new_robots: bool,
+    ) -> None:
+        """Begin episodes.
+
+        Args:
+            numbers: of the arms.
+            randoms: of these arms, from which everything is sampled.
+            new_robots: whether earlier episodes have no influence, as after a seed.
+        """
+        work = []
+        for number, random in zip(numbers, randoms, strict=True):
+            work.append(partial(self._reset_one, number, random, new_robots))
+        self._run(work)
+
+    def step(self, actions: Float[np.ndarray, "batch controls"]) -> BatchStep:
+        """Advance all arms by one control step.
+
+        Args:
+            actions: within [-1, 1]; values beyond are limited.
+        """
+        self._actions = np.clip(np.asarray(actions, float), -1.0, 1.0)
+        self._limit(self._actions)
+        self._diverged[:] = False
+        self._run([partial(self._advance, group) for group in self._groups])
+        self._elapsed += 1
+        goals = self._goal_at(0)
+        rewards = self.family.rewards(
+            self._states, goals, self._actions, self._obstacles
+        )
+        return BatchStep(
+            self.observations(),
+            np.where(self._diverged, DIVERGED, rewards),
+            self._diverged.copy(),
+            self._elapsed >= self.family.steps,
+            np.linalg.norm(self._states[:, -1, POSITION] - goals, axis=-1),
+        )
+
+    def observations(self) -> Float[np.ndarray, "batch values"]:
+        """What is observed now; see `spaces`."""
+        goals = self._goal_at(1)
+        return observe(
+            self.controls,
+            self._cables,
+            self._commands,
+            self._actions,
+            self._states[:, -1],
+            goals,
+            goals - self._goal_at(0),
+            self._obstacles if self.family.has_obstacle else None,
+        )
+
+    def states(self, number: int) -> Float[np.ndarray, "modules 6"]:
+        """True states of an arm [m, 1], base frame."""
+        return self._states[number]
+
+    def goal(self, number: int) -> Float[np.ndarray, "3"]:
+        """The goal of an arm for its next step [m], base frame."""
+        return self._goal_at(1)[number]
+
+    def obstacle(self, number: int) -> Float[np.ndarray, "4"] | None:
+        """Center and radius of the sphere of an arm [m], base frame, if there is one."""
+        return self._obstacles[number] if self.family.has_obstacle else None
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _goal_at(self, ahead: int) -> Float[np.ndarray, "batch 3"]:
+        moments = np.minimum(self._elapsed + ahead, self.family.steps + 1)
+        return self._goals[np.arange(len(moments)), moments]
+
+    def _limit(self, actions: Float[np.ndarray, "batch controls"]) -> None:
+        """Commands from actions, limited in value, rate and acceleration."""
+        step = actions * self.controls.geometry.step_limit  # rad
+        desired = self.controls.commands(self.controls.bends(self._commands) + step)
+        commands = self._limits.limited(
+            desired, self._commands, self._changes, self._desired
+        )
+        self._changes = commands - self._commands
+        self._commands = commands
+        self._desired = desired
+
+    def _advance(self, group: Sequence[int]) -> None:
+        for number in group:
+            robot = self._robots[number]
+            moment = min(int(self._elapsed[number]), self.family.steps - 1)
+            robot.apply_force(self._forces[number, moment])
+            try:
+                robot.step(self._commands[number])
+            except SimulationError:
+                self._diverged[number] = True  # keeps its last measurements
+            else:
+                self._measure(number, robot)
+
+    def _measure(self, number: int, robot: SimulatedRobot) -> None:
+        reading = robot.read()
+        self._cables[number] = reading["cables"]
+        self._states[number] = reading["states"]
+
+    def _reset_one(
+        self, number: int, random: np.random.Generator, new_robot: bool
+    ) -> None:
+        if new_robot or self._randomization:
+            self._robots[number] = self._sample_robot(random)
+        self._robots[number].open()
+        self._measure(number, self._robots[number])
+        scenario = self.family.scenario(random, self._states[number, -1, POSITION])
+        self._goals[number] = scenario.goals
+        self._forces[number] = scenario.forces
+        self._obstacles[number] = scenario.obstacle
+        self._elapsed[number] = 0
+        self._commands[number] = self._desired[number] = self._limits.rest
+        self._changes[number] = 0.0
+        self._actions[number] = 0.0
+
+    def _sample_robot(self, random: np.random.Generator) -> SimulatedRobot:
+        seed = int(random.integers(MAX_SEED))
+        arm = self.arm
+        if self._randomization:
+            arm = randomized_arm(arm, seed, self._randomization)
+        return self._robot(seed, arm)
+
+    def _robot(self, seed: int, arm: ArmSpec) -> SimulatedRobot:
+        return SimulatedRobot(arm, self._fidelity, seed)
+
+    def _run(self, work: Sequence) -> None:
+        if self._pool is None:
+            for part in work:
+                part()
+            return
+        for future in [self._pool.submit(part) for part in work]:
+            future.result()
+
+
+def _family(task: str, controls: Controls, seconds: float) -> Family:
+    """The family of a name.
+
+    Raises:
+        S2C2AError: no such family, or the duration is out of range.
+    """
+    if task not in FAMILIES:
+        raise S2C2AError(
+            f"no task '{task}'{did_you_mean(task, FAMILIES)}; choose one of "
+            f"{', '.join(FAMILIES)}"
+        )
+    steps = seconds * controls.arm.control_rate
+    if not 1 <= steps <= MAX_STEPS:
+        raise S2C2AError(
+            f"an episode of {seconds} s has {steps:g} control steps; give a duration "
+            f"of 1 to {MAX_STEPS} steps"
+        )
+    return FAMILIES[task](controls, round(steps))

@@ -1,0 +1,229 @@
+"""Families of tasks: goals, disturbances, reward and termination.
+
+The reward of a step is, with the distance d of the tip from its goal, the length L of
+the arm, and the k components a_i of the action,
+
+    r = -10 d / L - 0.1 (a_1^2 + ... + a_k^2) / k
+
+and in `Avoid` also -100 p / L, where p is how deep the arm's body is inside the sphere.
+No family terminates an episode but a simulation that diverges; a time limit truncates.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import body_radii, center_line, per_module
+from s2c2a.integrations.environments.spaces import Controls
+from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.spaces import CENTER_LINE_POINTS, POSITION, States
+
+Random = np.random.Generator
+
+DISTANCE_WEIGHT = 10.0  # of the distance in arm lengths; a reach begins near -10
+ACTION_WEIGHT = 0.1  # chosen: full speed costs as much as a distance of 1 % of the arm
+DEPTH_WEIGHT = 100.0  # ten times the distance's, so that no way leads through a sphere
+REACH_SHARE = 0.6  # of the full bends; with 0.8, twin_arm cannot reach 1 of 8 goals
+EPISODE_TIME = 20.0  # s; a run of the package's circle
+GOAL_TIME = 4.0  # s for each goal of `Reach`; the approach of the package's circle
+FOLLOW_TIME = 2.0  # s between turns of the goal of `Follow`
+STAY_SHARE = 0.3  # of the times in which the goal of `Follow` stays
+PERIODS = (8.0, 16.0)  # s of a path of `Track`; the package's circle takes 16 s
+FORCE_TIME = 2.0  # s that a force of `Hold` lasts
+FORCE_SHARE = (
+    0.5  # of EI / L^2; moves the tip of a uniform rod by a sixth of its length
+)
+OBSTACLE_SHARE = 0.08  # of the arm's length, radius of the sphere
+
+_states = jax.jit(states_from_bends)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What happens in one episode.
+
+    Attributes:
+        goals: of the tip after every step [m], base frame; the first two are that at
+            rest and that of the first step, shape (steps + 2, 3).
+        forces: at the tip in every step [N], base frame, shape (steps, 3).
+        obstacle: center and radius of a sphere [m], base frame, shape (4,).
+    """
+
+    goals: Float[np.ndarray, "moments 3"]
+    forces: Float[np.ndarray, "steps 3"]
+    obstacle: Float[np.ndarray, "4"]
+
+
+@dataclass(frozen=True)
+class Family(ABC):
+    """A family of tasks of one arm, from which episodes sample scenarios.
+
+    Attributes:
+        controls: of the arm.
+        steps: control steps of an episode.
+        has_obstacle: whether observations have an obstacle.
+    """
+
+    controls: Controls
+    steps: int
+    has_obstacle = False
+
+    @property
+    def arm(self) -> ArmSpec:
+        """The arm."""
+        return self.controls.arm
+
+    def scenario(self, random: Random, tip: Float[np.ndarray, "3"]) -> Scenario:
+        """Sample an episode that begins with the tip here [m], base frame."""
+        return Scenario(self.goals(random, tip), np.zeros((self.steps, 3)), np.zeros(4))
+
+    @abstractmethod
+    def goals(
+        self, random: Random, tip: Float[np.ndarray, "3"]
+    ) -> Float[np.ndarray, "moments 3"]:
+        """Sample the goals of an episode (`Scenario`)."""
+
+    def rewards(
+        self,
+        states: States,
+        goals: Float[np.ndarray, "batch 3"],
+        actions: Float[np.ndarray, "batch controls"],
+        obstacles: Float[np.ndarray, "batch 4"],
+    ) -> Float[np.ndarray, " batch"]:
+        """Rewards of a step; see the formula of this module.
+
+        Args:
+            states: after the step [m, 1], base frame, shape (batch, modules, 6).
+            goals: for that moment [m], base frame.
+            actions: of the step.
+            obstacles: centers and radii [m], base frame.
+        """
+        distances = np.linalg.norm(states[:, -1, POSITION] - goals, axis=-1)
+        effort = np.mean(actions**2, axis=-1)
+        return -DISTANCE_WEIGHT * distances / self.arm.length - ACTION_WEIGHT * effort
+
+    def count_of(self, seconds: float) -> int:
+        """Control steps in a time, at least one."""
+        return max(1, round(seconds * self.arm.control_rate))
+
+    def sample_bends(
+        self, random: Random, count: int
+    ) -> Float[np.ndarray, "count modules 2"]:
+        """Sample bends that the arm can command [rad], evenly in the disk of each module."""
+        shares = random.uniform(-1.0, 1.0, (count, self.controls.count))
+        bends = np.einsum("kmi,ck->cmi", self.controls.basis, shares)
+        sizes = np.linalg.norm(bends, axis=-1, keepdims=True)
+        largest = REACH_SHARE * self.controls.geometry.bend_limits[:, None]
+        return largest * bends / np.maximum(sizes, 1.0)
+
+    def tips(
+        self, bends: Float[np.ndarray, "count modules 2"]
+    ) -> Float[np.ndarray, "count 3"]:
+        """Tip positions of bends by arcs of constant curvature [m], base frame."""
+        lengths = self.controls.geometry.lengths.astype(np.float32)
+        states = np.asarray(_states(bends.astype(np.float32), lengths), float)
+        return states[:, -1, POSITION]
+
+
+class Reach(Family):
+    """Reach points and stay there; a new one every 4 s, without notice."""
+
+    def goals(self, random, tip):
+        held = self.count_of(GOAL_TIME)
+        count = -(-(self.steps + 1) // held)
+        points = self.tips(self.sample_bends(random, count))
+        return np.vstack([tip, np.repeat(points, held, axis=0)[: self.steps + 1]])
+
+
+class Follow(Family):
+    """Follow a goal that moves, turns and pauses without notice, every 2 s."""
+
+    def goals(self, random, tip):
+        held = self.count_of(FOLLOW_TIME)
+        count = -(-(self.steps + 1) // held) + 1
+        corners = self.sample_bends(random, count)
+        corners[0] = 0.0
+        for number in np.flatnonzero(random.random(count - 1) < STAY_SHARE):
+            corners[number + 1] = corners[number]
+        moments = np.arange(self.steps + 2) / held
+        start = np.minimum(moments.astype(int), count - 2)
+        shares = (moments - start)[:, None, None]
+        return self.tips(corners[start] * (1.0 - shares) + corners[start + 1] * shares)
+
+
+class Track(Family):
+    """Track a closed path: every bend is an offset and a sine of one random period."""
+
+    def goals(self, random, tip):
+        offset, first, second = 0.5 * self.sample_bends(random, 3)
+        period = random.uniform(*PERIODS)
+        times = np.arange(self.steps + 2) / self.arm.control_rate
+        phases = (2.0 * np.pi * times / period)[:, None, None]
+        turning = np.sin(phases) * first + np.cos(phases) * second
+        start = np.minimum(times / GOAL_TIME, 1.0)[:, None, None]
+        return self.tips(start * (offset + np.sqrt(0.5) * turning))
+
+
+class Hold(Family):
+    """Hold the tip where it is at rest, while forces of 2 s push it."""
+
+    def goals(self, random, tip):
+        return np.tile(tip, (self.steps + 2, 1))
+
+    def scenario(self, random, tip):
+        held = self.count_of(FORCE_TIME)
+        count = -(-self.steps // held)
+        stiffness = per_module(self.arm, "bending_stiffness").mean()
+        largest = FORCE_SHARE * stiffness / self.arm.length**2  # N
+        directions = random.normal(size=(count, 3))
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        sizes = random.uniform(0.0, largest, (count, 1))
+        forces = np.repeat(sizes * directions, held, axis=0)[: self.steps]
+        return Scenario(self.goals(random, tip), forces, np.zeros(4))
+
+
+class Avoid(Reach):
+    """Reach points around a sphere, which no part of the arm may enter."""
+
+    has_obstacle = True
+
+    def scenario(self, random, tip):
+        found = super().scenario(random, tip)
+        radius = OBSTACLE_SHARE * self.arm.length
+        goals = found.goals[1:]
+        # between the first two goals, where both can be reached without touching it
+        changes = np.flatnonzero(np.abs(np.diff(goals, axis=0)).max(axis=-1) > 0)
+        second = goals[changes[0] + 1] if len(changes) else tip
+        center = (goals[0] + second) / 2
+        gap = min(np.linalg.norm(center - goals[0]), np.linalg.norm(center - second))
+        radius = min(radius, 0.5 * float(gap))
+        return Scenario(found.goals, found.forces, np.array([*center, radius]))
+
+    def rewards(self, states, goals, actions, obstacles):
+        rewards = super().rewards(states, goals, actions, obstacles)
+        depths = self.depths(states, obstacles)
+        return rewards - DEPTH_WEIGHT * depths / self.arm.length
+
+    def depths(
+        self, states: States, obstacles: Float[np.ndarray, "batch 4"]
+    ) -> Float[np.ndarray, " batch"]:
+        """How deep the arm's body is in the sphere [m]; zero outside."""
+        geometry = self.controls.geometry
+        points = center_line(states, geometry.lengths)
+        body = body_radii(
+            geometry.lengths.tolist(),
+            [module.radius for module in self.arm.modules],
+            CENTER_LINE_POINTS,
+        )
+        distances = np.linalg.norm(points - obstacles[:, None, :3], axis=-1)
+        return np.maximum(obstacles[:, 3:] + body - distances, 0.0).max(axis=-1)
+
+
+FAMILIES: dict[str, type[Family]] = {
+    family.__name__: family for family in (Reach, Track, Avoid, Hold, Follow)
+}
+"""Families of tasks by name."""

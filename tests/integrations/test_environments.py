@@ -1,0 +1,193 @@
+"""Environments keep the interface of Gymnasium, on arms of all kinds."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.integrations.environments.simulation import DIVERGED, SimulationBatch
+from s2c2a.integrations.environments.spaces import Controls, observation_parts
+from s2c2a.integrations.environments.tasks import FAMILIES, Avoid
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime.limits import CommandLimiter, CommandLimits
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+import s2c2a.integrations.environments  # noqa: E402, F401  # registers them
+
+ARMS = ("twin_arm", "simulated_arm", "pneumatic_arm", "planar_finger", "spiral_arm")
+FINGER = load_arm("planar_finger")
+
+
+def generators(count, first=0):
+    return [np.random.default_rng(first + number) for number in range(count)]
+
+
+def begun(task="Reach", arm=FINGER, count=1, **options):
+    batch = SimulationBatch(task, arm, count, **options)
+    batch.reset(range(count), generators(count), new_robots=True)
+    return batch
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_checker_of_gymnasium_finds_nothing(arm):
+    environment = gymnasium.make("S2C2A/Avoid-v0", arm=arm, seconds=2.0).unwrapped
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(environment, skip_render_check=True)
+
+
+@pytest.mark.parametrize("task", FAMILIES)
+def test_every_task_runs_until_its_time_is_over(task):
+    environment = gymnasium.make(f"S2C2A/{task}-v0", arm=FINGER, seconds=1.0)
+    environment.reset(seed=3)
+    action = np.ones(environment.action_space.shape, np.float32)
+    results = [environment.step(action) for _ in range(10)]
+    assert [truncated for _, _, _, truncated, _ in results] == [False] * 9 + [True]
+    assert all(np.isfinite(reward) for _, reward, *_ in results)
+    assert results[-1][-1]["error"] > 0.0
+
+
+def test_arms_in_a_batch_are_as_single_ones():
+    many = gymnasium.make_vec("S2C2A/Reach-v0", num_envs=3, arm="twin_arm", seconds=0.5)
+    observations = [many.reset(seed=5)[0]]
+    actions = np.random.default_rng(0).uniform(-1, 1, (5, *many.action_space.shape))
+    for action in actions.astype(np.float32):
+        observations.append(many.step(action)[0])
+    one = gymnasium.make("S2C2A/Reach-v0", arm="twin_arm", seconds=0.5)
+    alone = [one.reset(seed=7)[0]]
+    for action in actions.astype(np.float32):
+        alone.append(one.step(action[2])[0])
+    np.testing.assert_array_equal(np.array(observations)[:, 2], alone)
+
+
+def test_a_seed_repeats_an_episode_also_after_others():
+    environment = gymnasium.make("S2C2A/Hold-v0", arm=FINGER, randomization=1.0)
+    action = np.ones(environment.action_space.shape, np.float32)
+    seen = []
+    for _ in range(2):
+        environment.reset(seed=11)
+        seen.append(environment.step(action)[0])
+        environment.reset()
+    np.testing.assert_array_equal(*seen)
+
+
+def test_randomized_arms_differ_between_episodes():
+    batch = begun(randomization=1.0)
+    first = batch.states(0).copy()
+    batch.reset([0], generators(1, 9), new_robots=False)
+    assert np.abs(batch.states(0) - first).max() > 1e-4
+
+
+def test_the_arms_are_simulated_robots_with_limited_commands():
+    arm = load_arm("twin_arm")
+    batch = begun(arm=arm)
+    seed = int(np.random.default_rng(0).integers(2**31))
+    robot = SimulatedRobot(arm, seed=seed)
+    robot.open()
+    robot.read()
+    controls, limiter = Controls.of(arm), CommandLimiter(CommandLimits.of(arm))
+    for action in np.random.default_rng(4).uniform(-1, 1, (6, 1, controls.count)):
+        batch.step(action)
+        bends = controls.bends(limiter.command)
+        step = action[0] * ArmGeometry.of(arm).step_limit
+        robot.step(limiter.limit(controls.commands(bends + step)))
+        robot.read()
+    np.testing.assert_array_equal(batch.states(0), robot.states())
+
+
+@pytest.mark.parametrize(("arm", "count"), [("planar_finger", 2), ("twin_arm", 6)])
+def test_controls_are_the_bends_that_cables_command(arm, count):
+    controls = Controls.of(load_arm(arm))
+    assert controls.count == count
+    bends = np.linspace(-0.3, 0.3, count)
+    np.testing.assert_allclose(controls.bends(controls.commands(bends)), bends)
+
+
+def test_the_next_episode_begins_in_the_step_after_the_last():
+    many = gymnasium.make_vec("S2C2A/Reach-v0", num_envs=2, arm=FINGER, seconds=0.3)
+    many.reset(seed=0)
+    action = np.ones(many.action_space.shape, np.float32)
+    truncated = [many.step(action) for _ in range(5)]
+    assert [bool(result[3].all()) for result in truncated] == [0, 0, 1, 0, 0]
+    _, rewards, _, _, info = truncated[3]
+    assert (rewards == 0.0).all()
+    assert not info["_error"].any()
+    parts = observation_parts(Controls.of(FINGER))
+    assert (truncated[3][0][:, parts["last_action"]] == 0.0).all()
+
+
+def test_an_arm_in_the_sphere_costs_reward():
+    family = Avoid(Controls.of(FINGER), 10)
+    states = np.array([[[0, 0, 0.06, 0, 0, 1], [0, 0, 0.11, 0, 0, 1]]], float)
+    goal = states[:, -1, :3]
+    inside, outside = np.array([[0, 0, 0.08, 0.01]]), np.array([[1.0, 0, 0, 0.01]])
+    still = np.zeros((1, 2))
+    assert family.rewards(states, goal, still, outside) == 0.0
+    assert family.rewards(states, goal, still, inside) < -5.0
+
+
+def test_a_goal_that_is_met_has_no_cost_and_effort_has():
+    family = FAMILIES["Reach"](Controls.of(FINGER), 10)
+    states = np.zeros((1, 2, 6))
+    goal = np.array([[0.011, 0.0, 0.0]])
+    rewards = family.rewards(states, goal, np.ones((1, 2)), np.zeros((1, 4)))
+    np.testing.assert_allclose(rewards, -10 * 0.011 / 0.11 - 0.1)
+
+
+def test_a_simulation_that_diverges_ends_its_episode(monkeypatch):
+    batch = begun()
+
+    def diverge(*_):
+        raise SimulationError("diverged", 0, None)
+
+    monkeypatch.setattr(SimulatedRobot, "step", diverge)
+    outcome = batch.step(np.zeros((1, 2)))
+    assert outcome.terminated.all()
+    assert outcome.rewards == DIVERGED
+    assert np.isfinite(outcome.observations).all()
+
+
+def test_forces_push_an_arm_that_holds_still():
+    batch = begun("Hold", seconds=4.0)
+    errors = [batch.step(np.zeros((1, 2))).errors[0] for _ in range(40)]
+    assert max(errors) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"task": "Reech"}, "did you mean"),
+        ({"count": 0}, "1 or more"),
+        ({"seconds": float("nan")}, "control steps"),
+        ({"seconds": 1e9}, "control steps"),
+        ({"randomization": 3.0}, "strength"),
+        ({"arm": "no_arm"}, "preset"),
+    ],
+)
+def test_wrong_options_are_explained(options, message):
+    with pytest.raises(S2C2AError, match=message):
+        begun(**options)
+
+
+def test_a_picture_shows_the_arm():
+    environment = gymnasium.make("S2C2A/Avoid-v0", arm=FINGER, render_mode="rgb_array")
+    environment.reset(seed=0)
+    picture = environment.render()
+    assert picture.shape == (320, 320, 3)
+    assert picture.std() > 1.0
+
+
+def test_noise_of_a_sensor_reaches_the_observation():
+    noisy = FINGER.model_copy(
+        update={"motor": FINGER.motor.model_copy(update={"noise_ticks": 50.0})}
+    )
+    batch = begun(arm=noisy)
+    part = observation_parts(batch.controls)["bends"]
+    first = batch.step(np.zeros((1, 2))).observations[0, part]
+    second = batch.step(np.zeros((1, 2))).observations[0, part]
+    assert (first != second).any()

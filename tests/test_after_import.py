@@ -1,0 +1,39 @@
+"""Gymnasium finds the environments, whatever is imported first."""
+
+import subprocess
+import sys
+
+import pytest
+
+MAKE = "environment = gymnasium.make('s2c2a:S2C2A/Reach-v0', arm='planar_finger'); "
+SHOW = "print(type(environment.unwrapped).__name__)"
+
+
+def printed(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    return done.stdout.strip()
+
+
+def test_the_package_alone_does_not_load_gymnasium():
+    code = "import sys, s2c2a; print('gymnasium' in sys.modules)"
+    assert printed(code) == "False"
+
+
+@pytest.mark.parametrize(
+    "imports", ["gymnasium", "s2c2a, gymnasium", "gymnasium, s2c2a"]
+)
+def test_environments_are_found_in_every_order_of_imports(imports):
+    pytest.importorskip("gymnasium")
+    assert printed(f"import {imports}; {MAKE}{SHOW}") == "ArmEnv"
+
+
+def test_a_missing_package_stays_missing():
+    code = (
+        "from s2c2a.after_import import import_after\n"
+        "import_after('no_such_package', 'json')\n"
+        "try:\n    import no_such_package\n"
+        "except ModuleNotFoundError as error:\n    print(error.name)"
+    )
+    assert printed(code) == "no_such_package"
