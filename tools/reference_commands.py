@@ -16,7 +16,16 @@ FOLDER = "reference"
 GROUPS = {
     "Data": ("collect", "import", "export"),
     "Training": ("train", "pretrain", "identify", "sweep"),
-    "Control": ("demo", "reach", "session", "run", "live", "teleoperate", "ros", "view"),
+    "Control": (
+        "demo",
+        "reach",
+        "session",
+        "run",
+        "live",
+        "teleoperate",
+        "ros",
+        "view",
+    ),
     "Arms": ("arm", "robot"),
     "Real arms": ("motors", "tracking", "response", "emulate"),
     "Results and installation": ("reproduce", "bench", "doctor", "completion"),

@@ -210,7 +210,7 @@ def _encoder_functions(estimator: EncoderEstimator) -> EstimatorFunctions:
             return Estimate(configuration, hysteresis=hysteresis)
         return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
 
-    def update(last: Estimate, measured: Measured, measurements: Measured) -> Estimate:
+    def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
         configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
         return last._replace(configuration=configuration, hysteresis=hysteresis)
 
@@ -230,7 +230,7 @@ def _kalman_functions(estimator: KalmanEstimator) -> EstimatorFunctions:
         estimate, _ = start_estimate(*parts, measured, jnp.asarray(estimator.payload))
         return _followed(estimate)
 
-    def update(last: Estimate, measured: Measured, measurements: Measured) -> Estimate:
+    def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
         estimate, _ = update_estimate(*parts, last.memory, measured, measurements)
         return _followed(estimate)
 
