@@ -86,6 +86,14 @@ def _split(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value
     return parts
 
 
+@rule("unstack")
+def _unstack(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+    axis = equation.params["axis"]
+    value = writer.stored(values[0]) if values[0].cost else values[0]
+    count = value.shape[axis]
+    return [_along(value, axis, row, 1).without((axis,)) for row in range(count)]
+
+
 @rule("reshape")
 def _reshape(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
     _, shape = output_of(equation)

@@ -1,0 +1,93 @@
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import StrategyError
+from s2c2a.integrations.control_step import ControlStep
+from s2c2a.integrations.exports.c_source import export_c, name_of
+from s2c2a.strategies import networks_from, save_networks, strategy_of
+from s2c2a.strategies.pcc import pcc_strategy
+
+from tools.c_step import COMPILER, EQUAL, STRICT, compare, recorded_inputs
+
+STEPS = 1000
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+
+
+@needs_compiler
+def test_a_step_in_c_is_that_of_jax(tmp_path):
+    strategy = pcc_strategy(load_arm("twin_arm"))
+    result = compare(strategy, tmp_path, STEPS, flags=("-O1",))
+    assert len(result.differences) == STEPS
+    assert result.differences.max() < EQUAL
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_a_step_of_the_shipped_networks_in_c_is_that_of_jax(tmp_path):
+    arm = load_arm("twin_arm")
+    strategy = strategy_of(networks_from("shipped", arm))
+    result = compare(strategy, tmp_path, STEPS)
+    assert np.median(result.differences) < 1e-6
+    # where a decision hangs on the last bits, both may decide otherwise
+    assert len(result.rounding) <= 3
+    for number, change in result.rounding.items():
+        assert result.differences[number] <= 1.1 * change
+    assert np.median(result.seconds_c) < 1.5 * np.median(result.seconds_jax)
+
+
+def test_a_control_step_is_that_of_the_loop():
+    strategy = pcc_strategy(load_arm("twin_arm"))
+    control = ControlStep.of(strategy)
+    inputs, sent = recorded_inputs(strategy, control, 90)
+    memory = control.start(inputs[0].measured)
+    step = jax.jit(control.step)
+    commands = []
+    for each in inputs:
+        command, memory = step(memory, each)
+        commands.append(command)
+    np.testing.assert_allclose(commands, sent, atol=1e-4 * np.ptp(sent))
+
+
+def test_the_last_command_holds_after_a_reading_that_is_not_finite():
+    strategy = pcc_strategy(load_arm("twin_arm"))
+    control = ControlStep.of(strategy)
+    inputs, _ = recorded_inputs(strategy, control, 5)
+    memory = control.start(inputs[0].measured)
+    command, memory = control.step(memory, inputs[0])
+    lost = {"cables": np.full_like(inputs[1].measured["cables"], np.nan)}
+    held, after = control.step(memory, inputs[1]._replace(measured=lost))
+    np.testing.assert_array_equal(held, command)
+    goes_on, _ = control.step(after, inputs[2])
+    assert np.isfinite(goes_on).all()
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_the_command_writes_c_that_compiles(tmp_path):
+    arm = load_arm("twin_arm")
+    weights = tmp_path / "my arm.safetensors"
+    save_networks(networks_from("shipped", arm), weights)
+    command = [sys.executable, "-m", "s2c2a", "export", str(weights), "--to", "c"]
+    done = subprocess.run(
+        command, cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    assert "of memory" in done.stdout
+    files = [*STRICT, "-c", "my arm.c", "-o", "arm.o"]
+    subprocess.run([str(COMPILER), *files], cwd=tmp_path, check=True)
+
+
+def test_names_of_files_become_names_of_c(tmp_path):
+    assert name_of(tmp_path / "my arm-2.c") == "my_arm_2"
+    assert name_of(tmp_path / "2arms.c") == "arm_2arms"
+
+
+def test_only_weights_are_exported_to_c(tmp_path):
+    missing = tmp_path / "none.safetensors"
+    with pytest.raises(StrategyError, match="no"):
+        export_c(missing, tmp_path / "none.c")
+    assert not list(tmp_path.iterdir())
