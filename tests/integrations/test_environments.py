@@ -7,6 +7,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.integrations.environments.jacobian_policy import JacobianPolicy
 from s2c2a.integrations.environments.simulation import DIVERGED, SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls, observation_parts
 from s2c2a.integrations.environments.tasks import FAMILIES, Avoid
@@ -191,3 +192,20 @@ def test_noise_of_a_sensor_reaches_the_observation():
     first = batch.step(np.zeros((1, 2))).observations[0, part]
     second = batch.step(np.zeros((1, 2))).observations[0, part]
     assert (first != second).any()
+
+
+def test_the_jacobian_policy_reaches_the_goals_of_an_arm():
+    batch = begun(arm="twin_arm", count=3, seconds=4.0)
+    policy = JacobianPolicy(batch.controls)
+    for _ in range(batch.family.steps - 1):
+        outcome = batch.step(policy.actions(batch.observations()))
+    assert outcome.errors.max() < 0.04
+    still = SimulationBatch("Reach", "twin_arm", 3, seconds=4.0)
+    still.reset(range(3), generators(3), new_robots=True)
+    assert still.step(np.zeros((3, 6))).errors.min() > 0.1
+
+
+def test_a_step_does_not_measure_what_no_observation_has(monkeypatch):
+    batch = begun()
+    monkeypatch.setattr(SimulatedRobot, "read", None)
+    assert np.isfinite(batch.step(np.zeros((1, 2))).observations).all()

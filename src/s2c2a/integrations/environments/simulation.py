@@ -198,9 +198,9 @@ class SimulationBatch:
                 self._measure(number, robot)
 
     def _measure(self, number: int, robot: SimulatedRobot) -> None:
-        reading = robot.read()
-        self._cables[number] = reading["cables"]
-        self._states[number] = reading["states"]
+        # all that an observation needs; `read` measures more
+        self._cables[number] = robot.measure_cables()
+        self._states[number] = robot.states()
 
     def _reset_one(
         self, number: int, random: np.random.Generator, new_robot: bool
