@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from s2c2a.integrations.pytorch import state_of
 from s2c2a.models import C2A, C2S
 from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, module_labels
@@ -27,21 +28,12 @@ class TorchBiLSTM(nn.Module):
             bidirectional=True,
         )
         self.head = nn.Linear(network.weight_head.shape[0], outputs)
-        for number, directions in enumerate(network.layers):
-            for direction, ending in zip(directions, ("", "_reverse"), strict=True):
-                self._copy(f"weight_ih_l{number}{ending}", direction.weight_input.T)
-                self._copy(f"weight_hh_l{number}{ending}", direction.weight_hidden.T)
-                self._copy(f"bias_ih_l{number}{ending}", direction.bias)
-                self._copy(f"bias_hh_l{number}{ending}", np.zeros(gates))
-        self.head.weight.data = tensor(network.weight_head.T)
-        self.head.bias.data = tensor(network.bias_head)
+        state = {name: tensor(values) for name, values in state_of(network).items()}
+        self.load_state_dict(state)
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Outputs of every module, shape (batch, modules, outputs)."""
         return self.head(self.lstm(inputs)[0])
-
-    def _copy(self, name: str, values) -> None:
-        getattr(self.lstm, name).data = tensor(values)
 
 
 class TorchScaling:
