@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +166,32 @@ def test_an_arm_that_is_stopped_ends_the_recording(driven, monkeypatch):
     driven._loop.fault = driven._loop.standstill
     with pytest.raises(RobotError, match="stood still for 11 s"):
         driven.step(commands(0.0))
+
+
+class RealArm(SimulatedRobot):
+    """An arm in real time, which stops without commands, as servos do."""
+
+    own_time = False
+    openings = 0
+
+    def open(self):
+        self.openings += 1
+        return super().open()
+
+
+def test_a_real_arm_begins_anew_after_networks_were_loaded():
+    robot = RealArm(ARM)
+    made = arm.DrivenArm(robot)
+    made.open()
+    made.observe()
+    made.observe()
+    made.close()
+    assert robot.openings == 2
+
+
+def test_an_expert_holds_while_a_reading_has_a_fault(driven):
+    shown = expert.Expert(driven, "circle")
+    driven.observe()
+    rest = shown.action()
+    driven.reading = replace(driven.reading, sensors={}, fault="servo 3 is silent")
+    assert shown.action() == rest

@@ -157,6 +157,7 @@ class DrivenArm:
         self._pace = Pace(self.spec.control_rate)
         self._last_frame: float | None = None
         self._loop.__enter__()
+        self._is_fresh = True
         self.reading = self._robot.read()
 
     def close(self) -> None:
@@ -164,7 +165,15 @@ class DrivenArm:
         self._loop.close()
 
     def observe(self) -> dict[str, float]:
-        """Read the sensors; NaN where one measured nothing."""
+        """Read the sensors; NaN where one measured nothing.
+
+        Raises:
+            S2C2AError: the robot failed.
+        """
+        if self._is_fresh and not self._robot.own_time:
+            # networks were loaded meanwhile, and servos stop without commands
+            self._loop.open()
+        self._is_fresh = False
         self.reading = self._robot.read()
         nothing = {
             name: np.full(sensor.shape, np.nan)

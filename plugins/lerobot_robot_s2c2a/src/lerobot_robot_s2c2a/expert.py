@@ -36,6 +36,7 @@ class Expert:
         self._goals = list(loaded.shown_goals(arm.spec))
         self._targets = loaded.desired_positions()[:, -1]
         self._frame = 0
+        self._started = False
         self._limiter = CommandLimiter(CommandLimits.of(arm.spec))
         if arm.action_space == TIP:
             self._check_targets(task, weights)
@@ -58,8 +59,12 @@ class Expert:
 
     def _command(self, number: int) -> Actions:
         reading, driver = self._arm.reading, self._driver
-        if self._frame == 0:
+        if reading.fault:
+            # the arm holds as well
+            return self._limiter.hold()
+        if not self._started:
             driver.start(reading)
+            self._started = True
         estimate = driver.estimate(reading, self._limiter.command)
         desired = driver.act(driver.plan(estimate, self._goals[number]), estimate)
         command = self._limiter.limit(desired)
