@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -195,3 +196,31 @@ def test_an_expert_holds_while_a_reading_has_a_fault(driven):
     rest = shown.action()
     driven.reading = replace(driven.reading, sensors={}, fault="servo 3 is silent")
     assert shown.action() == rest
+
+
+def frames(rate: float) -> None:
+    """Frames of a real arm at the pace of LeRobot's loops, until the check."""
+    made = arm.DrivenArm(RealArm(ARM))
+    made.open()
+    try:
+        made.observe()
+        time.sleep(0.6 * PERIOD)  # begins between two steps of the control loop
+        for _ in range(arm.CHECKED_FRAMES + 1):
+            began = time.perf_counter()
+            made.step(commands(0.0))
+            spent = time.perf_counter() - began
+            time.sleep(max(1.0 / rate - spent, 0.0))
+    finally:
+        made.close()
+
+
+def test_a_real_arm_leaves_the_pace_to_frames_at_its_control_rate():
+    frames(ARM.control_rate)
+
+
+def test_a_real_arm_waits_where_frames_are_too_fast_and_then_says_so():
+    began = time.perf_counter()
+    with pytest.raises(RobotError, match=r"--dataset\.fps=10"):
+        frames(30.0)
+    least = arm.SHORTEST * PERIOD * (arm.CHECKED_FRAMES - 1)
+    assert time.perf_counter() - began > least

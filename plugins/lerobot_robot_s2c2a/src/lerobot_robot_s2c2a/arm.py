@@ -15,7 +15,7 @@ from s2c2a.cli.execution import robot_factory_for
 from s2c2a.errors import ActionError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime import Driver, Loop, Patience, StepRequest
+from s2c2a.runtime import Driver, Loop, Patience, StepRequest, WallClock
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.spaces import Actions, Reading, Sensor, Stage
 
@@ -23,6 +23,9 @@ COMMANDS, TIP = "cables", "tip"
 TIP_NAMES = ("tip.x", "tip.y", "tip.z")
 PAUSE = 10.0  # s; saving an episode takes LeRobot less
 CHECKED_FRAMES = 20  # enough for a median that one slow frame does not move
+SHORTEST = (
+    0.9  # of a control period, between two steps; that much faster an arm may move
+)
 PACE_TOLERANCE = 0.2  # of a control period; pauses of LeRobot's loop vary by less
 
 
@@ -94,6 +97,23 @@ class Pace:
         logging.warning("%s, or close what slows this computer", text)
 
 
+class FrameClock(WallClock):
+    """The wall clock of a real arm, for which LeRobot sets the pace.
+
+    Two paces, each with a phase of its own, would delay every frame. So the control loop
+    waits only where a frame comes too early.
+    """
+
+    def __init__(self, period: float):
+        self._shortest = SHORTEST * period
+        self._last = -np.inf
+
+    def wait_until(self, moment: float) -> None:
+        """Return a share of the control period after the last step, or at the moment."""
+        super().wait_until(min(moment, self._last + self._shortest))
+        self._last = self.now()
+
+
 class DrivenArm:
     """One arm in the control loop of the package, whose limits every command passes.
 
@@ -141,6 +161,7 @@ class DrivenArm:
         self._loop = Loop(
             robot,
             strategy or self._commanded,
+            None if robot.own_time else FrameClock(robot.arm.control_period),
             patience=Patience.of(robot.arm.control_rate, standstill=PAUSE),
             # a pose that the observation took from the robot reaches the strategy, too
             faults=self._with_observed,
