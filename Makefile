@@ -10,7 +10,7 @@ PAGES ?= README.md docs
 # Checks of types and imports, and the installation of the browser, run side by side.
 MAKEFLAGS += --jobs=2
 
-.PHONY: demo test test-all check style types imports docs docs-site bench format setup browser clean
+.PHONY: demo test test-all test-plugins check style types imports docs docs-site bench format setup browser clean
 
 demo: .venv/installed  ## from nothing to a table, a figure and a replay page
 	$(BIN)/s2c2a demo --out runs/demo --overwrite
@@ -32,6 +32,11 @@ types: setup
 
 imports: setup
 	$(BIN)/lint-imports
+
+test-plugins:  ## the plug-in of LeRobot, in an environment of its own, into which LeRobot is downloaded
+	$(PYTHON) -m venv plugins/.venv
+	plugins/.venv/bin/pip install -q . ./plugins/lerobot_robot_s2c2a pytest
+	plugins/.venv/bin/python -m pytest plugins/lerobot_robot_s2c2a
 
 docs: docs-site  ## the site with its links checked, then every command and Python block of PAGES, by default of all
 	$(BIN)/python -m pytest -p tools.page_blocks -o addopts= -o filterwarnings= -v -rs $(PAGES)

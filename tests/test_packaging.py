@@ -172,6 +172,11 @@ def test_the_wheel_holds_every_file_of_the_package_and_no_other(distributions):
     assert set(package_files(distributions[0])) == tracked
 
 
+def test_the_source_distribution_holds_no_plugins(distributions):
+    with tarfile.open(distributions[1]) as archive:
+        assert not [name for name in archive.getnames() if "plugins/" in name]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "file",
