@@ -16,7 +16,7 @@ from s2c2a.live.cli import live
 ROOT = Path(__file__).parents[1]
 PROGRAMS = sorted(
     file
-    for folder in ("src", "experiments", "examples", "tools")
+    for folder in ("src", "experiments", "tools")
     for file in (ROOT / folder).rglob("*.py")
 )
 POSIX = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")
