@@ -147,7 +147,9 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
     seconds = []
     for _ in range(1 + starts):
         start = time.time()
-        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        process = subprocess.run(
+            command, capture_output=True, encoding="utf-8", check=False
+        )
         if not process.stdout:
             raise S2C2AError(
                 f"the start of '{arm}' in a process of its own failed: "

@@ -43,7 +43,9 @@ def all_cores() -> int:
 
 
 def default_process_count() -> int:
-    """Number of worker processes: one per core, limited by memory."""
+    """Number of worker processes: one per core, limited by memory except on Windows."""
+    if not hasattr(os, "sysconf"):  # Windows, where a pool has at most 61 processes
+        return min(all_cores(), 61)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return max(1, min(all_cores(), int(memory / MEMORY_PER_PROCESS)))
 

@@ -365,3 +365,9 @@ def test_the_command_drives_a_simulated_arm_and_writes_the_file(tmp_path, capsys
     assert episode.options["strategy"] == "pcc · best"
     assert len(episode) >= 5
     assert "returns to rest" in capsys.readouterr().out
+
+
+def test_a_missing_extra_is_named_before_the_arm_is_prepared(monkeypatch):
+    monkeypatch.setattr("s2c2a.cli.execution.find_spec", lambda _: None)
+    with pytest.raises(S2C2AError, match=r'pygame is missing.*"\.\[gamepad\]"'):
+        teleoperate.teleoperate("no such arm", "gamepad")

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from traceback import walk_stack
 from types import FrameType
 
@@ -83,4 +84,6 @@ def _on_interrupt(_: int, frame: FrameType | None) -> None:
 
 
 def _repeat_interrupt() -> None:
-    threading.Timer(RETRY_DELAY, os.kill, (os.getpid(), signal.SIGINT)).start()
+    # on Windows, os.kill ends the process; elsewhere it also wakes a main thread that waits
+    send = signal.raise_signal if os.name == "nt" else partial(os.kill, os.getpid())
+    threading.Timer(RETRY_DELAY, send, (signal.SIGINT,)).start()

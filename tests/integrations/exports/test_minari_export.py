@@ -20,7 +20,8 @@ def test_a_dataset_has_one_observation_more_than_actions(tmp_path, monkeypatch):
     path = tmp_path / "my arm.episodes"
     save_episodes(episodes, path, {})
     before = os.environ.get("MINARI_DATASETS_PATH")
-    assert write_minari(path, tmp_path / "sets") == "2 episodes of 'my-arm-v0'"
+    monkeypatch.chdir(tmp_path)
+    assert write_minari(path, Path("sets")) == "2 episodes of 'my-arm-v0'"
     assert os.environ.get("MINARI_DATASETS_PATH") == before
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "sets"))
     dataset = minari.load_dataset("my-arm-v0")

@@ -13,7 +13,7 @@ from s2c2a.arm import load_arm
 from s2c2a.arm.servos import servos_of
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation import Emulator, EmulatorOptions
+from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 
 ARM = load_arm("twin_arm")
 PATIENCE = 60.0  # s

@@ -9,8 +9,8 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation import Emulator, EmulatorOptions
 from s2c2a.lab.emulation import natnet_protocol as protocol
+from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.mocap import MocapEmulator, SlowMotion
 from s2c2a.lab.emulation.mocap_faults import GRAMMAR

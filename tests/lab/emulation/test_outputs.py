@@ -8,7 +8,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.emulation import Emulator, EmulatorOptions
+from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.outputs import (
     Periodic,
     PositionRecord,

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from s2c2a.arm import load_arm
-from s2c2a.lab.emulation import Emulator, EmulatorOptions
+from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.faults import GRAMMAR, apply_fault
 from s2c2a.lab.emulation.line import Line
 from s2c2a.lab.emulation.outputs import describe

@@ -11,7 +11,7 @@ from s2c2a.arm import load_arm, servos_of
 from s2c2a.arm.servos import MODEL_NUMBERS, OwnModel, OwnRegisters
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli import motors
-from s2c2a.lab.emulation import Emulator, EmulatorOptions
+from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.xl330 import firmware_of
 from s2c2a.lab.hardware.bus import WrongModelError

@@ -14,6 +14,7 @@ from s2c2a.cli.execution import (
     RobotName,
     RobotOptions,
     TrackingSource,
+    require,
     robot_factory_for,
 )
 from s2c2a.robots.factory import RobotFactory
@@ -73,6 +74,8 @@ def teleoperate(
     from s2c2a.integrations.teleoperation.teleoperation import Teleoperation
     from s2c2a.live.steering import largest_speed
 
+    if device == "gamepad":
+        require("gamepad", "pygame")
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     source = device_named(device, largest_speed(spec))

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import S2C2AError, SimulationError, did_you_mean
+from s2c2a.executors import all_cores
 from s2c2a.integrations.environments.spaces import Controls, observe
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
 from s2c2a.robots.simulation import SimulatedRobot
@@ -82,7 +83,7 @@ class SimulationBatch:
         if self.controls.count == 0:
             raise S2C2AError(f"{self.arm.name} has no cables that bend it")
         self._robots: list[SimulatedRobot] = [self._robot(0, self.arm)] * count
-        threads = min(threads or len(os.sched_getaffinity(0)), count)
+        threads = min(threads or all_cores(), count)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._groups = [range(start, count, threads) for start in range(threads)]
         rest = self._limits.rest

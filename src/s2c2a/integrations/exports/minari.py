@@ -58,7 +58,7 @@ def write_minari(file: Path, out: Path) -> str:
     ]
     name = dataset_name(file)
     with (
-        new_folder(out) as folder,
+        new_folder(out.absolute()) as folder,  # Minari joins relative paths twice
         _datasets_in(folder),
         warnings.catch_warnings(action="ignore", category=UserWarning),
     ):

@@ -101,7 +101,7 @@ def servos(
         mocap_noise: standard deviation of the positions in its frames [m].
         duration: time after which the emulator ends [s].
     """
-    from s2c2a.lab.emulation import Emulator, EmulatorOptions
+    from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 
     mocap = None
     if mocap_port:

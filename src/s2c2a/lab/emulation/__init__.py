@@ -3,5 +3,3 @@
 The packets are written from the manuals and share no code with `s2c2a.lab.hardware`, so
 that one tests the other.
 """
-
-from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions

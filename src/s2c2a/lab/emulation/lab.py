@@ -79,7 +79,7 @@ def open_lab(
 
 
 def _check_replaceable(path: Path) -> None:
-    if path.exists() and not path.read_text(errors="replace").startswith(HEADING):
+    if path.exists() and not path.read_text("utf-8", "replace").startswith(HEADING):
         raise S2C2AError(
             f"{path} is not an arm file of an emulated laboratory; choose another "
             "--folder"

@@ -4,14 +4,21 @@ import errno
 import os
 import re
 import struct
-import termios
-import tty
 from contextlib import suppress
-from fcntl import ioctl
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.instructions import Reply
+
+try:
+    import termios
+    import tty
+    from fcntl import ioctl
+except ImportError as error:
+    raise S2C2AError(
+        "emulated servos need pseudo-terminals, which Windows does not have; run the "
+        "command on Linux, on macOS, or in the Windows Subsystem for Linux"
+    ) from error
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _READ_SIZE = 4096

@@ -132,7 +132,7 @@ class PositionRecord:
             S2C2AError: the file cannot be written.
         """
         try:
-            self._file = path.open("w")
+            self._file = path.open("w", encoding="utf-8")
         except OSError as error:
             raise S2C2AError(
                 f"cannot write {path}: {error}; choose another --record"

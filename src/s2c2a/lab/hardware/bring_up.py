@@ -382,7 +382,7 @@ class BringUp:
         ids = list(displacements)
         overdue = BusError(f"servos {ids} do not come to rest in {TIMEOUT:g} s")
         watch = MotionWatch(TIMEOUT, overdue)
-        still_since = time.monotonic()
+        still_since = time.perf_counter()
         positions = last = self._positions(ids)
         while True:
             watch.check()  # not every servo has a watchdog that stops it
@@ -390,9 +390,9 @@ class BringUp:
             time.sleep(self._poll_period)
             positions = self._positions(ids)
             if (np.abs(positions - last) > STILL_TICKS).any():
-                still_since = time.monotonic()
+                still_since = time.perf_counter()
                 last = positions
-            elif time.monotonic() - still_since >= STILL_TIME:
+            elif time.perf_counter() - still_since >= STILL_TIME:
                 return
 
     def _lead(

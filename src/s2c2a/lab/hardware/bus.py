@@ -275,11 +275,11 @@ class ServoBus(ABC):
         Raises:
             PortLostError: the port is gone.
         """
-        end = time.monotonic() + seconds
+        end = time.perf_counter() + seconds
         states = self.read_states(ids)
         for attempt in itertools.count():
             missing = [id for id in ids if id not in states]
-            if not missing or (attempt and time.monotonic() > end):
+            if not missing or (attempt and time.perf_counter() > end):
                 return states
             states |= self.read_states(missing)
         return states

@@ -303,7 +303,7 @@ class SerialBus(ServoBus):
     ) -> Iterator[Answer]:
         """Yield answers until all awaited servos answered, or the time is over."""
         remaining = set(awaited)
-        deadline = time.monotonic() + duration
+        deadline = time.perf_counter() + duration
         while data := self._line.read(deadline):
             for answer in reader.feed(data):
                 remaining.discard(answer.id)
@@ -311,7 +311,7 @@ class SerialBus(ServoBus):
             if awaited and not remaining:
                 return
             # a line that is never quiet must not block the caller
-            if time.monotonic() > deadline:
+            if time.perf_counter() > deadline:
                 break
         yield from reader.flush()
 

@@ -103,7 +103,7 @@ class SerialLine:
         """Return the bytes that have arrived; wait for the first one, without spinning.
 
         Args:
-            deadline: on the clock of `time.monotonic` [s].
+            deadline: on the clock of `time.perf_counter` [s].
 
         Returns:
             The bytes; empty if none have arrived at the deadline. A call after the
@@ -119,7 +119,7 @@ class SerialLine:
                 data = self._serial.read(max(self._serial.in_waiting, 1))
                 if data:
                     return data + self._serial.read(self._serial.in_waiting)
-                if time.monotonic() >= deadline:
+                if time.perf_counter() >= deadline:
                     return data
 
     def ask(self, packet: bytes, patience: float, quiet_time: float) -> bytes:
@@ -134,11 +134,11 @@ class SerialLine:
             PortLostError: the port is gone.
         """
         self.write(packet)
-        heard = self.read(time.monotonic() + patience)
+        heard = self.read(time.perf_counter() + patience)
         # a line that is never quiet must not block the caller
-        end = time.monotonic() + LONGEST_DRAIN
-        while heard and time.monotonic() < end:
-            more = self.read(time.monotonic() + quiet_time)
+        end = time.perf_counter() + LONGEST_DRAIN
+        while heard and time.perf_counter() < end:
+            more = self.read(time.perf_counter() + quiet_time)
             if not more:
                 break
             heard += more
@@ -155,8 +155,8 @@ class SerialLine:
         Raises:
             PortLostError: the port is gone.
         """
-        end = time.monotonic() + LONGEST_DRAIN
-        while self.read(time.monotonic() + quiet_time) and time.monotonic() < end:
+        end = time.perf_counter() + LONGEST_DRAIN
+        while self.read(time.perf_counter() + quiet_time) and time.perf_counter() < end:
             continue
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
@@ -143,7 +144,8 @@ def _check_host(host: str, factory: RobotFactory) -> None:
 def wait_for_interrupt() -> None:
     """Return at Ctrl-C."""
     with suppress(KeyboardInterrupt):
-        threading.Event().wait()
+        while True:  # Ctrl-C ends no wait for an event on Windows
+            time.sleep(1.0)
 
 
 @contextmanager
