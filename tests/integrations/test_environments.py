@@ -205,6 +205,33 @@ def test_the_jacobian_policy_reaches_the_goals_of_an_arm():
     assert still.step(np.zeros((3, 6))).errors.min() > 0.1
 
 
+def jacobian_actions(bends, **parts):
+    """Actions of the policy of twin_arm in one moment, and motions of its tip [m]."""
+    controls = Controls.of(load_arm("twin_arm"))
+    policy = JacobianPolicy(controls)
+    places = observation_parts(controls)
+    observation = np.zeros((1, max(place.stop for place in places.values())))
+    for name, values in {"commanded_bends": bends, **parts}.items():
+        observation[0, places[name]] = values
+    (actions,) = policy.actions(observation)
+    jacobian = np.asarray(policy._jacobians(np.float32(bends)[None])[0])
+    return actions, jacobian @ actions * controls.geometry.step_limit
+
+
+def test_the_jacobian_policy_leads_bends_that_do_not_move_the_tip_back():
+    bends = np.array([0.7, 0.1, 0.2, -0.6, 0.6, 0.3])
+    actions, motion = jacobian_actions(bends)
+    assert actions @ bends < -0.01
+    np.testing.assert_allclose(motion, 0.0, atol=1e-4)
+
+
+def test_the_jacobian_policy_moves_with_its_goal():
+    bends = np.array([0.3, 0.1, 0.2, 0.1, 0.1, 0.0])
+    _, at_rest = jacobian_actions(bends)
+    _, motion = jacobian_actions(bends, goal_change=[0.0, 0.1, 0.0])
+    assert (motion - at_rest)[1] > 0.1 * 0.1 * 0.6 / 3
+
+
 def test_a_step_does_not_measure_what_no_observation_has(monkeypatch):
     batch = begun()
     monkeypatch.setattr(SimulatedRobot, "read", None)

@@ -16,6 +16,7 @@ from s2c2a.integrations.environments.policy import (
 )
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls
+from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 
@@ -73,6 +74,19 @@ def test_a_file_keeps_the_numbers(tmp_path, activation):
     values = np.linspace(-1, 1, observation_size(Controls.of(FINGER)))
     read = s2c2a.load_strategy(file)
     np.testing.assert_allclose(read._act(values), given._act(values), atol=1e-5)
+
+
+def test_the_runs_of_a_command_use_the_options_of_the_file(tmp_path):
+    file = tmp_path / "policy.safetensors"
+    save_policy(file, FINGER, random_layers(), "tanh", squashed=False)
+    given = GivenNetworks.read(file, FINGER)
+    jobs = jobs_for(["circle"], FINGER, ["policy"], [0], given.recipe, weights=given)
+    run = run_all(jobs, Cache(tmp_path, tmp_path))[0]
+    driver = s2c2a.load_strategy(file)
+    expected = s2c2a.run(jobs[0].robot(), driver, jobs[0].weighted_task)
+    np.testing.assert_allclose(
+        run.episode.columns["actions"], expected.columns["actions"], atol=1e-9
+    )
 
 
 def test_a_policy_without_a_goal_stands_still():

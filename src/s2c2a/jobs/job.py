@@ -166,8 +166,12 @@ class Job(Artifact[Run]):
     def make(self, cache: Cache, progress: Progress) -> None:
         networks = [artifact.load(cache) for artifact in self.needs]
         trained = networks[0] if networks else None
-        recipe = self.options.recipe(self.recipe)
-        strategy = self.options.build(self.arm, recipe, trained, self.conditions.run)
+        options = self.options
+        if trained is not None and self.weights in self.needs:
+            # a file's networks may have other options than the defaults
+            options = type(options)(**trained.strategy_options)
+        recipe = options.recipe(self.recipe)
+        strategy = options.build(self.arm, recipe, trained, self.conditions.run)
         report = partial(progress, str(self))
         robot = self.robot()
         kept: list[episodes.Episode] = []

@@ -1,12 +1,14 @@
 """A policy without training: damped least squares on arcs of constant curvature.
 
-With the Jacobian J of the tip's position at the commanded bends and the error e of the
-tip, it changes the bends by
+With the Jacobian J of the tip's position at the commanded bends q, the error e of the tip
+and the motion v of the goal in the next step, it changes the bends by
 
-    g J^T (J J^T + d^2 I)^-1 e
+    J^T (J J^T + d^2 I)^-1 (g e + v) - h (I - J^+ J) q
 
-It knows neither gravity nor cables; feedback of the tip makes up for that. It is a
-baseline of trained policies, and their teacher (`examples/extending/train_policy.py`).
+The last term leads motions that do not move the tip back to small bends, without which
+they drift toward the limits. It knows neither gravity nor cables; feedback of the tip
+makes up for that. It is a baseline of trained policies, and their teacher
+(`examples/extending/train_policy.py`).
 """
 
 import jax
@@ -25,6 +27,12 @@ from s2c2a.spaces import POSITION
 # not reached, since the arm gets stuck; with 0.1 m and a gain of 0.6, it oscillates.
 GAIN = 0.5
 DAMPING = 0.5  # arm lengths
+# Measured likewise with 20 episodes of Track: the worst error is 3.8 cm with it and 6.0 cm
+# without; that of Reach is equal.
+NULL_SPACE_GAIN = 0.1
+RANK = (
+    0.05  # of the largest singular value; a straight arm has no motion along its axis
+)
 
 
 class JacobianPolicy:
@@ -49,12 +57,24 @@ class JacobianPolicy:
         self, observations: Float[np.ndarray, "batch values"]
     ) -> Float[np.ndarray, "batch controls"]:
         """Actions of a batch, within [-1, 1]."""
-        length = self._controls.arm.length
         bends = observations[:, self._parts["commanded_bends"]]
-        errors = OFFSET_UNIT * length * observations[:, self._parts["goal_offset"]]
+        errors = observations[:, self._parts["goal_offset"]]
+        motions = observations[:, self._parts["goal_change"]]
+        unit = OFFSET_UNIT * self._controls.arm.length
+        changes = self._changes(bends, unit * (GAIN * errors + motions))
+        return np.clip(changes / self._controls.geometry.step_limit, -1.0, 1.0)
+
+    def _changes(
+        self,
+        bends: Float[np.ndarray, "batch controls"],
+        motions: Float[np.ndarray, "batch 3"],
+    ) -> Float[np.ndarray, "batch controls"]:
+        """Changes of the bends [rad] for motions of the tip [m]."""
+        damping = (DAMPING * self._controls.arm.length) ** 2 * np.eye(3)
         jacobians = np.asarray(self._jacobians(bends.astype(np.float32)))
         transposed = jacobians.transpose(0, 2, 1)
-        damped = jacobians @ transposed + (DAMPING * length) ** 2 * np.eye(3)
-        changes = transposed @ np.linalg.solve(damped, errors[..., None])
-        steps = GAIN * changes[..., 0] / self._controls.geometry.step_limit
-        return np.clip(steps, -1.0, 1.0)
+        damped = jacobians @ transposed + damping
+        changes = transposed @ np.linalg.solve(damped, motions[..., None])
+        moving = np.linalg.pinv(jacobians, RANK) @ jacobians
+        without_effect = bends[..., None] - moving @ bends[..., None]
+        return (changes - NULL_SPACE_GAIN * without_effect)[..., 0]

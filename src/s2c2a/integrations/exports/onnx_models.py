@@ -124,25 +124,47 @@ def onnx_of(part: Part, texts: dict[str, str]) -> bytes:
         results = part.function(**jax.tree.unflatten(structure, values))
         return tuple(jax.tree.leaves(results))
 
-    plain = plain_function(jax.make_jaxpr(flat)(*arrays))
+    closed = jax.make_jaxpr(flat)(*arrays)
+    distinct = list(dict.fromkeys(map(id, closed.jaxpr.outvars)))
+    places = [distinct.index(id(variable)) for variable in closed.jaxpr.outvars]
+    plain = plain_function(closed)
     shapes = [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays]
     results = jax.eval_shape(lambda: part.function(**part.inputs))
     name = f"s2c2a{part.ending.removesuffix('.onnx').replace('.', '_') or '_step'}"
     try:
         model = to_onnx(
-            lambda *values: tuple(plain(*values)),
+            lambda *values: _distinct(plain(*values), places),
             shapes,
             model_name=name,
             input_names=names_of(part.inputs),
-            output_names=names_of(results, suffix="_out"),
         )
     except NotImplementedError as error:
         raise S2C2AError(
             f"{part.ending} cannot be exported: {error}; --to c may know the operation"
         ) from error
+    _name_outputs(model, names_of(results, suffix="_out"), places)
     for key, text in texts.items():
         model.metadata_props.add(key=key, value=text)
     return model.SerializeToString()
+
+
+def _distinct(results: list[Any], places: list[int]) -> tuple:
+    """Each result once: ONNX does not return a value under two names."""
+    return tuple(results[places.index(place)] for place in range(max(places) + 1))
+
+
+def _name_outputs(model: Any, names: list[str], places: list[int]) -> None:
+    """Name the outputs; equal ones are copies."""
+    from onnx import helper  # noqa: PLC0415  # an extra
+
+    found = list(model.graph.output)
+    del model.graph.output[:]
+    for name, place in zip(names, places, strict=True):
+        node = helper.make_node("Identity", [found[place].name], [name])
+        model.graph.node.append(node)
+        output = model.graph.output.add()
+        output.CopyFrom(found[place])
+        output.name = name
 
 
 def names_of(tree: Any, suffix: str = "") -> list[str]:
