@@ -52,11 +52,13 @@ class ArmEnv(gymnasium.Env):
         self.render_mode = render_mode
 
     def reset(self, *, seed: int | None = None, options: dict | None = None):
+        """See `gymnasium.Env.reset`."""
         super().reset(seed=seed)
         self.batch.reset([0], [self.np_random], new_robots=seed is not None)
         return self.batch.observations()[0], {}
 
     def step(self, action):
+        """See `gymnasium.Env.step`."""
         outcome = self.batch.step(np.asarray(action)[None])
         return (
             outcome.observations[0],
@@ -67,6 +69,7 @@ class ArmEnv(gymnasium.Env):
         )
 
     def render(self):
+        """See `gymnasium.Env.render`."""
         if self.render_mode != "rgb_array":
             return None
         from s2c2a.integrations.environments.picture import (  # noqa: PLC0415  # slow
@@ -77,4 +80,5 @@ class ArmEnv(gymnasium.Env):
         return draw(batch.arm, batch.states(0), batch.goal(0), batch.obstacle(0))
 
     def close(self):
+        """See `gymnasium.Env.close`."""
         self.batch.close()

@@ -124,9 +124,11 @@ class PolicyDriver:
         self._last_goal = tip
 
     def start(self, reading: Reading) -> None:
+        """See `runtime.Driver.start`."""
         self._begin(reading["states"][-1, POSITION])
 
     def estimate(self, reading: Reading, last_command: Actions) -> Reading:
+        """See `runtime.Driver.estimate`."""
         self._command = last_command
         return reading
 
@@ -150,13 +152,16 @@ class PolicyDriver:
         return self._action
 
     def act(self, plan: Float[np.ndarray, " controls"], estimate: Reading) -> Actions:
+        """See `runtime.Driver.act`."""
         step = plan * self._controls.geometry.step_limit
         return self._controls.commands(self._controls.bends(self._command) + step)
 
     def sent(self, action: Actions) -> None:
+        """See `runtime.Driver.sent`."""
         self._command = action
 
     def diagnostics(self) -> dict[str, np.ndarray]:
+        """See `runtime.Driver.diagnostics`."""
         return {}
 
     def _act(self, values: np.ndarray) -> Float[np.ndarray, " controls"]:

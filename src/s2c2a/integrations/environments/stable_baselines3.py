@@ -47,6 +47,7 @@ class ArmVecEnv(VecEnv):
         self._returns = np.zeros(count)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """See `stable_baselines3.common.vec_env.VecEnv.seed`."""
         start = 0 if seed is None else seed
         seeds = [start + number for number in range(self.num_envs)]
         self._randoms = [np_random(each)[0] for each in seeds]
@@ -54,14 +55,17 @@ class ArmVecEnv(VecEnv):
         return seeds
 
     def reset(self):
+        """See `stable_baselines3.common.vec_env.VecEnv.reset`."""
         self.batch.reset(range(self.num_envs), self._randoms, self._new_robots)
         self._new_robots = False
         return self.batch.observations()
 
     def step_async(self, actions: np.ndarray) -> None:
+        """See `stable_baselines3.common.vec_env.VecEnv.step_async`."""
         self._outcome = self.batch.step(actions)
 
     def step_wait(self):
+        """See `stable_baselines3.common.vec_env.VecEnv.step_wait`."""
         outcome = self._outcome
         over = outcome.terminated | outcome.truncated
         self._returns += outcome.rewards
@@ -86,18 +90,23 @@ class ArmVecEnv(VecEnv):
         return observations, outcome.rewards.astype(np.float32), over, infos
 
     def close(self) -> None:
+        """See `stable_baselines3.common.vec_env.VecEnv.close`."""
         self.batch.close()
 
     def get_attr(self, attr_name, indices=None):
+        """See `stable_baselines3.common.vec_env.VecEnv.get_attr`."""
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name, value, indices=None):
+        """See `stable_baselines3.common.vec_env.VecEnv.set_attr`."""
         raise NotImplementedError("all arms share their attributes; set none")
 
     def env_method(self, method_name, *args, indices=None, **kwargs):
+        """See `stable_baselines3.common.vec_env.VecEnv.env_method`."""
         raise NotImplementedError("the arms have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class, indices=None):
+        """See `stable_baselines3.common.vec_env.VecEnv.env_is_wrapped`."""
         return [False for _ in self._get_indices(indices)]
 
 

@@ -57,6 +57,7 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         seed: int | Sequence[int | None] | None = None,
         options: dict | None = None,
     ):
+        """See `gymnasium.vector.VectorEnv.reset`."""
         if seed is not None:
             self._randoms = [np_random(each)[0] for each in self._seeds(seed)]
         self._over[:] = False
@@ -71,6 +72,7 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         return [seed + number for number in range(self.num_envs)]
 
     def step(self, actions):
+        """See `gymnasium.vector.VectorEnv.step`."""
         outcome = self.batch.step(actions)
         was_over = self._over
         terminated = outcome.terminated & ~was_over
@@ -90,4 +92,5 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         return self.batch.observations()
 
     def close_extras(self, **kwargs: Any):
+        """See `gymnasium.vector.VectorEnv.close_extras`."""
         self.batch.close()
