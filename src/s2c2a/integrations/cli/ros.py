@@ -142,6 +142,7 @@ def running_bridge(
         control = ControlProcess(spec, build)
         stack.enter_context(signal_stops(control))
         stack.callback(control.stop)
+        log(f"{arm} is being prepared; its first start compiles for a minute or more")
         control.wait_until_ready()
         if strategies:
             control.use(STRATEGIES.named(strategies[0])().name)
