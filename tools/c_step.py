@@ -58,9 +58,9 @@ class CProgram:
             example: an input.
             flags: for the compiler.
         """
-        (folder / f"{name}.h").write_text(generated.header)
+        (folder / f"{name}.h").write_text(generated.header, encoding="utf-8")
         source = folder / f"{name}.c"
-        source.write_text(generated.source)
+        source.write_text(generated.source, encoding="utf-8")
         library = folder / f"{name}.so"
         files = [*STRICT, *flags, "-shared", "-fPIC", str(source), "-o", str(library)]
         subprocess.run([str(COMPILER), *files, "-lm"], check=True)

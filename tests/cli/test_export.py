@@ -184,3 +184,10 @@ def test_a_form_of_a_users_file(recording, tmp_path, monkeypatch, capsys):
     export(recording, tmp_path / "name.txt", to="own_form.py:write")
     assert (tmp_path / "name.txt").read_text() == "two.episodes"
     assert "a name: " in capsys.readouterr().out
+
+
+def test_a_file_is_not_replaced_by_its_own_export(recording):
+    before = recording.read_bytes()
+    with pytest.raises(S2C2AError, match="is the file itself; choose another name"):
+        export(recording, recording, to="csv")
+    assert recording.read_bytes() == before

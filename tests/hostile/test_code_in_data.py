@@ -137,6 +137,7 @@ def test_only_the_gate_imports_by_name():
             }:
                 importers.add(path.relative_to(SOURCE).as_posix())
     constants = {
+        "after_import.py",
         "live/cli/live.py",
     }
     readers = {"user_code.py"}  # of files that entry points name; it imports nothing

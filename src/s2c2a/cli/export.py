@@ -14,7 +14,7 @@ from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.files import atomic_write, write_atomically
-from s2c2a.plugins import resolve, trust_code
+from s2c2a.plugins import installed, resolve, trust_code
 
 ExportedFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 
@@ -32,8 +32,8 @@ def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -
             mine.safetensors.
         out: where to write, such as mine.csv; replaced if it exists. By default, the
             name of the file with the form as its ending, in the current folder.
-        to: the form: csv, parquet, npz or mat, of a plug-in, or module:function; by
-            default, the ending of --out.
+        to: the form: csv, parquet, npz, mat, c, lerobot, mcap, minari, onnx, pytorch,
+            rrd, of a plug-in, or module:function; by default, the ending of --out.
     """
     form = to or (out.suffix.removeprefix(".") if out else "")
     if not form:
@@ -42,10 +42,12 @@ def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -
             if out
             else "neither --to nor --out was given"
         )
-        raise S2C2AError(f"{given}; add --to with one of {', '.join(FORMS)}")
+        raise S2C2AError(f"{given}; add --to with one of {', '.join(known_forms())}")
     trust_code(form)
     write: ExportForm = resolve("export", form, FORMS)
     target = out or Path(f"{file.stem}.{form}")
+    if target.exists() and target.samefile(file):
+        raise S2C2AError(f"--out '{target}' is the file itself; choose another name")
     print(f"{write(file, target)}: {target}")
 
 
@@ -159,3 +161,8 @@ FORMS: dict[str, ExportForm] = {
     "mat": _export_mat,
 }
 """Forms of the core; others are entry points of `s2c2a.exports`."""
+
+
+def known_forms() -> list[str]:
+    """Names of all forms."""
+    return [*FORMS, *installed("export")]

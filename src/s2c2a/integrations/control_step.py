@@ -27,7 +27,7 @@ from s2c2a.estimation.kalman_estimator import (
 from s2c2a.goals import Goal
 from s2c2a.planning import Plan
 from s2c2a.planning.planner import Step
-from s2c2a.runtime.limits import CommandLimits
+from s2c2a.runtime.limits import CommandLimits, command_range
 from s2c2a.spaces import Reading
 from s2c2a.strategies.strategy import Strategy
 
@@ -168,7 +168,8 @@ class ControlStep(NamedTuple):
         """The command within the limits, which are written for NumPy and JAX alike."""
         limited: Any = self.limits.limited
         command = limited(desired, memory.command, memory.change, memory.desired)
-        return jnp.asarray(command, jnp.float32)
+        # a limiter stops within its range, and servos may reach less
+        return jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
 
 
 class EstimatorFunctions(NamedTuple):

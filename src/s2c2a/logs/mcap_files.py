@@ -16,6 +16,8 @@ from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, reading_as
 from s2c2a.logs.extra_packages import needs_extra
 from s2c2a.logs.tables import ColumnRequest, Table, list_names
 
+MAX_MESSAGE_BYTES = 1_000_000  # 4096 numbers in full precision have 100,000
+
 JSON = "json"
 
 
@@ -73,8 +75,18 @@ def _rows_of(path: Path, topic: str) -> Iterator[dict[str, float]]:
         elif getattr(record, "channel_id", None) in channels and hasattr(
             record, "data"
         ):
-            row = dict(_leaves(json.loads(record.data)))
+            row = dict(_leaves(_parsed(record.data)))
             yield row | {TIME: record.log_time * NANOSECOND}
+
+
+def _parsed(data: bytes) -> Any:
+    """A message; a long one is refused before it takes a hundred times its size."""
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise LogError(
+            f"a message has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are read. "
+            "Choose a topic of numbers"
+        )
+    return json.loads(data)
 
 
 def _leaves(message: Any) -> Iterator[tuple[str, float]]:

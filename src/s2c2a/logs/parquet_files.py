@@ -36,7 +36,9 @@ def parquet_arrays(
     """
     with needs_extra(path, "Parquet"):
         import pyarrow.parquet as parquet  # noqa: PLC0415  # an extra
-    with parquet.ParquetFile(path) as file:
+    # a few words in many rows stay a few words
+    words = [field.name for field in parquet.read_schema(path) if _is_text(field.type)]
+    with parquet.ParquetFile(path, read_dictionary=words) as file:
         _check_size(path, file.metadata)
         columns = dict.fromkeys(file.schema_arrow.names, np.empty(0))
         for name in list(columns):
@@ -75,10 +77,12 @@ def _is_requested(name: str, request: ColumnRequest) -> bool:
 def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
     """Yield name and values of each column within a column."""
     kind = values.type
-    if hasattr(kind, "fields"):
+    if hasattr(kind, "index_type"):
+        yield name, _words_of(values)
+    elif hasattr(kind, "fields"):
         for field, part in zip(kind.fields, values.flatten(), strict=True):
             yield from _leaves(f"{name}.{field.name}", part)
-    elif hasattr(kind, "value_type") and not hasattr(kind, "index_type"):
+    elif hasattr(kind, "value_type"):
         size = len(values.flatten()) // max(len(values), 1)
         lists = values.to_pylist()
         if any(each is None or len(each) != size for each in lists):
@@ -87,3 +91,14 @@ def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
             yield f"{name}.{index}", column
     else:
         yield name, values.to_numpy(zero_copy_only=False)
+
+
+def _is_text(kind: Any) -> bool:
+    return str(kind) in ("string", "large_string", "binary", "large_binary")
+
+
+def _words_of(values: Any) -> np.ndarray:
+    """Elements of a dictionary array, equal ones as one object; None is missing."""
+    words = np.array([*values.dictionary.to_pylist(), None], dtype=object)
+    indices = values.indices.fill_null(len(words) - 1)
+    return words[indices.to_numpy(zero_copy_only=False)]

@@ -20,8 +20,6 @@ MAX_FOLDED = 4096  # elements of an array that is computed when the program is w
 Rule = Callable[["Writer", JaxprEqn, list[Value]], Sequence[Value]]
 RULES: dict[str, Rule] = {}
 """How operations on whole arrays are written, by the name of the primitive."""
-VIEWS = {"broadcast_in_dim", "reshape", "squeeze", "transpose", "slice", "rev", "split"}
-"""Primitives that move no memory."""
 NESTED = {"jit", "pjit", "closed_call", "core_call", "remat", "checkpoint"}
 CUSTOM = {"custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr"}
 

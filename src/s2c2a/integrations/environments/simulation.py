@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.randomized import randomized_arm
-from s2c2a.errors import S2C2AError, SimulationError, did_you_mean
+from s2c2a.errors import ActionError, S2C2AError, SimulationError, did_you_mean
 from s2c2a.executors import all_cores
 from s2c2a.integrations.environments.spaces import Controls, observe
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
@@ -123,7 +123,13 @@ class SimulationBatch:
         Args:
             actions: within [-1, 1]; values beyond are limited.
         """
-        self._actions = np.clip(np.asarray(actions, float), -1.0, 1.0)
+        values = np.asarray(actions, float)
+        if values.shape != self._actions.shape or not np.isfinite(values).all():
+            raise ActionError(
+                f"actions are finite numbers of shape {self._actions.shape}; got shape "
+                f"{values.shape}, {values.tolist()!s:.100}"
+            )
+        self._actions = np.clip(values, -1.0, 1.0)
         self._limit(self._actions)
         self._diverged[:] = False
         self._run([partial(self._advance, group) for group in self._groups])

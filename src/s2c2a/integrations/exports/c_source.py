@@ -17,7 +17,8 @@ def export_c(file: Path, out: Path) -> str:
 
     Args:
         file: weights, such as mine.safetensors.
-        out: the source file, such as mine.c; mine.h is beside it.
+        out: the source file, such as mine.c; the header mine.h beside it is replaced,
+            too. Other names become names of C: my-arm.c includes my_arm.h.
 
     Returns:
         What was written, with its memory.
@@ -25,9 +26,15 @@ def export_c(file: Path, out: Path) -> str:
     Raises:
         S2C2AError: no weight file, or a part of the strategy cannot be exported.
     """
-    generated = c_of(strategy_in(file), name_of(out), file.name)
-    write_atomically(generated.header, out.with_suffix(".h"))
+    if out.suffix == ".h":
+        raise StrategyError(
+            f"--out '{out}' is the name of the header, which is written beside the "
+            "source; choose a name that ends in .c"
+        )
+    name = name_of(out)
+    generated = c_of(strategy_in(file), name, file.name)
     write_atomically(generated.source, out)
+    write_atomically(generated.header, out.with_name(f"{name}.h"))
     return (
         f"control step ({generated.constant_bytes / 1000:.0f} kB of constants, "
         f"{generated.memory_bytes / 1000:.0f} kB of memory)"

@@ -147,7 +147,9 @@ class RosDriver:
         now = time.monotonic()
         if now - self._logged.get(name, -float("inf")) > LOG_INTERVAL:
             self._logged[name] = now
-            self._log(f"refused a message on {name}: {error}")
+            # whoever wrote the message must not write to the terminal
+            text = "".join(each if each.isprintable() else "?" for each in str(error))
+            self._log(f"refused a message on {name}: {text}")
 
 
 def _stop_at_once(control: Control) -> None:

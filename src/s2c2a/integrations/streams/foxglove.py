@@ -35,7 +35,7 @@ def foxglove_stream(arm: ArmSpec, port: int = PORT) -> Iterator[OnStep]:
         server = foxglove.start_server(
             name="s2c2a", host=HOST, port=port, context=context
         )
-    except (RuntimeError, OSError) as error:
+    except (OverflowError, RuntimeError, OSError) as error:
         raise S2C2AError(
             f"Foxglove cannot be served on port {port}: {error}; choose another one: "
             "--stream foxglove,port=8766"

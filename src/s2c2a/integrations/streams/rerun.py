@@ -1,7 +1,12 @@
 """Runs in the viewer of Rerun."""
 
+import shutil
+import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from s2c2a.arm import ArmSpec
@@ -10,6 +15,9 @@ from s2c2a.evaluation.rollout import OnStep
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.integrations.rerun_scene import RerunScene, layout
 from s2c2a.integrations.streams.background import shown_in_background
+
+HOST = "127.0.0.1"
+START_TIME = 1.0  # s; a viewer without a screen ends before
 
 
 @contextmanager
@@ -45,7 +53,7 @@ def _open(stream: Any, url: str, file: str) -> None:
         elif url:
             stream.connect_grpc(url, default_blueprint=layout())
         else:
-            stream.spawn(default_blueprint=layout())
+            _show_on_this_machine(stream)
     except (RuntimeError, ValueError, OSError) as error:
         reason = str(error).partition("\n")[0].rstrip(".")
         raise S2C2AError(
@@ -54,3 +62,28 @@ def _open(stream: Any, url: str, file: str) -> None:
             "write a file (--stream rerun,file=run.rrd)"
         ) from error
     print(f"stream: Rerun, {file or url or 'a viewer of its own'}")
+
+
+def _show_on_this_machine(stream: Any) -> None:
+    """Start a viewer that listens on 127.0.0.1; that of `spawn` listens everywhere.
+
+    Raises:
+        OSError: there is no viewer, or it ends at once.
+    """
+    beside = Path(sys.executable).with_name("rerun")
+    program = shutil.which("rerun") or shutil.which(beside)
+    if program is None:
+        raise FileNotFoundError("the program rerun is missing")
+    with socket.socket() as free:
+        free.bind((HOST, 0))
+        port = free.getsockname()[1]
+    viewer = subprocess.Popen(
+        [program, "--bind", HOST, "--port", str(port)], stderr=subprocess.DEVNULL
+    )
+    try:
+        code = viewer.wait(START_TIME)
+    except subprocess.TimeoutExpired:
+        address = f"rerun+http://{HOST}:{port}/proxy"
+        stream.connect_grpc(address, default_blueprint=layout())
+    else:
+        raise OSError(f"the viewer ended at once, with code {code}; is there a screen?")
