@@ -258,7 +258,9 @@ class ArmGeometry:
             cables: displacements over the cable radius [rad], or shares of the actions;
                 the bends have the same unit.
         """
-        return (self.bend_matrices @ cables[..., None])[..., 0]
+        # einsum of NumPy or of JAX, in which exported control steps are traced
+        einsum = cables.__array_namespace__().einsum
+        return einsum("mkc,...mc->...mk", self.bend_matrices, cables)
 
     def commanded_bends(
         self, actions: Float[np.ndarray, "*batch modules cables"]
