@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from s2c2a.arm import load_arm
@@ -72,7 +72,6 @@ def test_obstacles_are_finite_and_bounded_or_rejected(centers, thresholds, weigh
         assert is_bounded(goal)
 
 
-@settings(deadline=None)  # a task of days has a hundred thousand goals
 @given(
     st.lists(st.floats(), min_size=1, max_size=4),
     st.floats(),

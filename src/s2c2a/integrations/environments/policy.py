@@ -218,16 +218,18 @@ def _filled(blank: Any, layers: Sequence[Layer]) -> Any:
     """A network with these layers.
 
     Raises:
-        StrategyError: a shape differs.
+        StrategyError: a shape differs, or a number is not finite.
     """
-    expected = [(*layer.weight.shape,) for layer in blank.layers]
-    given = [np.shape(weight) for weight, _ in layers]
+    expected = [(layer.weight.shape, layer.bias.shape) for layer in blank.layers]
+    given = [(np.shape(weight), np.shape(bias)) for weight, bias in layers]
     if given != expected:
         raise StrategyError(
             f"the layers have the shapes {given}; this arm needs {expected}, from "
             "observations without an obstacle to actions"
         )
     numbers = [np.asarray(array, np.float32) for layer in layers for array in layer]
+    if not all(np.isfinite(array).all() for array in numbers):
+        raise StrategyError("a weight of the policy is not finite; train it anew")
 
     def arrays(network):
         return [

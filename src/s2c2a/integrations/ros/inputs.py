@@ -12,9 +12,9 @@ from s2c2a.integrations.ros.messages import NANOSECONDS, MessageError
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Point, RequestLimits, point
 from s2c2a.obstacles import turned
 
-MAX_AGE = (
-    1.0  # s; of a stamp, chosen: a target of before a lost connection is no target
-)
+# s; of a stamp, chosen: a target of before a lost connection is no target, and a clock
+# that is ahead would hide its age
+MAX_AGE = 1.0
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: rounding, and no other mistake
 SPHERE = 2  # visualization_msgs/Marker.SPHERE
 ADD = 0  # visualization_msgs/Marker.ADD
@@ -84,7 +84,7 @@ class Inputs:
             )
         stamp = header.stamp.sec + header.stamp.nanosec / NANOSECONDS
         age = self.now() - stamp
-        if stamp and age > MAX_AGE:  # `ros2 topic pub` sends zero
+        if stamp and abs(age) > MAX_AGE:  # `ros2 topic pub` sends zero
             raise MessageError(
                 f"its stamp is {age:.1f} s old, and at most {MAX_AGE:g} s are allowed; "
                 "synchronize the clocks, or leave the stamp zero"
