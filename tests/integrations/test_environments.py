@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.errors import S2C2AError, SimulationError
+from s2c2a.arm.randomized import randomized_arm
+from s2c2a.errors import S2C2AError
 from s2c2a.integrations.environments.jacobian_policy import JacobianPolicy
 from s2c2a.integrations.environments.simulation import DIVERGED, SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls, observation_parts
@@ -140,17 +141,67 @@ def test_a_goal_that_is_met_has_no_cost_and_effort_has():
     np.testing.assert_allclose(rewards, -10 * 0.011 / 0.11 - 0.1)
 
 
-def test_a_simulation_that_diverges_ends_its_episode(monkeypatch):
-    batch = begun()
+def twins(batch, count, randomization):
+    """Robots as those of a batch that `begun` began."""
+    robots = []
+    for random in generators(count):
+        seed = int(random.integers(2**31))
+        arm = batch.arm
+        if randomization:
+            arm = randomized_arm(arm, seed, randomization)
+        robots.append(SimulatedRobot(arm, batch._fidelity, seed))
+        robots[-1].open()
+        robots[-1].measure_cables()
+    return robots
 
-    def diverge(*_):
-        raise SimulationError("diverged", 0, None)
 
-    monkeypatch.setattr(SimulatedRobot, "step", diverge)
-    outcome = batch.step(np.zeros((1, 2)))
-    assert outcome.terminated.all()
-    assert outcome.rewards == DIVERGED
-    assert np.isfinite(outcome.observations).all()
+@pytest.mark.parametrize("randomization", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("arm", "fidelity"), [*((arm, "fast") for arm in ARMS), ("twin_arm", "accurate")]
+)
+def test_arms_that_advance_together_are_as_robots_alone(arm, fidelity, randomization):
+    options = {"randomization": randomization, "fidelity": fidelity, "seconds": 4.0}
+    batch = begun("Hold", arm, 2, **options)
+    robots = twins(batch, 2, randomization)
+    random = np.random.default_rng(4)
+    for step in range(4):
+        batch.step(random.uniform(-1, 1, (2, batch.controls.count)))
+        for number, robot in enumerate(robots):
+            robot.apply_force(batch._forces[number, step])
+            robot.step(batch._commands[number])
+            np.testing.assert_array_equal(batch.states(number), robot.states())
+            cables = robot.measure_cables()
+            np.testing.assert_array_equal(batch._cables[number], cables)
+
+
+def test_a_simulation_that_diverges_ends_its_episode_alone():
+    batch, undisturbed = begun(count=3), begun(count=3)
+    before = batch.states(1).copy()
+    batch._robots[1].data.qvel[:] = 1e12
+    for _ in range(2):
+        outcome = batch.step(np.zeros((3, 2)))
+        expected = undisturbed.step(np.zeros((3, 2)))
+        assert outcome.terminated.tolist() == [False, True, False]
+        assert outcome.rewards[1] == DIVERGED
+        assert np.isfinite(outcome.observations).all()
+        np.testing.assert_array_equal(batch.states(1), before)
+        np.testing.assert_array_equal(
+            outcome.observations[::2], expected.observations[::2]
+        )
+    batch.reset([1], generators(1), new_robots=False)
+    assert not batch.step(np.zeros((3, 2))).terminated.any()
+
+
+def test_arms_without_a_seed_are_different_robots():
+    many = gymnasium.make_vec("S2C2A/Reach-v0", num_envs=2, arm=FINGER, seconds=0.5)
+    many.reset()
+    first, second = (many.unwrapped.batch._robots[number] for number in range(2))
+    assert first is not second
+
+
+def test_a_step_before_the_first_reset_is_refused():
+    with pytest.raises(S2C2AError, match="reset"):
+        SimulationBatch("Reach", FINGER).step(np.zeros((1, 2)))
 
 
 def test_forces_push_an_arm_that_holds_still():

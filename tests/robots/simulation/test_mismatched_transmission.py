@@ -42,7 +42,7 @@ def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_
     errors, said = [], []
     for robot in robots:
         said.append(robot.open()["cables"])
-        errors.append(robot._transmission.transmitted)
+        errors.append(robot.transmission.transmitted)
     assert np.std(errors) == pytest.approx(3e-4, rel=0.1)
     assert abs(np.mean(errors)) < 5e-5
     assert np.abs(said).max() <= arm.motor.tick_length

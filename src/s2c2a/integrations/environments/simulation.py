@@ -1,4 +1,4 @@
-"""The simulated arms behind the environments, which advance on threads."""
+"""The simulated arms behind the environments, which advance together."""
 
 import os
 from collections.abc import Sequence
@@ -8,14 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.randomized import randomized_arm
-from s2c2a.errors import ActionError, S2C2AError, SimulationError, did_you_mean
+from s2c2a.errors import ActionError, S2C2AError, did_you_mean
 from s2c2a.executors import all_cores
+from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
 from s2c2a.integrations.environments.spaces import Controls, observe
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
 from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.robots.simulation.chain import get_fidelity
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.spaces import POSITION
 
@@ -45,8 +48,8 @@ class BatchStep(NamedTuple):
 class SimulationBatch:
     """Simulated arms of one kind, each in an episode of its own.
 
-    Every arm is a `SimulatedRobot`. MuJoCo releases Python's lock while it computes, so
-    that arms on several threads advance at the same time.
+    Every arm is a `SimulatedRobot`; one call of MuJoCo, on threads of its own, advances
+    all of them (`Lockstep`). Episodes begin on threads of Python.
 
     Args:
         task: name of a family (`FAMILIES`).
@@ -82,10 +85,12 @@ class SimulationBatch:
             raise S2C2AError(f"{count} environments are not possible; give 1 or more")
         if self.controls.count == 0:
             raise S2C2AError(f"{self.arm.name} has no cables that bend it")
-        self._robots: list[SimulatedRobot] = [self._robot(0, self.arm)] * count
+        get_fidelity(fidelity)
+        self._robots: dict[int, SimulatedRobot] = {}
         threads = min(threads or all_cores(), count)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self._groups = [range(start, count, threads) for start in range(threads)]
+        self._rollout = Rollout(nthread=threads if threads > 1 else 0)
+        self._groups: dict[tuple[int, ...], Lockstep] = {}
         rest = self._limits.rest
         self._commands = np.tile(rest, (count, 1, 1))
         self._desired = self._commands.copy()
@@ -116,12 +121,17 @@ class SimulationBatch:
         for number, random in zip(numbers, randoms, strict=True):
             work.append(partial(self._reset_one, number, random, new_robots))
         self._run(work)
+        self._groups = in_lockstep(self._robots, self._rollout)
 
     def step(self, actions: Float[np.ndarray, "batch controls"]) -> BatchStep:
         """Advance all arms by one control step.
 
         Args:
             actions: within [-1, 1]; values beyond are limited.
+
+        Raises:
+            S2C2AError: the actions are not finite numbers of the right shape, or an arm
+                has no episode yet.
         """
         values = np.asarray(actions, float)
         if values.shape != self._actions.shape or not np.isfinite(values).all():
@@ -129,10 +139,11 @@ class SimulationBatch:
                 f"actions are finite numbers of shape {self._actions.shape}; got shape "
                 f"{values.shape}, {values.tolist()!s:.100}"
             )
+        if len(self._robots) < len(values):
+            raise S2C2AError("an arm has no episode yet; reset the environments first")
         self._actions = np.clip(values, -1.0, 1.0)
         self._limit(self._actions)
-        self._diverged[:] = False
-        self._run([partial(self._advance, group) for group in self._groups])
+        self._advance()
         self._elapsed += 1
         goals = self._goal_at(0)
         rewards = self.family.rewards(
@@ -174,6 +185,7 @@ class SimulationBatch:
 
     def close(self) -> None:
         """End the threads."""
+        self._rollout.close()
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -192,17 +204,15 @@ class SimulationBatch:
         self._commands = commands
         self._desired = desired
 
-    def _advance(self, group: Sequence[int]) -> None:
-        for number in group:
-            robot = self._robots[number]
-            moment = min(int(self._elapsed[number]), self.family.steps - 1)
-            robot.apply_force(self._forces[number, moment])
-            try:
-                robot.step(self._commands[number])
-            except SimulationError:
-                self._diverged[number] = True  # keeps its last measurements
-            else:
-                self._measure(number, robot)
+    def _advance(self) -> None:
+        moments = np.minimum(self._elapsed, self.family.steps - 1)
+        forces = self._forces[np.arange(len(moments)), moments]
+        for group, robots in self._groups.items():
+            numbers = np.array(group)
+            diverged = robots.advance(self._commands[numbers], forces[numbers])
+            self._diverged[numbers] = diverged
+            for number in numbers[~diverged]:  # others keep their last measurements
+                self._measure(number, self._robots[number])
 
     def _measure(self, number: int, robot: SimulatedRobot) -> None:
         # all that an observation needs; `read` measures more
@@ -212,7 +222,7 @@ class SimulationBatch:
     def _reset_one(
         self, number: int, random: np.random.Generator, new_robot: bool
     ) -> None:
-        if new_robot or self._randomization:
+        if new_robot or self._randomization or number not in self._robots:
             self._robots[number] = self._sample_robot(random)
         self._robots[number].open()
         self._measure(number, self._robots[number])

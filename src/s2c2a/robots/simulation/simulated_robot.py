@@ -58,6 +58,13 @@ class SimulatedRobot(Robot):
         S2C2AError: the fidelity is unknown, the payload, seed, jitter, age or an event
             is invalid, or the twin has another number of modules, cables or another
             actuation.
+
+    Attributes:
+        model: MuJoCo's model of the arm.
+        data: its state.
+        motors: positions of the motors [m or N], shape (modules, cables).
+        homing_errors: offsets of their zeros [m], likewise.
+        transmission: losses between motors and modules.
     """
 
     own_time = True
@@ -131,17 +138,17 @@ class SimulatedRobot(Robot):
         arm = self._true_arm
         self._random = np.random.default_rng(self._seed)
         self._command = self._geometry.action_neutral.copy()
-        self._motors = self._command
+        self.motors = self._command
         self._center_line: np.ndarray | None = None
         self._extra_sensors = ExtraSensors(arm, self._seed, self._open_count)
-        self._homing_errors = self._sample_homing_errors()
+        self.homing_errors = self._sample_homing_errors()
         self._schedule = EventSchedule(())
         self._sensors_lost = False
         self._sensor_faults = SensorFaults(self._seed)
         inward = -1.0 if self.arm.actuation == "displacement" else 1.0
-        self._currents = MotorCurrents(arm.motor, self._motors, inward)
-        self._transmission = CableTransmission(
-            arm, self._motors + self._homing_errors, self._aged
+        self._currents = MotorCurrents(arm.motor, self.motors, inward)
+        self.transmission = CableTransmission(
+            arm, self.motors + self.homing_errors, self._aged
         )
         self._relaxation.relaxed[:] = 0.0
         self.model.qpos_spring = self._relaxation.spring_references
@@ -154,7 +161,7 @@ class SimulatedRobot(Robot):
     def sensors(self) -> dict[str, Sensor]:
         samples = 0
         if self._has_center_line:
-            samples = len(self._physics_times(self.arm.control_period)) + 1
+            samples = len(self.physics_times(self.arm.control_period)) + 1
         sensors = declare_sensors(self.arm, self._geometry, samples)
         return sensors | declare_extra_sensors(self._true_arm)
 
@@ -218,16 +225,14 @@ class SimulatedRobot(Robot):
         """
         self._check_finite()
         self._schedule.apply_until(self.data.time, self)
-        times = self._physics_times(seconds)
+        times = self.physics_times(seconds)
         commands = self._move_motors(times)
         positions = self.data.qpos.copy()
-        wrenches = self._tip_wrenches() if self._force.any() else None
+        wrenches = self.tip_wrenches() if self._force.any() else None
         measurements = run_physics_steps(
             self._rollout, self.model, self.data, commands, wrenches
         )
-        if self._relaxes:
-            self._relaxation.advance((positions + self.data.qpos) / 2, times[-1])
-            self.model.qpos_spring = self._relaxation.spring_references
+        self.relax(positions, times[-1])
         mujoco.mj_forward(self.model, self.data)
         self._record_measurements(measurements)
         self._step += 1
@@ -240,14 +245,20 @@ class SimulatedRobot(Robot):
     ) -> Float[np.ndarray, "times cables"]:
         """Move the motors; returns the commands of the actuators at the modules."""
         path = compute_motor_path(
-            self._motors, self._command, times, self._true_arm.motor
+            self.motors, self._command, times, self._true_arm.motor
         )
-        transmitted = self._transmission.transmit(
-            path + self._homing_errors, times, self.tensions(), self._bend_angles()
+        transmitted = self.transmission.transmit(
+            path + self.homing_errors, times, self.tensions(), self.bend_angles()
         )
-        self._motors = path[-1]
-        self._currents.move(self._motors)
+        self.motors = path[-1]
+        self._currents.move(self.motors)
         return transmitted[:, self._present]
+
+    def relax(self, positions: Float[np.ndarray, " joints"], seconds: float) -> None:
+        """Relax the modules after a motion of some time from joint positions [rad]."""
+        if self._relaxes:
+            self._relaxation.advance((positions + self.data.qpos) / 2, seconds)
+            self.model.qpos_spring = self._relaxation.spring_references
 
     def _record_measurements(self, measurements: Float[np.ndarray, "times n"]) -> None:
         if not self.model.nsensordata:
@@ -300,8 +311,8 @@ class SimulatedRobot(Robot):
     def add_homing_error(self, size: float) -> None:
         """Shift the zero of every motor by `size` [m] in a random direction."""
         random = random_stream(self._seed, Stream.HOMING_EVENT, self._open_count)
-        signs = random.choice([-1.0, 1.0], self._motors.shape)
-        self._homing_errors = self._homing_errors + size * self._present * signs
+        signs = random.choice([-1.0, 1.0], self.motors.shape)
+        self.homing_errors = self.homing_errors + size * self._present * signs
 
     def reduce_cable_stiffness(self, share: float) -> None:
         """Reduce the stiffness of cable 0 of module 0, the most loaded, by a share."""
@@ -357,12 +368,12 @@ class SimulatedRobot(Robot):
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return self._geometry.actions_at(self._jitter * directions)
 
-    def _physics_times(self, seconds: float) -> Float[np.ndarray, " times"]:
+    def physics_times(self, seconds: float) -> Float[np.ndarray, " times"]:
         """Return the end times [s] of the physics steps within a duration."""
         step = self.model.opt.timestep
         return step * np.arange(1, max(1, round(seconds / step)) + 1)
 
-    def _tip_wrenches(self) -> Float[np.ndarray, "bodies 6"]:
+    def tip_wrenches(self) -> Float[np.ndarray, "bodies 6"]:
         """Return the external force at the tip as wrenches at centers of mass."""
         wrenches = np.zeros_like(self.data.xfrc_applied)
         tip = self.data.site_xpos[self._end_sites[-1]]
@@ -374,7 +385,8 @@ class SimulatedRobot(Robot):
     def _site_axes(self, sites: list[int]) -> Float[np.ndarray, "modules 3"]:
         return self.data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
 
-    def _bend_angles(self) -> Float[np.ndarray, " modules"]:
+    def bend_angles(self) -> Float[np.ndarray, " modules"]:
+        """Return the angles of the true bends [rad], shape (modules,)."""
         configurations = self.configurations()
         lateral = np.linalg.norm(configurations[:, :2], axis=-1)
         return np.arctan2(lateral, configurations[:, 2])
@@ -383,27 +395,27 @@ class SimulatedRobot(Robot):
         """Return a measurement of the cables [m or N], as in `read`, without faults."""
         motor = self.arm.motor
         if self.arm.actuation == "displacement":
-            return self._present * read_encoders(self._motors, motor, self._random)
+            return self._present * read_encoders(self.motors, motor, self._random)
         scale = motor.measurement_noise(self.arm.actuation)
-        noise = self._random.normal(scale=scale, size=self._motors.shape)
-        return self._motors + self._present * noise
+        noise = self._random.normal(scale=scale, size=self.motors.shape)
+        return self.motors + self._present * noise
 
     def _sample_homing_errors(self) -> Actions:
         """Sample the offsets of the motors' zeros [m], new at every opening."""
         random = random_stream(self._seed, Stream.HOMING, self._open_count)
         return self._present * random.normal(
-            scale=self._true_arm.motor.homing_error, size=self._motors.shape
+            scale=self._true_arm.motor.homing_error, size=self.motors.shape
         )
 
     def _motor_tensions(self) -> Actions:
         """Return the tensions at the motors [N], with the friction of the tubes."""
         if self.arm.actuation == "tension":
-            return self._motors
+            return self.motors
         friction = per_cable(self._true_arm, "cable.viscous_friction")
         drag = friction * self._per_cable(self.data.ten_velocity)
         spring_tensions = np.maximum(self.tensions() - drag, 0.0)
-        return self._transmission.motor_tensions(
-            spring_tensions, self._bend_angles(), self._currents.winding
+        return self.transmission.motor_tensions(
+            spring_tensions, self.bend_angles(), self._currents.winding
         )
 
     def _check_finite(self) -> None:

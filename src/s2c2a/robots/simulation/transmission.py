@@ -6,6 +6,9 @@ is computed in every physics step. Viscous friction is a damper beside the sprin
 each cable in MuJoCo.
 """
 
+from collections.abc import Sequence
+from copy import copy
+
 import numpy as np
 from jaxtyping import Float
 
@@ -13,7 +16,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec, Motor
 from s2c2a.arm.geometry import per_cable, per_module
 from s2c2a.backlash import play, play_along
 
-CablePath = Float[np.ndarray, "times modules cables"]
+CablePath = Float[np.ndarray, "times *arms modules cables"]
 
 
 def compute_motor_path(
@@ -62,14 +65,14 @@ def read_encoders(
 
 
 class CableTransmission:
-    """Losses between the motors and the modules of one arm.
+    """Losses between the motors and the modules of one arm, or of several (`stack`).
 
     The losses are drift, creep, backlash and capstan friction.
 
     Attributes:
-        transmitted: displacement [m] or tension [N] at the modules, shape (modules,
-            cables).
-        crept: displacement lost to creep [m], shape (modules, cables).
+        transmitted: displacement [m] or tension [N] at the modules, shape (*arms,
+            modules, cables).
+        crept: displacement lost to creep [m], likewise.
     """
 
     def __init__(self, arm: ArmSpec, start: np.ndarray, aged: float = 0.0):
@@ -93,6 +96,21 @@ class CableTransmission:
         self.transmitted = start.copy()
         self.crept = np.zeros_like(start)
 
+    @classmethod
+    def stack(cls, arms: Sequence["CableTransmission"]) -> "CableTransmission":
+        """Return the losses of several arms of one actuation, which come first."""
+        stacked = copy(arms[0])
+        for name, value in vars(arms[0]).items():
+            if isinstance(value, np.ndarray):
+                values = [getattr(arm, name) for arm in arms]
+                setattr(stacked, name, np.stack(values))
+        return stacked
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether tensions or bend angles influence what is transmitted."""
+        return bool(self._friction.any())
+
     def transmit(
         self,
         path: CablePath,
@@ -104,12 +122,12 @@ class CableTransmission:
 
         Args:
             path: motor positions [m] or tensions [N] over one control step, shape
-                (times, modules, cables), monotone.
+                (times, *arms, modules, cables), monotone.
             times: times of the path [s], from the start of the step.
-            tensions: in the cables at the start of the step [N], shape (modules,
-                cables).
-            bend_angles: of the modules at the start of the step [rad], shape
-                (modules,).
+            tensions: in the cables at the start of the step [N], shape (*arms,
+                modules, cables).
+            bend_angles: of the modules at the start of the step [rad], shape (*arms,
+                modules).
         """
         if self._drift.any():
             path = path - self._drift * (path - self._neutral)
@@ -142,7 +160,7 @@ class CableTransmission:
 
     def _update_creep(self, path: CablePath, times: np.ndarray) -> CablePath:
         """Update the creep in every physics step; returns its path."""
-        durations = np.diff(times, prepend=0.0)[:, None, None]
+        durations = np.diff(times, prepend=0.0).reshape(-1, *[1] * (path.ndim - 1))
         shares = 1.0 - np.exp(-durations / self._creep_time)
         creep_path = np.empty_like(path)
         for step, position in enumerate(path):
@@ -167,5 +185,6 @@ class CableTransmission:
         The wrap angle is that of the tube plus the bends of all modules below, which
         the tube runs through.
         """
-        bends_below = np.concatenate([[0.0], np.cumsum(bend_angles)[:-1]])
-        return self._friction * (self._tube_angle + bends_below[:, None])
+        bends_below = np.zeros_like(bend_angles)
+        bends_below[..., 1:] = np.cumsum(bend_angles, axis=-1)[..., :-1]
+        return self._friction * (self._tube_angle + bends_below[..., None])
