@@ -78,10 +78,8 @@ def test_a_limited_motor_takes_distance_over_speed():
 def test_encoders_count_whole_ticks():
     motor = Motor(pulley_radius=0.01, ticks_per_turn=4096, noise_ticks=3.0)
     tick = 2 * np.pi * 0.01 / 4096
-    ticks = (
-        read_encoders(np.linspace(-0.02, 0.02, 500), motor, np.random.default_rng(0))
-        / tick
-    )
+    noise = np.random.default_rng(0).normal(scale=3.0, size=500)
+    ticks = read_encoders(np.linspace(-0.02, 0.02, 500), motor, noise) / tick
     np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
     assert len(np.unique(np.round(ticks))) > 100
 
@@ -89,14 +87,16 @@ def test_encoders_count_whole_ticks():
 def test_without_noise_the_error_is_at_most_half_a_tick():
     motor, positions = Motor(noise_ticks=0.0), np.linspace(-0.02, 0.02, 999)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
-    errors = read_encoders(positions, motor, np.random.default_rng(0)) - positions
+    errors = read_encoders(positions, motor, np.zeros(999)) - positions
     assert 0.4 * tick < np.max(np.abs(errors)) <= 0.5 * tick * (1 + 1e-6)
 
 
-def test_encoder_noise_has_the_stated_size():
+def test_encoder_noise_has_the_stated_size(make_arm):
     motor = Motor(noise_ticks=20.0)
     tick = 2 * np.pi * motor.pulley_radius / motor.ticks_per_turn
-    readings = read_encoders(np.zeros(20000), motor, np.random.default_rng(0)) / tick
+    with SimulatedRobot(make_arm(modules=6, motor=motor)) as robot:
+        measured = [robot.measure_cables() for _ in range(1000)]
+    readings = (np.array(measured) - robot.motors) / tick
     assert readings.std() == pytest.approx(20.0, rel=0.03)
     assert readings.mean() == pytest.approx(0.0, abs=0.6)
 

@@ -15,12 +15,12 @@ from mujoco.rollout import Rollout
 
 from s2c2a.arm.geometry import cables_present
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.robots.simulation.stepping import get_state
 from s2c2a.robots.simulation.transmission import (
     CableTransmission,
     compute_motor_path,
+    read_cables,
 )
-from s2c2a.spaces import Actions
+from s2c2a.spaces import Actions, States
 
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 TIME = 0  # place of the time in such a state; the joint positions follow
@@ -61,27 +61,48 @@ class Lockstep:
             commands: within the limits [m, N or Pa], shape (arms, modules, cables).
             forces: at the tips [N], base frame.
         """
-        control, kind = self._with_forces(self._move_motors(commands), forces)
-        starts = np.array(
-            [get_state(each.model, each.data, STATE) for each in self._robots]
-        )
+        controls = self._move_motors(commands)
+        inputs, kind = self._with_forces(controls, forces)
+        starts = self._physics_states()
         path = np.empty((len(starts), len(self._times), starts.shape[1]))
         self._rollout.rollout(
             self._models,
             self._scratch,
             starts,
-            control,
+            inputs,
             control_spec=int(kind),
             nstep=len(self._times),
             skip_checks=True,
             state=path,
         )
         ends = path[:, -1]
-        for robot, start, end in zip(self._robots, starts, ends, strict=True):
-            self._take(robot, start, end)
+        for number, robot in enumerate(self._robots):
+            self._take(robot, starts[number], ends[number], controls[number, -1])
         # a rollout that diverges repeats the state where it stops
         last_step = starts[:, TIME] + (self._times[-1] - self._times[0] / 2)
         return ~(np.isfinite(ends).all(axis=-1) & (ends[:, TIME] > last_step))
+
+    def measure_cables(self) -> Actions:
+        """Measurements of the cables, as `SimulatedRobot.measure_cables`."""
+        motors = np.array([robot.motors for robot in self._robots])
+        noise = np.array([robot.sample_noise() for robot in self._robots])
+        return read_cables(self._robots[0].arm, motors, noise)
+
+    def states(self) -> States:
+        """True states [m, 1], base frame, shape (arms, modules, 6)."""
+        positions = np.array([robot.data.site_xpos for robot in self._robots])
+        matrices = np.array([robot.data.site_xmat for robot in self._robots])
+        ends = self._robots[0].end_sites
+        # the third column of each matrix
+        axes = matrices[:, ends, 2::3]
+        return np.concatenate([positions[:, ends], axes], axis=-1)
+
+    def _physics_states(self) -> Float[np.ndarray, "arms numbers"]:
+        size = mujoco.mj_stateSize(self._models[0], STATE)
+        states = np.empty((len(self._robots), size))
+        for robot, state in zip(self._robots, states, strict=True):
+            mujoco.mj_getState(robot.model, robot.data, state, STATE)
+        return states
 
     def _move_motors(self, commands: Actions) -> Float[np.ndarray, "arms times cables"]:
         """Move the motors; returns the commands of the actuators at the modules."""
@@ -96,10 +117,7 @@ class Lockstep:
             robot.motors = path[-1, number]
             robot.transmission.transmitted = losses.transmitted[number]
             robot.transmission.crept = losses.crept[number]
-        controls = transmitted[..., self._present].swapaxes(0, 1)
-        for robot, control in zip(self._robots, controls, strict=True):
-            robot.data.ctrl = control[-1]
-        return np.ascontiguousarray(controls)
+        return np.ascontiguousarray(transmitted[..., self._present].swapaxes(0, 1))
 
     def _loads(self) -> tuple[Actions, Float[np.ndarray, "arms modules"]]:
         """Tensions [N] and bend angles [rad], on which friction depends."""
@@ -125,11 +143,19 @@ class Lockstep:
         kind = kind | mujoco.mjtState.mjSTATE_XFRC_APPLIED
         return np.concatenate([controls, repeated], axis=-1), kind
 
-    def _take(self, robot: SimulatedRobot, start: np.ndarray, end: np.ndarray) -> None:
+    def _take(
+        self,
+        robot: SimulatedRobot,
+        start: np.ndarray,
+        end: np.ndarray,
+        control: Float[np.ndarray, " cables"],
+    ) -> None:
         """Bring a robot from the state of the last step to its next one."""
         mujoco.mj_setState(robot.model, robot.data, end, STATE)
         positions = start[TIME + 1 : TIME + 1 + robot.model.nq]
         robot.relax(positions, self._times[-1])
+        if self._transmission.has_friction:
+            robot.data.ctrl = control
         for compute in self._stages:
             compute(robot.model, robot.data)
 

@@ -211,21 +211,20 @@ class SimulationBatch:
             numbers = np.array(group)
             diverged = robots.advance(self._commands[numbers], forces[numbers])
             self._diverged[numbers] = diverged
-            for number in numbers[~diverged]:  # others keep their last measurements
-                self._measure(number, self._robots[number])
-
-    def _measure(self, number: int, robot: SimulatedRobot) -> None:
-        # all that an observation needs; `read` measures more
-        self._cables[number] = robot.measure_cables()
-        self._states[number] = robot.states()
+            moved = numbers[~diverged]  # others keep their last measurements
+            self._cables[moved] = robots.measure_cables()[~diverged]
+            self._states[moved] = robots.states()[~diverged]
 
     def _reset_one(
         self, number: int, random: np.random.Generator, new_robot: bool
     ) -> None:
         if new_robot or self._randomization or number not in self._robots:
             self._robots[number] = self._sample_robot(random)
-        self._robots[number].open()
-        self._measure(number, self._robots[number])
+        robot = self._robots[number]
+        robot.open()
+        # all that an observation needs; `read` measures more
+        self._cables[number] = robot.measure_cables()
+        self._states[number] = robot.states()
         scenario = self.family.scenario(random, self._states[number, -1, POSITION])
         self._goals[number] = scenario.goals
         self._forces[number] = scenario.forces

@@ -125,8 +125,7 @@ def observe(
     length = controls.arm.length
     position = tip[:, POSITION]
     parts = [
-        controls.bends(cables),
-        controls.bends(command),
+        *controls.bends(np.stack([cables, command])),
         action,
         position / length,
         tip[:, AXIS],

@@ -27,7 +27,8 @@ from s2c2a.robots.simulation.stepping import run_physics_steps, transfer_state
 from s2c2a.robots.simulation.transmission import (
     CableTransmission,
     compute_motor_path,
-    read_encoders,
+    measurement_noise,
+    read_cables,
 )
 from s2c2a.robots.simulation.twin import load_twin
 from s2c2a.spaces import CENTER_LINE_POINTS, Actions, Reading, Sensor, States
@@ -62,6 +63,7 @@ class SimulatedRobot(Robot):
     Attributes:
         model: MuJoCo's model of the arm.
         data: its state.
+        end_sites: MuJoCo's numbers of the modules' ends.
         motors: positions of the motors [m or N], shape (modules, cables).
         homing_errors: offsets of their zeros [m], likewise.
         transmission: losses between motors and modules.
@@ -106,8 +108,8 @@ class SimulatedRobot(Robot):
         self._rollout = Rollout(nthread=0)
         modules = range(arm.module_count)
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
-        self._end_sites = [self.model.site(f"end_{module}").id for module in modules]
-        self._tip_body = self.model.site_bodyid[self._end_sites[-1]]
+        self.end_sites = [self.model.site(f"end_{module}").id for module in modules]
+        self._tip_body = self.model.site_bodyid[self.end_sites[-1]]
         self._center_line_size = 0
         if center_line:
             self._center_line_size = 3 * CENTER_LINE_POINTS * arm.module_count
@@ -329,13 +331,13 @@ class SimulatedRobot(Robot):
 
     def states(self) -> States:
         """Return the true states, shape (modules, 6), base frame."""
-        positions = self.data.site_xpos[self._end_sites]
-        return np.concatenate([positions, self._site_axes(self._end_sites)], axis=-1)
+        positions = self.data.site_xpos[self.end_sites]
+        return np.concatenate([positions, self._site_axes(self.end_sites)], axis=-1)
 
     def configurations(self) -> Float[np.ndarray, "modules 3"]:
         """Return the true configurations: end axes in module frames, (modules, 3)."""
         bases = self.data.site_xmat[self._base_sites].reshape(-1, 3, 3)
-        return np.einsum("mij,mi->mj", bases, self._site_axes(self._end_sites))
+        return np.einsum("mij,mi->mj", bases, self._site_axes(self.end_sites))
 
     def tensions(self) -> Float[np.ndarray, "modules cables"]:
         """Return the tensions at the modules [N], shape (modules, cables)."""
@@ -376,7 +378,7 @@ class SimulatedRobot(Robot):
     def tip_wrenches(self) -> Float[np.ndarray, "bodies 6"]:
         """Return the external force at the tip as wrenches at centers of mass."""
         wrenches = np.zeros_like(self.data.xfrc_applied)
-        tip = self.data.site_xpos[self._end_sites[-1]]
+        tip = self.data.site_xpos[self.end_sites[-1]]
         lever = tip - self.data.xipos[self._tip_body]
         wrenches[self._tip_body, :3] = self._force
         wrenches[self._tip_body, 3:] = np.cross(lever, self._force)
@@ -393,12 +395,13 @@ class SimulatedRobot(Robot):
 
     def measure_cables(self) -> Actions:
         """Return a measurement of the cables [m or N], as in `read`, without faults."""
-        motor = self.arm.motor
-        if self.arm.actuation == "displacement":
-            return self._present * read_encoders(self.motors, motor, self._random)
-        scale = motor.measurement_noise(self.arm.actuation)
-        noise = self._random.normal(scale=scale, size=self.motors.shape)
-        return self.motors + self._present * noise
+        return read_cables(self.arm, self.motors, self.sample_noise())
+
+    def sample_noise(self) -> Actions:
+        """Sample the noise of the next measurement of the cables."""
+        return self._random.normal(
+            scale=measurement_noise(self.arm), size=self.motors.shape
+        )
 
     def _sample_homing_errors(self) -> Actions:
         """Sample the offsets of the motors' zeros [m], new at every opening."""

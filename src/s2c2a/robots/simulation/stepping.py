@@ -38,7 +38,7 @@ def run_physics_steps(
     rollout.rollout(
         [model],
         [data],
-        get_state(model, data, mujoco.mjtState.mjSTATE_FULLPHYSICS)[None],
+        _get_state(model, data, mujoco.mjtState.mjSTATE_FULLPHYSICS)[None],
         values[None],
         control_spec=int(control),
         nstep=len(values),
@@ -54,16 +54,15 @@ def transfer_state(
     """Return data of a new model of the same structure in the state of another."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     new_data = mujoco.MjData(new_model)
-    mujoco.mj_setState(new_model, new_data, get_state(model, data, kind), kind)
+    mujoco.mj_setState(new_model, new_data, _get_state(model, data, kind), kind)
     new_model.qpos_spring = model.qpos_spring
     mujoco.mj_forward(new_model, new_data)
     return new_data
 
 
-def get_state(
+def _get_state(
     model: mujoco.MjModel, data: mujoco.MjData, kind: mujoco.mjtState
-) -> Float[np.ndarray, " numbers"]:
-    """Return the parts of a state that MuJoCo counts to a kind of states."""
+) -> np.ndarray:
     state = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
     return state

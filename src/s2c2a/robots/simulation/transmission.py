@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Motor
-from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm.geometry import cables_present, per_cable, per_module
 from s2c2a.backlash import play, play_along
 
 CablePath = Float[np.ndarray, "times *arms modules cables"]
@@ -55,12 +55,38 @@ def compute_motor_path(
     return command + np.sign(error) * remaining
 
 
+def measurement_noise(arm: ArmSpec) -> float:
+    """Standard deviation of measured cables, in ticks [1], N or Pa (`read_cables`)."""
+    if arm.actuation == "displacement":
+        return arm.motor.noise_ticks
+    return arm.motor.measurement_noise(arm.actuation)
+
+
+def read_cables(
+    arm: ArmSpec,
+    motors: Float[np.ndarray, "*arms modules cables"],
+    noise: Float[np.ndarray, "*arms modules cables"],
+) -> Float[np.ndarray, "*arms modules cables"]:
+    """Return measured displacements [m], tensions [N] or pressures [Pa].
+
+    Args:
+        arm: the description.
+        motors: their positions, in the same unit.
+        noise: of `measurement_noise`.
+    """
+    present = cables_present(arm)
+    if arm.actuation == "displacement":
+        return present * read_encoders(motors, arm.motor, noise)
+    return motors + present * noise
+
+
 def read_encoders(
-    position: Float[np.ndarray, "*cables"], motor: Motor, random: np.random.Generator
+    position: Float[np.ndarray, "*cables"],
+    motor: Motor,
+    noise: Float[np.ndarray, "*cables"],
 ) -> Float[np.ndarray, "*cables"]:
-    """Return measured displacements [m]: noise is added, then whole ticks remain."""
+    """Return measured displacements [m]: noise [ticks] is added, whole ticks remain."""
     tick = motor.tick_length
-    noise = random.normal(scale=motor.noise_ticks, size=position.shape)
     return tick * np.round(position / tick + noise)
 
 
