@@ -21,6 +21,11 @@ def test_the_package_alone_does_not_load_gymnasium():
     assert printed(code) == "False"
 
 
+def test_waiting_for_gymnasium_loads_no_slow_module():
+    code = "import sys, s2c2a; print('importlib.resources' in sys.modules)"
+    assert printed(code) == "False"
+
+
 @pytest.mark.parametrize(
     "imports", ["gymnasium", "s2c2a, gymnasium", "gymnasium, s2c2a"]
 )

@@ -6,7 +6,6 @@ only when it is loaded; `import s2c2a` may come before or after that.
 
 import sys
 from importlib import import_module
-from importlib.abc import MetaPathFinder
 
 
 def import_after(package: str, module: str) -> None:
@@ -17,8 +16,12 @@ def import_after(package: str, module: str) -> None:
     sys.meta_path.insert(0, _Follower(package, module))
 
 
-class _Follower(MetaPathFinder):
-    """Finds the package as all others do, and imports the module after it."""
+class _Follower:
+    """Finds the package as all others do, and imports the module after it.
+
+    A finder needs no base class, and that of `importlib.abc` takes longer to import than
+    the rest of `s2c2a`.
+    """
 
     def __init__(self, package: str, module: str):
         self._package = package

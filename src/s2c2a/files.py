@@ -234,10 +234,14 @@ def atomic_write(
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise fault(
-                f"cannot write {path}: {error}; choose a place where you may write"
-            ) from error
+            raise fault(cannot_write(path, temporary, error)) from error
         raise
+
+
+def cannot_write(path: Path, temporary: Path, error: Exception) -> str:
+    """The message on a path that cannot be written; the temporary one is not named."""
+    reason = str(error).replace(temporary.name, path.name)
+    return f"cannot write {path}: {reason}; choose a place where you may write"
 
 
 def write_atomically(

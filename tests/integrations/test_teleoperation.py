@@ -15,7 +15,11 @@ from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.cli import teleoperate
 from s2c2a.integrations.teleoperation.demonstrations import Demonstrations
-from s2c2a.integrations.teleoperation.device import Button, DeviceInput
+from s2c2a.integrations.teleoperation.device import (
+    Button,
+    DeviceInput,
+    read_input,
+)
 from s2c2a.integrations.teleoperation.devices import device_named
 from s2c2a.integrations.teleoperation.gamepad import Gamepad, PadState
 from s2c2a.integrations.teleoperation.keyboard import HOLD, Keyboard, split_keys
@@ -327,6 +331,52 @@ def test_a_device_of_a_users_own_is_found_by_its_file(tmp_path):
         device_named(f"{path}:Other", 0.1)
     with pytest.raises(S2C2AError, match="gamepad"):
         device_named("mouse", 0.1)
+
+
+WRONG_INPUTS = [
+    ({"velocity": "fast"}, "velocity is 'fast'; give three finite numbers"),
+    ({"velocity": None}, "velocity is None"),
+    ({"velocity": (0.1, 0.0)}, r"velocity is \(0.1, 0.0\)"),
+    ({"velocity": ((0.1,), 0.0, 0.0)}, "three finite numbers"),
+    ({"velocity": (0.1, np.nan, 0.0)}, "three finite numbers"),
+    ({"velocity": ("0.1", 0.0, 0.0)}, "three finite numbers"),
+    ({"pressed": Button.RECORD}, "give a tuple of buttons: Button.RECORD, "),
+    ({"pressed": ("jump",)}, "give a tuple of buttons"),
+    ({"pressed": 3}, "pressed is 3"),
+]
+
+
+@pytest.mark.parametrize(("values", "message"), WRONG_INPUTS)
+def test_a_wrong_input_names_the_device_and_what_is_allowed(values, message):
+    class Wrong(Script):
+        def read(self):
+            return DeviceInput(**values)
+
+    with pytest.raises(S2C2AError, match=f"the device Wrong: ValueError: .*{message}"):
+        read_input(Wrong())
+
+
+@pytest.mark.parametrize("given", [None, (0.1, 0.0, 0.0)])
+def test_something_else_than_an_input_names_the_device(given):
+    class Other(Script):
+        def read(self):
+            return given
+
+    with pytest.raises(S2C2AError, match=r"the device Other gives .*a DeviceInput"):
+        read_input(Other())
+
+
+def test_arrays_lists_and_names_of_buttons_are_inputs():
+    given = DeviceInput(np.array([0.1, 0.0, 0.2], np.float32), ["record"])
+    assert given.velocity == pytest.approx((0.1, 0.0, 0.2))
+    assert given.pressed == (Button.RECORD,)
+
+
+def test_a_device_that_cannot_be_made_is_named(tmp_path):
+    path = tmp_path / "no_port.py"
+    path.write_text("class Broken:\n    def __init__(self): pass\n")
+    with pytest.raises(S2C2AError, match=r"the device .*no_port.py:Broken: TypeError"):
+        device_named(f"{path}:Broken", 0.1)
 
 
 def test_a_strategy_is_chosen_by_name():

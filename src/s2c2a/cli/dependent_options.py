@@ -6,8 +6,9 @@ option always has an effect.
 
 import functools
 import inspect
+from collections import ChainMap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 from s2c2a.errors import S2C2AError
@@ -83,7 +84,12 @@ def check_conditions(command: Command, **given: Any) -> None:
     parameters = inspect.signature(command).parameters
     defaults = {name: parameters[name].default for name in parameters}
     for condition in conditions_of(command):
-        condition.check(defaults | given, defaults)
+        condition.check(_flat(defaults | given), _flat(defaults))
+
+
+def _flat(values: Given) -> Given:
+    """Values by name, with those of options that commands share."""
+    return ChainMap({**values}, *(vars(v) for v in values.values() if is_dataclass(v)))
 
 
 def beside(option: str, *options: str) -> Callable[[Command], Command]:

@@ -191,16 +191,13 @@ def run(
     }
     if calibration := factory.describe_calibration(spec):
         print(f"tracking calibration: {calibration}")
-    one_process = not factory.simulated or (seeds == 1 and work.cluster is None)
-    one_process = one_process or bool(stream)
-    is_unfinished = (
-        work.out is not None and not (work.out / f"{spec.name}.html").exists()
-    )
+    alone = bool(stream) or not factory.simulated
+    alone = alone or (seeds == 1 and work.cluster is None)
+    resume = work.out is not None and not (work.out / f"{spec.name}.html").exists()
     label = f"{paced.name}-{spec.name}"
+    opened = run_directory(label, options, work, alone=alone, resume=resume)
     with (
-        run_directory(
-            label, options, work, alone=one_process, resume=is_unfinished
-        ) as (directory, make),
+        opened as (directory, make),
         emergency_controls(factory),
         stream_to(stream, spec) as on_step,
     ):

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from itertools import takewhile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,18 @@ def _columns(names: Iterable[str]) -> dict[str, list[str]]:
         parts = list(takewhile(lambda part: not part.isdigit(), name.split(".")))
         columns.setdefault(".".join(parts), []).append(name)
     return columns
+
+
+def save_to(stream: Any, file: Path) -> None:
+    """Let a stream of Rerun write to a file, which is replaced, with the layout.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    try:
+        stream.save(file, default_blueprint=layout())
+    except RuntimeError as error:
+        raise OSError(str(error)) from error
 
 
 def layout() -> Any:

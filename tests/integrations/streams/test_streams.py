@@ -96,6 +96,53 @@ def test_two_places_for_rerun_are_refused():
         pass
 
 
+def test_a_recording_is_replaced_on_request_alone(tmp_path):
+    pytest.importorskip("rerun")
+    file = tmp_path / "run.rrd"
+    file.write_text("mine")
+    with (
+        pytest.raises(S2C2AError, match=r"exists; .*run\.rrd,overwrite=true"),
+        stream_to(f"rerun,file={file}", ARM),
+    ):
+        pass
+    assert file.read_text() == "mine"
+    with stream_to(f"rerun,file={file},overwrite=true", ARM) as on_step:
+        on_step(record(0))
+    assert file.read_bytes().startswith(b"RRF")
+
+
+def test_a_recording_does_not_replace_a_file_of_another_kind(tmp_path):
+    pytest.importorskip("rerun")
+    file = tmp_path / "notes.txt"
+    file.write_text("mine")
+    with (
+        pytest.raises(S2C2AError, match=r"does not end in \.rrd"),
+        rerun_stream(ARM, file=str(file), overwrite=True),
+    ):
+        pass
+    assert file.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["file/run.rrd", "n" * 300])
+def test_a_recording_that_cannot_be_written_is_named(tmp_path, name):
+    pytest.importorskip("rerun")
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(S2C2AError, match=r"cannot write .*; choose a place"),
+        rerun_stream(ARM, file=str(tmp_path / name)),
+    ):
+        pass
+
+
+def test_overwrite_needs_a_file():
+    pytest.importorskip("rerun")
+    with (
+        pytest.raises(S2C2AError, match=r"add file=run\.rrd"),
+        rerun_stream(ARM, overwrite=True),
+    ):
+        pass
+
+
 def test_without_a_viewer_rerun_says_what_to_do(monkeypatch):
     pytest.importorskip("rerun")
     monkeypatch.setenv("PATH", "")
@@ -139,6 +186,24 @@ def test_foxglove_gets_the_steps(capsys):
     step = json.loads(content[13:])
     assert step["actions_1_1"] == pytest.approx(0.001 * round(step["time"] * 10))
     assert step["desired_positions_3_x"] == pytest.approx(TARGET[0])
+
+
+async def server_info(address):
+    """What the server says of itself, to a page of another origin."""
+    websockets = pytest.importorskip("websockets")
+    async with websockets.connect(
+        address, subprotocols=["foxglove.sdk.v1"], origin="http://elsewhere.example"
+    ) as client:
+        return json.loads(await client.recv())
+
+
+def test_foxglove_accepts_any_origin_and_offers_nothing_that_commands(capsys):
+    pytest.importorskip("foxglove")
+    with foxglove_stream(ARM, port=0):
+        address = capsys.readouterr().out.split(", ")[1].strip()
+        info = asyncio.run(asyncio.wait_for(server_info(address), 20))
+    assert info["op"] == "serverInfo"
+    assert info["capabilities"] == []
 
 
 def test_a_port_that_is_taken_is_an_error():

@@ -8,43 +8,28 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cli.console import FidelityName
-from s2c2a.cli.dependent_options import effective
-from s2c2a.cli.execution import (
-    RobotName,
-    RobotOptions,
-    TrackingSource,
-    require,
-    robot_factory_for,
-)
-from s2c2a.robots.factory import RobotFactory
+from s2c2a.cli.execution import require
+from s2c2a.live.cli.driven_arm import SIMULATED, DrivenRobot, seed_where_used
 
 if TYPE_CHECKING:
     from s2c2a.arm import ArmSpec
     from s2c2a.live.control import ArmControl, Strategies
+    from s2c2a.robots.factory import RobotFactory
 
-DrivenArm = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]]
+ArmFile = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]]
 DeviceName = Annotated[str, tyro.conf.arg(metavar="keyboard|gamepad|FILE.py:Class")]
 StrategyOrNone = Annotated[str, tyro.conf.arg(metavar="s2c2a|pcc|FILE.py:Class")]
 REST_AFTER = 0.1  # s without a driver; the button for rest acts at once
 
 
-@effective(
-    "seed",
-    where="with the simulated arm, or a robot class that has a seed",
-    holds=lambda given: RobotFactory(given["robot"]).accepts("seed"),
-)
+@seed_where_used
 def teleoperate(
-    arm: DrivenArm = "twin_arm",
+    arm: ArmFile = "twin_arm",
     device: DeviceName = "keyboard",
     out: Path | None = None,
     strategy: StrategyOrNone = "",
     weights: tuple[str, ...] = (),
-    robot: RobotName = "sim",
-    robot_option: RobotOptions = (),
-    tracking: TrackingSource = "",
-    fidelity: FidelityName = "fast",
-    seed: int = 0,
+    driven: DrivenRobot = SIMULATED,
 ) -> None:
     """Drive an arm in the terminal, and record demonstrations.
 
@@ -60,13 +45,7 @@ def teleoperate(
         strategy: that follows the target; by default that of the first weights or of
             the package's networks for the arm, else pcc.
         weights: files from `s2c2a train`.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: further arguments of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation.
-        seed: random seed of the simulated noise.
+        driven: robot and random seed.
     """
     from s2c2a.arm import load_arm
     from s2c2a.integrations.teleoperation.demonstrations import Demonstrations
@@ -77,14 +56,14 @@ def teleoperate(
     if device == "gamepad":
         require("gamepad", "pygame")
     spec = load_arm(arm)
-    factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
+    factory = driven.factory()
     source = device_named(device, largest_speed(spec))
-    options = {"robot": str(factory), "device": device, "seed": seed}
+    options = {"robot": str(factory), "device": device, "seed": driven.seed}
     with ExitStack() as stack:
         print(
             f"preparing {spec.name}; the first start compiles for up to half a minute"
         )
-        control = _control(spec, factory, strategy, weights, seed)
+        control = _control(spec, factory, strategy, weights, driven.seed)
         demonstrations = None
         if out is not None:
             demonstrations = Demonstrations(out, control, options)
@@ -101,7 +80,7 @@ def teleoperate(
 
 def _control(
     spec: "ArmSpec",
-    factory: RobotFactory,
+    factory: "RobotFactory",
     strategy: str,
     weights: tuple[str, ...],
     seed: int,

@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import parse_toml, write_atomically
+from s2c2a.files import cannot_write, parse_toml, write_atomically
 
 
 @contextmanager
@@ -31,9 +31,7 @@ def new_folder(path: Path) -> Iterator[Path]:
         yield part
         part.rename(path)
     except OSError as error:
-        raise S2C2AError(
-            f"cannot write {path}: {error}; choose a place where you may write"
-        ) from error
+        raise S2C2AError(cannot_write(path, part, error)) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
 

@@ -7,7 +7,7 @@ from s2c2a.cli.export_table import table_of
 from s2c2a.episodes import load_episodes
 from s2c2a.files import atomic_write
 from s2c2a.integrations.extras import needs_extra
-from s2c2a.integrations.rerun_scene import RerunScene, layout
+from s2c2a.integrations.rerun_scene import RerunScene, save_to
 from s2c2a.integrations.scenes import scenes_of
 
 
@@ -23,7 +23,7 @@ def write_rrd(file: Path, out: Path) -> str:
     arm = episodes[0].arm
     with atomic_write(out) as part:
         with rerun.RecordingStream("s2c2a", recording_id=file.stem) as stream:
-            stream.save(part, default_blueprint=layout())
+            save_to(stream, part)
             stream.log("arm_file", rerun.TextDocument(arm_to_toml(arm)), static=True)
             entities = RerunScene(arm, stream)
             entities.log_numbers(table_of(episodes))

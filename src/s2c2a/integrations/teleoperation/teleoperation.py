@@ -5,16 +5,15 @@ import time
 from collections.abc import Callable
 
 from s2c2a.emergency import EMERGENCY_STOP
-from s2c2a.errors import RobotError
 from s2c2a.integrations.teleoperation.demonstrations import Demonstrations
 from s2c2a.integrations.teleoperation.device import (
     Button,
     DeviceInput,
     TeleoperationDevice,
+    read_input,
 )
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.steering import moved_target
-from s2c2a.runtime.border import named_errors
 from s2c2a.spaces import Stage
 
 PERIOD = 1 / 50  # s between readings of the device
@@ -60,10 +59,10 @@ class Teleoperation:
             seconds: since the last step.
 
         Raises:
-            S2C2AError: the device is lost, or a demonstration cannot be written.
+            S2C2AError: the device is lost or gives something else than an input, or a
+                demonstration cannot be written.
         """
-        with named_errors(RobotError, f"the device {type(self._device).__name__}"):
-            given = self._device.read()
+        given = read_input(self._device)
         for button in given.pressed:
             self._press(button)
         self._move(given, seconds)

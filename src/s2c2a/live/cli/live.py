@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import tyro
 
-from s2c2a.cli.console import Arm, FidelityName, GuardName, SceneFile, StrategyNames
-from s2c2a.cli.dependent_options import effective
-from s2c2a.cli.execution import (
-    RobotName,
-    RobotOptions,
-    TrackingSource,
-    require,
-    robot_factory_for,
-)
+from s2c2a.cli.console import Arm, SceneFile, StrategyNames
+from s2c2a.cli.execution import require, robot_factory_for
 from s2c2a.errors import S2C2AError
+from s2c2a.live.cli.driven_arm import (
+    SIMULATED_ARM,
+    DrivenArm,
+    print_end,
+    print_sessions,
+    seed_where_used,
+)
 from s2c2a.robots.factory import RobotFactory
-from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:
     from s2c2a.live.page import LivePage
@@ -37,26 +36,15 @@ THIS_MACHINE: Final = "127.0.0.1"
 Host = Literal["127.0.0.1", "0.0.0.0"]
 
 
-@effective(
-    "seed",
-    where="with the simulated arm, or a robot class that has a seed",
-    holds=lambda given: RobotFactory(given["robot"]).accepts("seed"),
-)
+@seed_where_used
 def live(
     arm: Arm = "twin_arm",
-    weights: tuple[str, ...] = (),
     strategy: StrategyNames = (),
-    robot: RobotName = "sim",
-    robot_option: RobotOptions = (),
-    tracking: TrackingSource = "",
-    fidelity: FidelityName = "fast",
-    guard: GuardName = "tip",
+    driven: DrivenArm = SIMULATED_ARM,
     scene: SceneFile = None,
-    seed: int = 0,
     port: Port = 8080,
     host: Host = THIS_MACHINE,
     out: Path = Path("runs"),
-    release_after: float = 10.0,
 ) -> None:
     """Control an arm in the browser: drag its target, move an obstacle.
 
@@ -65,53 +53,27 @@ def live(
 
     Args:
         arm: a preset or an arm file.
-        weights: files from `s2c2a train`, or "shipped" for the networks of the package;
-            the first one starts. By default shipped networks for a preset, and `pcc`
-            for an arm of your own.
         strategy: more strategies without training, by name or your own file.py:Class.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: further arguments of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation.
-        guard: what avoids obstacles: the tip, or the whole arm.
+        driven: robot, weights and control.
         scene: a file of obstacles that stand there from the start, and can be dragged
             (docs/guides/obstacles.md).
-        seed: random seed of the simulated noise.
         port: port of the page; the next free one if it is taken.
         host: address to listen on. 0.0.0.0 is for a container whose port is published
             on 127.0.0.1 of its host, and for the simulated arm only.
         out: folder of the run directories of recordings.
-        release_after: time without a connected page until the arm returns to rest [s];
-            until then it holds its position.
     """
-    from s2c2a.strategies import describe_use, session_of
-
     require("live", "viser", "websockets", "msgspec")
-    factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
+    factory = driven.factory()
     _check_host(host, factory)
     on_message = partial(print, flush=True)
-    options: dict[str, Any] = {
-        "weights": weights,
-        "strategies": strategy,
-        "guard": guard,
-        "seed": seed,
-        "release_after": release_after,
-        "host": host,
-    }
-    for session in map(session_of, weights):
-        if session is not None:
-            print(describe_use(session))
+    options = driven.control_options(strategy) | {"host": host}
+    print_sessions(driven.weights)
     obstacles = _obstacles_of(scene) if scene else ()
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         if obstacles:
             control.ask(obstacles=obstacles)
         wait_for_interrupt()
-    latest = control.latest
-    at_rest = latest and latest.stage is Stage.IDLE
-    state = "at rest" if at_rest else "check whether it is at rest"
-    print(f"{arm} has stopped; {state}.")
+    print_end(arm, control)
 
 
 def _obstacles_of(scene: Path) -> "tuple[Obstacle, ...]":

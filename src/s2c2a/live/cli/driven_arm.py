@@ -1,0 +1,105 @@
+"""Options of the commands that drive an arm until they are ended."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from s2c2a.cli.console import FidelityName, GuardName
+from s2c2a.cli.dependent_options import effective
+from s2c2a.cli.execution import (
+    RobotName,
+    RobotOptions,
+    TrackingSource,
+    robot_factory_for,
+)
+from s2c2a.robots.factory import RobotFactory
+from s2c2a.spaces import Stage
+
+if TYPE_CHECKING:
+    from s2c2a.live.process import ControlProcess
+
+
+@dataclass(frozen=True)
+class _DrivenRobot:
+    """The robot that is driven.
+
+    Attributes:
+        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
+            or your own class, such as my_arm.py:MyArm.
+        robot_option: further arguments of that class.
+        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
+            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
+        fidelity: of the simulation.
+        seed: random seed of the simulated noise.
+    """
+
+    robot: RobotName = "sim"
+    robot_option: RobotOptions = ()
+    tracking: TrackingSource = ""
+    fidelity: FidelityName = "fast"
+    seed: int = 0
+
+    def factory(self) -> RobotFactory:
+        """The robot, which is not opened."""
+        return robot_factory_for(
+            self.robot, self.robot_option, self.fidelity, tracking=self.tracking
+        )
+
+
+@dataclass(frozen=True)
+class _DrivenArm(_DrivenRobot):
+    """The robot that is driven, and its control.
+
+    Attributes:
+        weights: files from `s2c2a train`, or "shipped" for the networks of the package;
+            the first one drives. By default shipped networks for a preset, and `pcc`
+            for an arm of your own.
+        guard: what avoids obstacles: the tip, or the whole arm.
+        release_after: time without a driver until the arm returns to rest [s]; until
+            then it holds its position.
+    """
+
+    weights: tuple[str, ...] = ()
+    guard: GuardName = "tip"
+    release_after: float = 10.0
+
+    def control_options(self, strategies: tuple[str, ...]) -> dict[str, Any]:
+        """Options of `arm_control`."""
+        return {
+            "weights": self.weights,
+            "strategies": strategies,
+            "guard": self.guard,
+            "seed": self.seed,
+            "release_after": self.release_after,
+        }
+
+
+SIMULATED = _DrivenRobot()
+SIMULATED_ARM = _DrivenArm()
+DrivenRobot = Annotated[_DrivenRobot, tyro.conf.arg(name="")]
+DrivenArm = Annotated[_DrivenArm, tyro.conf.arg(name="")]
+
+seed_where_used = effective(
+    "seed",
+    where="with the simulated arm, or a robot class that has a seed",
+    holds=lambda given: RobotFactory(given["robot"]).accepts("seed"),
+)
+
+
+def print_sessions(weights: Iterable[str]) -> None:
+    """Say which sessions correct the weights."""
+    from s2c2a.strategies import describe_use, session_of
+
+    for session in map(session_of, weights):
+        if session is not None:
+            print(describe_use(session))
+
+
+def print_end(arm: str, control: "ControlProcess") -> None:
+    """Say whether the arm is at rest."""
+    latest = control.latest
+    at_rest = latest and latest.stage is Stage.IDLE
+    state = "at rest" if at_rest else "check whether it is at rest"
+    print(f"{arm} has stopped; {state}.")
