@@ -28,7 +28,13 @@ GROUPS = {
     ),
     "Arms": ("arm", "robot"),
     "Real arms": ("motors", "tracking", "response", "emulate"),
-    "Results and installation": ("reproduce", "bench", "doctor", "completion"),
+    "Results and installation": (
+        "reproduce",
+        "benchmark",
+        "bench",
+        "doctor",
+        "completion",
+    ),
 }
 """Order of the commands."""
 OPENING = """# Commands

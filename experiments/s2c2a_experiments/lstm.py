@@ -48,6 +48,7 @@ class LSTMComparison(StrategyOptions):
     options: LSTMOptions = LSTMOptions()  # noqa: RUF009  # frozen
     name = "lstm"
     recipe_keys = frozenset()
+    ignores = frozenset({"axes", "other ends", "obstacles"})
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
         return CollectOptions(seed=seed)

@@ -1,4 +1,4 @@
-"""The search space of a sweep: places in a recipe, and the values to try there."""
+"""The search space of a sweep: places in a recipe or strategy, and values to try there."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.strategies import Recipe
+from s2c2a.strategies import Recipe, strategy_named
 
 Value = bool | int | float
 SAMPLE = (
@@ -20,15 +20,17 @@ NOT_VARIED = (
     "planner.guard",  # belongs to the task
     "c2s.model",  # would make another recipe
 )
+STRATEGY = "strategy."
+"""Begins places among the options of the strategy; others are in the recipe."""
 
 
 @dataclass(frozen=True)
 class Varied:
-    """A place in a recipe, and a range or choices to try there.
+    """A place, and a range or choices to try there.
 
     Attributes:
-        place: such as planner.solver.iterations, planner.terms.Evenness.weight, or
-            speeds.1 for one of several.
+        place: such as planner.solver.iterations, planner.terms.Evenness.weight, speeds.1
+            for one of several, or strategy.gain for an option of the strategy.
         choices: the values; the two ends of a range.
         is_range: whether values between the ends are tried.
         log: whether the range is sampled logarithmically.
@@ -46,19 +48,22 @@ class Varied:
         return value in self.choices
 
 
-def varied_from(texts: Sequence[str], recipe: Recipe) -> tuple[Varied, ...]:
-    """Parse what to vary, and check it with a recipe.
+def varied_from(
+    texts: Sequence[str], recipe: Recipe, strategy: str = "s2c2a"
+) -> tuple[Varied, ...]:
+    """Parse what to vary, and check it with a recipe and a strategy.
 
     Args:
         texts: such as `planner.solver.iterations=5:60`,
             `c2s_fit.learning_rate=1e-4:1e-2:log`, `c2s.hidden=32,64,128`.
         recipe: the starting point.
+        strategy: its name, and options to start from.
 
     Raises:
         S2C2AError: a place is unknown or given twice, a value has the wrong type or is
             out of the recipe's bounds, or there is nothing to vary.
     """
-    parameters = tuple(_parse(text, recipe) for text in texts)
+    parameters = tuple(_parse(text, recipe, strategy) for text in texts)
     places = [parameter.place for parameter in parameters]
     if not places or len(set(places)) < len(places):
         raise S2C2AError(
@@ -67,31 +72,36 @@ def varied_from(texts: Sequence[str], recipe: Recipe) -> tuple[Varied, ...]:
         )
     for parameter in parameters:
         for value in parameter.choices:
-            _check_value(recipe, parameter.place, value)
+            _check_value(recipe, strategy, parameter.place, value)
     return parameters
 
 
-def _check_value(recipe: Recipe, place: str, value: Value) -> None:
+def _check_value(recipe: Recipe, strategy: str, place: str, value: Value) -> None:
     try:
         with_values(recipe, {place: value})
+        strategy_named(with_options(strategy, {place: value}))
     except S2C2AError as error:
         raise S2C2AError(f"{place}={value} cannot be tried: {error}") from error
 
 
-def value_at(recipe: Recipe, place: str) -> Value:
-    """The value at a place of a recipe.
+def value_at(recipe: Recipe, place: str, strategy: str = "s2c2a") -> Value:
+    """The value at a place of a recipe, or of a strategy.
 
     Raises:
         S2C2AError: the place is unknown, or holds no number or truth value.
     """
     value: Any = recipe
     path = ""
-    for name in place.split("."):
+    holder = f"recipe {recipe.name}"
+    if place.startswith(STRATEGY):
+        value = strategy_named(strategy)
+        holder = f"strategy {value.name}"
+    for name in place.removeprefix(STRATEGY).split("."):
         children = _children(value)
         if name not in children or place in NOT_VARIED:
             raise S2C2AError(
                 f"nothing to vary at '{place}'{did_you_mean(name, children)}; "
-                f"{path or f'recipe {recipe.name}'} has "
+                f"{path or holder} has "
                 f"{_list_places(path, children)}"
             )
         value = children[name]
@@ -115,9 +125,20 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
         S2C2AError: the values are invalid together.
     """
     for place, value in values.items():
-        recipe = _replaced(recipe, place.split("."), value)
+        if not place.startswith(STRATEGY):
+            recipe = _replaced(recipe, place.split("."), value)
     recipe.collect_options()  # validates the speeds
     return recipe
+
+
+def with_options(strategy: str, values: dict[str, Value]) -> str:
+    """The strategy with other values of some options, as `strategy_named` reads it."""
+    options = [
+        f"{place.removeprefix(STRATEGY)}={value}"
+        for place, value in values.items()
+        if place.startswith(STRATEGY)
+    ]
+    return ",".join([strategy, *options])
 
 
 def _children(value: Any) -> dict[str, Any]:
@@ -152,11 +173,11 @@ def _replaced(holder: Any, path: list[str], value: Value) -> Any:
     return tuple(children.values())
 
 
-def _parse(text: str, recipe: Recipe) -> Varied:
+def _parse(text: str, recipe: Recipe, strategy: str) -> Varied:
     place, _, values = text.partition("=")
     if not values:
         raise S2C2AError(f"'{text}' has no values to try; write such as {SAMPLE}")
-    current = value_at(recipe, place)
+    current = value_at(recipe, place, strategy)
     if ":" not in values:
         choices = [_parse_value(word, current, place) for word in values.split(",")]
         return Varied(place, tuple(dict.fromkeys(choices)))

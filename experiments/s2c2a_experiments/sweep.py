@@ -25,10 +25,17 @@ from s2c2a.jobs.artifacts import Cache
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
 from s2c2a.progress import Progress, quiet
-from s2c2a.strategies import STRATEGIES, Recipe, save_networks, save_recipe
+from s2c2a.strategies import Recipe, save_networks, save_recipe, strategy_named
 from s2c2a.tasks import Task
 from s2c2a_experiments.figures.trials import trials_figure
-from s2c2a_experiments.search_space import Value, Varied, value_at, with_values
+from s2c2a_experiments.search_space import (
+    STRATEGY,
+    Value,
+    Varied,
+    value_at,
+    with_options,
+    with_values,
+)
 
 TRIALS = "trials.log"
 
@@ -82,8 +89,10 @@ class Sweep:
 
     def _check_varied(self) -> None:
         """Refuse places that the strategy does not read: all trials would be equal."""
-        keys = STRATEGIES.named(self.strategy).recipe_keys
+        keys = strategy_named(self.strategy).recipe_keys
         for varied in self.varied:
+            if varied.place.startswith(STRATEGY):
+                continue
             if varied.place.partition(".")[0] not in keys:
                 used = ", ".join(sorted(keys - {"name"})) or "no key of a recipe"
                 raise S2C2AError(
@@ -92,10 +101,17 @@ class Sweep:
                     "another --strategy"
                 )
 
-    def jobs(self, recipe: Recipe) -> list[Job]:
-        """The runs of a trial with this recipe."""
+    def jobs(self, values: dict[str, Value] | None = None) -> list[Job]:
+        """The runs of a trial with these values, or of the starting point.
+
+        Raises:
+            S2C2AError: the values are invalid together.
+        """
+        values = values or {}
+        recipe = with_values(self.recipe, values)
+        strategies = (with_options(self.strategy, values),)
         return jobs_for(
-            self.tasks, self.arm, (self.strategy,), self.seeds, recipe, self.conditions
+            self.tasks, self.arm, strategies, self.seeds, recipe, self.conditions
         )
 
     @property
@@ -163,8 +179,8 @@ def search(
     return _ranked(study, sweep)
 
 
-def best_recipe(sweep: Sweep, trials: Sequence[Trial]) -> Recipe:
-    """The recipe of the best trial.
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The best trial of those that `search` returned.
 
     Raises:
         S2C2AError: every trial failed.
@@ -175,7 +191,7 @@ def best_recipe(sweep: Sweep, trials: Sequence[Trial]) -> Recipe:
             f"all {len(trials)} trials failed, the first because: {best.failure}; "
             "vary less"
         )
-    return with_values(sweep.recipe, best.values)
+    return best
 
 
 def save_best(
@@ -200,10 +216,11 @@ def save_best(
     Raises:
         S2C2AError: every trial failed.
     """
-    best = best_recipe(sweep, trials)
+    values = best_of(trials).values
     name = f"{sweep.recipe.name}-swept"
+    best = with_values(sweep.recipe, values)
     recipe = save_recipe(best, folder / f"{name}.toml")
-    needed = sweep.jobs(best)[0].needs
+    needed = sweep.jobs(values)[0].needs
     if not needed:
         return recipe, None
     networks = made(needed[0], cache, progress)
@@ -229,7 +246,8 @@ def _open_study(sweep: Sweep, folder: Path) -> optuna.Study:
     )
     if not study.trials:
         start = {
-            item.place: value_at(sweep.recipe, item.place) for item in sweep.varied
+            item.place: value_at(sweep.recipe, item.place, sweep.strategy)
+            for item in sweep.varied
         }
         if all(item.holds(start[item.place]) for item in sweep.varied):
             study.enqueue_trial(start)
@@ -277,11 +295,9 @@ def _run_trials(
     failures: dict[int, S2C2AError] = {}
     for trial in batch:
         try:
-            recipe = with_values(sweep.recipe, trial.params)
+            groups.append(sweep.jobs(trial.params))
         except S2C2AError as error:  # values that are valid alone but not together
             failures[trial.number] = error
-            continue
-        groups.append(sweep.jobs(recipe))
     results = iter(in_groups(make, groups))
     for trial in batch:
         failure = failures.get(trial.number)

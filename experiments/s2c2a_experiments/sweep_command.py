@@ -68,7 +68,8 @@ def sweep(
             mean counts.
         vary: recipe keys and their values: planner.solver.iterations=5:60 (a range),
             c2s_fit.learning_rate=1e-4:1e-2:log (a logarithmic range),
-            c2s.hidden=32,64,128 (choices). A wrong key is answered with the valid ones.
+            c2s.hidden=32,64,128 (choices); options of the strategy: strategy.gain=0.1:1. A
+            wrong key is answered with the valid ones.
         arm: a preset or an arm file.
         strategy: by name, or your own file.py:Class.
         recipe: to start from.
@@ -90,7 +91,7 @@ def sweep(
     from s2c2a.jobs.run_folder import open_run_directory
     from s2c2a.tasks import load_task
     from s2c2a_experiments import sweep as sweeps
-    from s2c2a_experiments.search_space import varied_from
+    from s2c2a_experiments.search_space import varied_from, with_options
 
     spec = load_arm(arm)
     start = strategies.recipe_from(recipe)
@@ -103,7 +104,7 @@ def sweep(
         arm=spec,
         tasks=chosen_tasks,
         recipe=start,
-        varied=varied_from(vary, start),
+        varied=varied_from(vary, start, strategy),
         seeds=tuple(jobs.checked_seeds(0, seeds)),
         metric=metric or chosen_tasks[0].scores[0].metric,
         batch=batch,
@@ -121,7 +122,7 @@ def sweep(
         "metric": plan.metric,
         "conditions": asdict(plan.conditions),
         # keys of the first trial: they change with waypoint files and custom code
-        "runs": [job.file for job in plan.jobs(start)],
+        "runs": [job.file for job in plan.jobs()],
         "seed": seed,
         "batch": batch,
         "optuna": version("optuna"),
@@ -137,6 +138,9 @@ def sweep(
         best, weights = sweeps.save_best(done, plan, directory, cache, progress)
     table, figure = sweeps.save_trials(done, plan, directory)
     _print_trials(done, plan)
+    best_strategy = with_options(strategy, done[0].values)
+    if best_strategy != strategy:
+        print(f"best options: --strategy {best_strategy}")
     print(f"best recipe: {best} (use it with --recipe {best})")
     if weights is not None:
         print(f"its networks: {weights} (use them with --weights)")

@@ -32,7 +32,7 @@ def save_table(
     header = [field.name for field in fields(Row)]
     save_csv(header, map(astuple, rows), folder / f"{name}.csv")
     lines = table_lines(rows, beside)
-    write_atomically(_latex(lines), folder / f"{name}.tex")
+    write_atomically(latex_table(HEADER, lines), folder / f"{name}.tex")
     return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
 
 
@@ -55,7 +55,7 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
     for strategy in dict.fromkeys(row.strategy for row in rows):
         values = [cells[strategy, task, metric] for task, metric, _ in columns]
         lines.append([strategy, *values])
-    return write_atomically(_markdown_table(header, lines), folder / f"{name}.md")
+    return write_atomically(markdown_table(header, lines), folder / f"{name}.md")
 
 
 def load_rows(path: str | Path) -> list[Row]:
@@ -114,7 +114,7 @@ def _markdown(
     header = list(HEADER)
     header[3] = f"`{recipe}`"
     header[5] = f"`{beside[0].recipe}`" if beside else ""
-    table = _markdown_table(header, lines)
+    table = markdown_table(header, lines)
     footer = ""
     modes = {row.arm: row for row in rows if row.first_mode_hz is not None}
     for arm, row in modes.items():
@@ -125,19 +125,21 @@ def _markdown(
     return f"# {name}, recipe `{recipe}`, seeds {seeds}\n\n{table}\n{footer}"
 
 
-def _markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+def markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A Markdown table of cells."""
     separator = ["---"] * len(header)
     return "".join(
         f"| {' | '.join(cells)} |\n" for cells in (header, separator, *lines)
     )
 
 
-def _latex(lines: Sequence[tuple[str, ...]]) -> str:
+def latex_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A LaTeX table of cells; names on the left, figures on the right."""
     rows = []
-    for cells in (HEADER, *lines):
+    for cells in (header, *lines):
         escaped = [cell.translate(_LATEX_ESCAPES) for cell in cells]
         rows.append(" & ".join(escaped) + r" \\")
     rows[0] += r" \hline"
-    columns = "lll" + "r" * (len(HEADER) - 3)
+    columns = "lll" + "r" * (len(header) - 3)
     begin = rf"\begin{{tabular}}{{{columns}}}"
     return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"

@@ -21,7 +21,7 @@ from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, Horizon, LeastSquares
 from s2c2a.planning.terms import BendChange, Evenness
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import RECIPES, STRATEGIES, Recipe, RunOptions
+from s2c2a.strategies import RECIPES, Recipe, RunOptions, strategy_named
 from s2c2a.tasks.paths import PATHS
 from s2c2a.tasks.registry import TILTS
 from s2c2a.viz import Trace, recording_figure
@@ -295,7 +295,7 @@ def check_strategies(names: Sequence[str], strategies: Sequence[str]) -> None:
         S2C2AError: there is no such strategy, or it does not support an option.
     """
     for name, strategy in product(names, strategies):
-        supports = STRATEGIES.named(strategy).supports
+        supports = strategy_named(strategy).supports
         for block in TABLES[name].blocks if name in TABLES else ():
             try:
                 block.conditions.run.check_supported(supports, f"'{strategy}'")

@@ -25,6 +25,7 @@ COMMANDS = [
     "run",
     "response",
     "sweep",
+    "benchmark",
     "bench",
     "doctor",
     "arm",

@@ -6,8 +6,14 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.planning import Horizon
-from s2c2a.strategies import recipe_named
-from s2c2a_experiments.search_space import Varied, value_at, varied_from, with_values
+from s2c2a.strategies import recipe_named, strategy_named
+from s2c2a_experiments.search_space import (
+    Varied,
+    value_at,
+    varied_from,
+    with_options,
+    with_values,
+)
 
 BEST, PAPER = recipe_named("best"), recipe_named("paper")
 
@@ -126,3 +132,28 @@ def test_places_are_those_of_the_given_recipe():
 def test_a_range_holds_its_ends_and_the_values_between(value, held):
     assert varied_from(["planner.solver.iterations=5:60"], BEST)[0].holds(value) is held
     assert not varied_from(["planner.solver.iterations=5,60"], BEST)[0].holds(30)
+
+
+def test_options_of_the_strategy_are_varied_beside_the_recipe(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(
+        "from dataclasses import dataclass\n"
+        "from s2c2a.strategies import StrategyOptions\n"
+        "@dataclass(frozen=True)\n"
+        "class Own(StrategyOptions):\n"
+        "    gain: float = 0.5\n"
+        "    limits = {'gain': (0, 1)}\n"
+        "    def build(self, arm, recipe, trained, run):\n"
+        "        raise NotImplementedError\n"
+    )
+    own = f"{file}:Own"
+    (varied,) = varied_from(["strategy.gain=0.1:1:log"], BEST, own)
+    assert (varied.choices, varied.log) == ((0.1, 1.0), True)
+    assert value_at(BEST, "strategy.gain", own) == 0.5
+    values = {"strategy.gain": 0.25, "integral_gain": 0.2}
+    assert strategy_named(with_options(own, values)).gain == 0.25
+    assert with_values(BEST, values).integral_gain == 0.2
+    with pytest.raises(S2C2AError, match=r"strategy\.gain=2\.0 cannot be tried"):
+        varied_from(["strategy.gain=0.1:2"], BEST, own)
+    with pytest.raises(S2C2AError, match=r"nothing to vary at 'strategy\.pain'"):
+        varied_from(["strategy.pain=0.1:2"], BEST, own)

@@ -30,7 +30,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
 from s2c2a.training import FitOptions
 from s2c2a_experiments.search_space import varied_from
-from s2c2a_experiments.sweep import Sweep, best_recipe, save_trials, search
+from s2c2a_experiments.sweep import Sweep, best_of, save_trials, search
 
 TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=8, samples=30, seed=3)
@@ -251,9 +251,7 @@ def test_a_resumed_sweep_gives_the_same_trials(
         "integral_gain": small_sweep.recipe.integral_gain
     }
     assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
-    assert best_recipe(small_sweep, whole) == replace(
-        small_sweep.recipe, **whole[0].values
-    )
+    assert best_of(whole) is whole[0]
     table, figure = save_trials(whole, small_sweep, tmp_path)
     assert (
         table.read_text().splitlines()[0]
@@ -280,7 +278,7 @@ def test_failed_trials_are_reported_and_the_search_continues(
         S2C2AError,
         match=r"all 2 trials failed, the first because: .*fewer than one batch",
     ):
-        best_recipe(sweep, trials)
+        best_of(trials)
 
 
 def test_the_metric_of_a_sweep_must_be_common_to_its_tasks(small_sweep):

@@ -6,7 +6,7 @@ import jax
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.errors import StrategyError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
 from s2c2a.jobs import Conditions, jobs_for
 from s2c2a.live.control import strategies_of
@@ -19,6 +19,7 @@ from s2c2a.strategies import (
     recipe_named,
     s2c2a,
     shipped_networks,
+    strategy_named,
 )
 
 TWIN = load_arm("twin_arm")
@@ -118,3 +119,27 @@ def test_the_live_page_refuses_a_strategy_that_ignores_the_guard(monkeypatch):
     monkeypatch.setattr(pcc.FittedPCC, "supports", frozenset())
     with pytest.raises(StrategyError, match="'pcc-fitted' does not support --guard"):
         strategies_of(TWIN, ("shipped",), "arm", ("pcc-fitted",))
+
+
+def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
+    folder = tmp_path / "a,b"
+    folder.mkdir()
+    file = folder / "own.py"
+    file.write_text(
+        "from dataclasses import dataclass\n"
+        "from s2c2a.strategies import StrategyOptions\n"
+        "@dataclass(frozen=True)\n"
+        "class Own(StrategyOptions):\n"
+        "    gain: float = 0.5\n"
+        "    count: int = 3\n"
+        "    def build(self, arm, recipe, trained, run):\n"
+        "        raise NotImplementedError\n"
+    )
+    own = f"{file}:Own"
+    assert strategy_named(own).gain == 0.5
+    chosen = strategy_named(f"{own},gain=0.25,count=7")
+    assert (chosen.gain, chosen.count) == (0.25, 7)
+    with pytest.raises(S2C2AError, match="has no option 'gian'"):
+        strategy_named(f"{own},gian=1")
+    with pytest.raises(S2C2AError, match="count=many"):
+        strategy_named(f"{own},count=many")

@@ -111,9 +111,9 @@ def check_parallel(
 
 def uses_recipe(strategy: str) -> bool:
     """Whether a strategy, by name, uses any key of a recipe."""
-    from s2c2a.strategies import STRATEGIES
+    from s2c2a.strategies import strategy_named
 
-    return bool(STRATEGIES.named(strategy).recipe_keys)
+    return bool(strategy_named(strategy).recipe_keys)
 
 
 @contextmanager
@@ -125,6 +125,7 @@ def run_directory(
     alone: bool = False,
     resume: bool = False,
     own_data: bool = False,
+    keep_errors: bool = False,
 ) -> "Iterator[tuple[Path, jobs.Make]]":
     """Open a run directory; yield its path and a function that makes artifacts in it.
 
@@ -136,6 +137,8 @@ def run_directory(
         resume: whether to continue a directory with the same options.
         own_data: whether to keep recordings and networks in the directory, not in the
             cache.
+        keep_errors: whether an error stands in the place of an artifact that failed,
+            instead of being raised at the end.
     """
     from s2c2a import jobs
     from s2c2a.jobs.run_folder import open_run_directory
@@ -148,9 +151,11 @@ def run_directory(
         data = directory / "data" if own_data else cache_folder()
         cache = jobs.Cache(data, directory / "runs")
 
+        make_them = jobs.try_all if keep_errors else jobs.make_all
+
         def make(artifacts):
             with progress_bar() as progress:
-                return jobs.make_all(artifacts, cache, executor, progress)
+                return make_them(artifacts, cache, executor, progress)
 
         yield directory, make
 

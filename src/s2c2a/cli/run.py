@@ -101,8 +101,8 @@ def run(
         scene: a file of obstacles beside which the task runs (docs/guides/obstacles.md).
         project: move targets that are out of reach to the nearest that are within, by
             the model of --weights, or by arcs without.
-        strategy: one or several, by name or your own file.py:Class; compared in one
-            figure.
+        strategy: one or several, by name or your own file.py:Class, with options behind
+            commas (name,gain=0.5); compared in one figure.
         recipe: how networks are trained and plans made; `best` by default. A weight file
             has its own; a recipe beside it must train alike, and decides how to plan.
         weights: a file of `s2c2a train`, or "shipped" for the networks of the package

@@ -116,12 +116,12 @@ def _trained(
     from s2c2a import strategies
     from s2c2a.data import load_recording
 
-    kind = strategies.STRATEGIES.named(strategy)
+    options = strategies.strategy_named(strategy)
     if recording is None and (arm is None or start is None):
         raise StrategyError(
             "give a recording, or --arm and --from for an arm without a recording"
         )
-    if start is not None and kind is not strategies.S2C2A:
+    if start is not None and type(options) is not strategies.S2C2A:
         raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None

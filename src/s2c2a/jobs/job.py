@@ -21,7 +21,13 @@ from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver, StepRecord
 from s2c2a.runtime.step_writer import StepWriter
-from s2c2a.strategies import STRATEGIES, Recipe, RunOptions, StrategyOptions
+from s2c2a.strategies import (
+    STRATEGIES,
+    Recipe,
+    RunOptions,
+    StrategyOptions,
+    strategy_named,
+)
 from s2c2a.tasks import Task, load_task
 
 START_JITTER = 0.05
@@ -81,7 +87,7 @@ class Job(Artifact[Run]):
     Attributes:
         task: with the axis weights of the protocol.
         arm: that is driven.
-        strategy: its name (`STRATEGIES`, or a class of the user's own).
+        strategy: see `strategy_named`.
         recipe: how networks are trained and plans made.
         seed: of data, training and start.
         conditions: robot and options of the run.
@@ -120,7 +126,7 @@ class Job(Artifact[Run]):
     @cached_property
     def options(self) -> StrategyOptions:
         """Options of the strategy; a user's own class is imported."""
-        return STRATEGIES.named(self.strategy)()
+        return strategy_named(self.strategy)
 
     @cached_property
     def weighted_task(self) -> Task:

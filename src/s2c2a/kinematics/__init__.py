@@ -7,6 +7,7 @@ from s2c2a.arm.geometry import center_line
 from s2c2a.kinematics.bends import (
     bends_from_cables,
     bends_from_configurations,
+    commanded_configurations,
     commanded_part,
     configurations_from_bends,
     limit_lengths,

@@ -107,6 +107,15 @@ def commanded_part(
     return jnp.einsum("mij,...mj->...mi", projectors, bends)
 
 
+def commanded_configurations(
+    configurations: Float[Numbers, "*batch modules 3"],
+    projectors: Float[Numbers, "modules 2 2"] | None,
+) -> Float[Array, "*batch modules 3"]:
+    """Return configurations of the directions that cables command, not of unit length."""
+    lateral, axial = jnp.split(jnp.asarray(configurations), [2], axis=-1)
+    return jnp.concatenate([commanded_part(lateral, projectors), axial], axis=-1)
+
+
 def limit_lengths(
     vectors: Float[Numbers, "*batch axis"], limits: BendLimits
 ) -> Float[Array, "*batch axis"]:

@@ -41,6 +41,7 @@ from s2c2a.strategies import (
     networks_from,
     recipe_named,
     shipped_networks,
+    strategy_named,
 )
 from s2c2a.strategies.pcc import PlainPCC
 from s2c2a.tasks import TASKS, Task, load_task
@@ -337,7 +338,7 @@ def strategies_of(
         arm: that is driven.
         files: of weights; "shipped" stands for those of the package.
         guard: which points are kept out of obstacles.
-        names: of strategies without training (`STRATEGIES`, or file.py:Class).
+        names: of strategies without training (`strategy_named`).
 
     Raises:
         StrategyError: a file cannot be read, or a strategy needs training or does not
@@ -352,12 +353,12 @@ def strategies_of(
     run = RunOptions(guard)
     builders: dict[str, Callable[[], Driver]] = {}
     for label, trained in zip(labels, networks, strict=True):
-        options = STRATEGIES.imported(trained.strategy)()
+        options = STRATEGIES.imported(trained.strategy)(**trained.strategy_options)
         run.check_supported(options.supports, f"strategy '{trained.strategy}'")
         build = partial(options.build, arm, trained.recipe, trained, run)
         builders[f"{options.name} · {label}"] = cache(build)
     for name in names:
-        options = STRATEGIES.named(name)()
+        options = strategy_named(name)
         run.check_supported(options.supports, f"strategy '{name}'")
         recipe = recipe_named("best")
         if options.collect_options(recipe, 0) is not None:

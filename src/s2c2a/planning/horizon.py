@@ -174,14 +174,15 @@ class _Course(NamedTuple):
 
 
 def _within_steps(problem: Problem, knots: Knots) -> Knots:
-    """The knots, each within the step limit of the one before it."""
+    """The commanded part of knots, each within the step limit of the one before it."""
     longest = problem.stride * problem.situation.longest_step
 
     def follow(before: Bends, wanted: Bends) -> tuple[Bends, Bends]:
         allowed = before + limit_lengths(wanted - before, longest)
         return allowed, allowed
 
-    return jax.lax.scan(follow, problem.situation.last.bends, knots)[1]
+    first = problem.situation.last.bends
+    return jax.lax.scan(follow, first, problem.commanded(knots))[1]
 
 
 def memories_along(

@@ -21,6 +21,7 @@ from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
+    commanded_configurations,
     commanded_part,
     configurations_from_bends,
     limit_lengths,
@@ -329,9 +330,13 @@ class Step(NamedTuple):
     def problem(self, last: Plan, goal: Goal, lead: Lead | None = None) -> Problem:
         """The problem of the solver: the goals to which a guide leads."""
         predict = self._predictor(last, self.options.engaged_slopes)
-        bends = bends_from_configurations(last.configurations)
-        candidate = predict(last.configurations, bends, last.memory)
         geometry = ArmGeometry.of(self.arm)
+        bends = bends_from_configurations(last.configurations)
+        configurations = last.configurations
+        if geometry.steerable is not None:
+            bends = commanded_part(bends, geometry.steerable)
+            configurations = configurations_from_bends(bends)
+        candidate = predict(configurations, bends, last.memory)
         situation = Situation(
             goal,
             candidate,
@@ -340,6 +345,7 @@ class Step(NamedTuple):
             geometry.step_limit,
             self.options.on_sphere,
             self._guarded.radii,
+            steerable=geometry.steerable,
         )
         load = last.disturbances.payload if last.disturbances else 0.0
         # from targets far beyond the arm, a plan would swing from side to side
@@ -382,8 +388,9 @@ class Step(NamedTuple):
             configurations: Configurations, bends: Bends, memory: Memory
         ) -> Candidate:
             if projectors is not None:
-                bends = commanded_part(bends, projectors)
-                configurations = configurations_from_bends(bends)
+                bends = _with_slopes(bends, commanded_part(bends, projectors))
+                commanded = commanded_configurations(configurations, projectors)
+                configurations = _with_slopes(configurations, commanded)
             states = model.predict(configurations, memory, last.disturbances)
             points = points_of(states)
             extrapolation = model.extrapolation(configurations)
@@ -484,6 +491,16 @@ class Planner:
     def expectation(self, plan: Plan) -> Expectation:
         """Prediction of the forward model for a plan; compiles when first called."""
         return self._expectation(plan)
+
+
+def _with_slopes(values: Numbers, slopes: Array) -> Array:
+    """The values, exactly, with the slopes of others that equal them up to rounding.
+
+    A term such as `Change` has a kink at the last plan: rounding there would decide the
+    direction of its slope.
+    """
+    constant = jax.lax.stop_gradient(jnp.asarray(values))
+    return constant + (slopes - jax.lax.stop_gradient(slopes))
 
 
 def _single(values: Numbers) -> Numbers:

@@ -21,6 +21,7 @@ from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
+    commanded_configurations,
     commanded_part,
     configurations_from_bends,
     limit_lengths,
@@ -186,15 +187,34 @@ class Problem(NamedTuple):
         situation = self.situation
         if not situation.on_sphere:
             last = situation.last.configurations
-            return last + limit_lengths(desired - last, situation.longest_step)
+            changes = self.projected(desired) - last
+            return last + limit_lengths(changes, situation.longest_step)
         bends = bends_from_configurations(desired)
         allowed = limit_lengths(bends, situation.bend_limits)
         return configurations_from_bends(self.within_step(allowed))
 
     def within_step(self, bends: Bends) -> Bends:
-        """Bends at most one step limit from the last ones."""
+        """Bends that cables command, at most one step limit from the last ones."""
         last = self.situation.last.bends
-        return last + limit_lengths(bends - last, self.situation.longest_step)
+        changes = self.commanded(bends) - last
+        return last + limit_lengths(changes, self.situation.longest_step)
+
+    def commanded(self, bends: Bends) -> Bends:
+        """The part of bends that cables command.
+
+        The objective does not depend on the other part, so iterates would go anywhere
+        in it by rounding errors, and step limits shorten both parts together.
+        """
+        return commanded_part(bends, self.situation.steerable)
+
+    def projected(self, configurations: Configurations) -> Configurations:
+        """Configurations that cables command, of unit length where they are kept so."""
+        situation = self.situation
+        if situation.steerable is not None:
+            configurations = commanded_configurations(
+                configurations, situation.steerable
+            )
+        return unit_vectors(configurations) if situation.on_sphere else configurations
 
     def _weighted(self, candidate: Candidate) -> list[Residual]:
         return [term.residual(candidate, self.situation) for term in self.terms]
@@ -244,11 +264,10 @@ class Adam(Solver):
     iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
-        on_sphere = problem.situation.on_sphere
         return minimize(
             problem.sum_of_norms,
             problem.situation.last.configurations,
-            unit_vectors if on_sphere else lambda vectors: vectors,
+            problem.projected,
             self.learning_rate,
             self.iterations,
         )

@@ -73,6 +73,7 @@ class Situation(NamedTuple):
         on_sphere: whether configurations are kept at unit length.
         radii: of the body around the guarded points [m], shape (points,), or one.
         room: least distance from obstacles where a guide leads [m]; infinite elsewhere.
+        steerable: see `ArmGeometry`.
     """
 
     goal: Goal
@@ -83,6 +84,7 @@ class Situation(NamedTuple):
     on_sphere: bool
     radii: Float[Numbers, " points"] = np.zeros(1, np.float32)
     room: Float[Numbers, ""] | float = np.inf
+    steerable: Float[Numbers, "modules 2 2"] | None = None
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,13 @@ from s2c2a.strategies.recipe import (
     recipe_named,
     save_recipe,
 )
-from s2c2a.strategies.registry import STRATEGIES, labeled, strategy_of, train_networks
+from s2c2a.strategies.registry import (
+    STRATEGIES,
+    labeled,
+    strategy_named,
+    strategy_of,
+    train_networks,
+)
 from s2c2a.strategies.s2c2a import (
     S2C2A,
     estimator_of,

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from jaxtyping import PRNGKeyArray
 
@@ -18,6 +18,8 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 
 RECIPE_KEYS = frozenset(key.name for key in fields(Recipe))
+GoalPart = Literal["axes", "other ends", "obstacles"]
+"""Parts of goals beside the position of the tip; "other ends" than that of the tip."""
 NetworkProgress = Callable[[str, int, int, float], None]
 """Called with network, epoch, number of epochs, validation loss."""
 
@@ -66,11 +68,13 @@ class StrategyOptions(Options, ABC):
         supports: which options of a run it supports (`RunOptions.check_supported`).
         recipe_keys: which keys of a recipe it uses; by default all. A sweep of others,
             and a recipe for a strategy that uses none, are refused.
+        ignores: which parts of goals it ignores; a comparison leaves tasks with them out.
     """
 
     name: ClassVar[str] = ""
     supports: ClassVar[frozenset[str]] = frozenset()
     recipe_keys: ClassVar[frozenset[str]] = RECIPE_KEYS
+    ignores: ClassVar[frozenset[GoalPart]] = frozenset()
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """The recipe that it is trained by, given the one that the user chose."""

@@ -1,9 +1,11 @@
 """Strategies by name."""
 
+import re
 from dataclasses import asdict, replace
 
 from s2c2a.components import Registry
 from s2c2a.data import Recording
+from s2c2a.options import convert_option, named_parameters, options_from
 from s2c2a.runtime import Driver
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
@@ -19,6 +21,25 @@ STRATEGIES: Registry[StrategyOptions] = Registry(
 """The paper's strategy and its comparisons without learning, for `--strategy`.
 
 A clone has `lstm`, too (`experiments/`)."""
+
+
+_OPTION = re.compile(r",(?=\w+=)")  # other commas are part of a path
+
+
+def strategy_named(text: str) -> StrategyOptions:
+    """A strategy by name, with its options behind commas: `policy.py:Mine,gain=0.5`.
+
+    Raises:
+        S2C2AError: no such strategy or option, or a value that it does not take.
+    """
+    name, *given = _OPTION.split(text)
+    kind = STRATEGIES.named(name)
+    parameters = named_parameters(kind)
+    options = {
+        key: convert_option(kind, parameters, key, value)
+        for key, value in options_from(given)
+    }
+    return kind(**options)
 
 
 def labeled(networks: TrainedNetworks, options: StrategyOptions) -> TrainedNetworks:
@@ -42,14 +63,14 @@ def train_networks(
     Args:
         recording: of the arm.
         recipe: how to train.
-        strategy: by name, or file.py:Class.
+        strategy: see `strategy_named`.
         seed: of everything random.
         progress: called with network, epoch, number of epochs, validation loss.
 
     Raises:
         S2C2AError: no such strategy, or see `StrategyOptions.train`.
     """
-    options = STRATEGIES.named(strategy)()
+    options = strategy_named(strategy)
     networks = options.train(recording, options.recipe(recipe), seed, progress)
     return labeled(networks, options)
 

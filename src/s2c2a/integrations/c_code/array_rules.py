@@ -1,8 +1,8 @@
 """Rules of operations that move, reduce or combine whole arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import prod
-from typing import Any
+from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.elementwise import (
@@ -16,11 +16,21 @@ from s2c2a.integrations.c_code.values import (
     Computed,
     Indices,
     Kind,
+    Place,
     Shape,
     Stored,
     Value,
 )
-from s2c2a.integrations.c_code.writer import Writer, broadcast_at, described, rule
+from s2c2a.integrations.c_code.writer import Writer, broadcast_at, rule
+from s2c2a.integrations.jaxprs import described, other_axes, result_shape
+from s2c2a.integrations.windows import (
+    axes_of_gather,
+    axes_of_scatter,
+    sizes_of_scatter,
+)
+
+Values = Sequence[Value]
+Item = TypeVar("Item")
 
 
 def output_of(equation: Any, number: int = 0) -> tuple[Kind, Shape]:
@@ -29,255 +39,353 @@ def output_of(equation: Any, number: int = 0) -> tuple[Kind, Shape]:
     return kind_of(aval.dtype), tuple(aval.shape)
 
 
+def new_result(writer: Writer, equation: Any, number: int = 0) -> Stored:
+    """A new array for a result."""
+    kind, shape = output_of(equation, number)
+    return writer.program.new_array(kind, shape)
+
+
+def add_loops(writer: Writer, shape: Shape, indices: Indices, statement: str) -> None:
+    """Add a statement in loops over all elements."""
+    loops = looped(shape, indices, statement)
+    writer.program.add(loops)
+
+
+def block(statements: Iterable[str]) -> str:
+    """Statements as one."""
+    content = " ".join(statements)
+    return f"{{ {content} }}"
+
+
+def places_of(values: Values) -> frozenset[Place]:
+    """Parts of the workspace that values read."""
+    places: frozenset[Place] = frozenset()
+    for value in values:
+        places |= value.places
+    return places
+
+
+def cheap(writer: Writer, value: Value) -> Value:
+    """A value that costs nothing to read again and again."""
+    return writer.stored(value) if value.cost else value
+
+
+def copied(writer: Writer, value: Value) -> Stored:
+    """An array of its own, which other operations may change."""
+    array = writer.program.new_array(value.kind, value.shape)
+    writer.program.assign(array, value)
+    return array
+
+
+def _picked(items: Sequence[Item], axes: Iterable[int]) -> tuple[Item, ...]:
+    """Sizes or indices along some axes."""
+    return tuple(items[axis] for axis in axes)
+
+
+def _across(items: tuple[Item, ...], axis: int) -> tuple[Item, ...]:
+    """Sizes or indices along all other axes."""
+    return items[:axis] + items[axis + 1 :]
+
+
+def _inserted(others: Indices, axis: int, index: str) -> Indices:
+    """Indices with one along a further axis."""
+    return (*others[:axis], index, *others[axis:])
+
+
 @rule("broadcast_in_dim")
-def _broadcast(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    _, shape = output_of(equation)
+def _broadcast(writer: Writer, equation: Any, values: Values) -> Values:
+    shape = result_shape(equation)
     value = values[0]
-    if value.cost and prod(shape) > prod(value.shape):
-        value = writer.stored(value)
+    if prod(shape) > prod(value.shape):
+        value = cheap(writer, value)
     axes = equation.params.get("broadcast_dimensions", ())
     return [value.broadcast(shape, axes)]
 
 
 @rule("squeeze")
-def _squeeze(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    return [values[0].without(equation.params["dimensions"])]
+def _squeeze(writer: Writer, equation: Any, values: Values) -> Values:
+    dropped = equation.params["dimensions"]
+    return [values[0].without(dropped)]
 
 
 @rule("expand_dims")
-def _expand(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    _, shape = output_of(equation)
+def _expand(writer: Writer, equation: Any, values: Values) -> Values:
+    shape = result_shape(equation)
     new = equation.params["dimensions"]
-    axes = [axis for axis in range(len(shape)) if axis not in new]
+    axes = other_axes(len(shape), new)
     return [values[0].broadcast(shape, axes)]
 
 
 @rule("transpose")
-def _transpose(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    return [values[0].permuted(equation.params["permutation"])]
+def _transpose(writer: Writer, equation: Any, values: Values) -> Values:
+    order = equation.params["permutation"]
+    return [values[0].permuted(order)]
 
 
 @rule("slice")
-def _slice(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    _, shape = output_of(equation)
+def _slice(writer: Writer, equation: Any, values: Values) -> Values:
+    shape = result_shape(equation)
     params = equation.params
+    starts = params["start_indices"]
     steps = params["strides"] or (1,) * len(shape)
-    return [values[0].sliced(params["start_indices"], shape, steps)]
-
-
-@rule("rev")
-def _reverse(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    shape = values[0].shape
-    turned = equation.params["dimensions"]
-    starts = [shape[axis] - 1 if axis in turned else 0 for axis in range(len(shape))]
-    steps = [-1 if axis in turned else 1 for axis in range(len(shape))]
     return [values[0].sliced(starts, shape, steps)]
 
 
+@rule("rev")
+def _reverse(writer: Writer, equation: Any, values: Values) -> Values:
+    axes = equation.params["dimensions"]
+    return [_backward(values[0], axes)]
+
+
+def _backward(value: Any, axes: Iterable[int]) -> Any:
+    """An array with the opposite order along some axes."""
+    shape = value.shape
+    starts = [0] * len(shape)
+    steps = [1] * len(shape)
+    for axis in axes:
+        starts[axis] = shape[axis] - 1
+        steps[axis] = -1
+    return value.sliced(starts, shape, steps)
+
+
 @rule("split")
-def _split(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _split(writer: Writer, equation: Any, values: Values) -> Values:
     axis = equation.params["axis"]
-    value = writer.stored(values[0]) if values[0].cost else values[0]
+    value = cheap(writer, values[0])
     parts: list[Value] = []
     start = 0
-    for size in equation.params["sizes"]:
-        parts.append(_along(value, axis, start, int(size)))
-        start += int(size)
+    for size in map(int, equation.params["sizes"]):
+        part = _along(value, axis, start, size)
+        parts.append(part)
+        start += size
     return parts
 
 
 @rule("unstack")
-def _unstack(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _unstack(writer: Writer, equation: Any, values: Values) -> Values:
     axis = equation.params["axis"]
-    value = writer.stored(values[0]) if values[0].cost else values[0]
-    count = value.shape[axis]
-    return [_along(value, axis, row, 1).without((axis,)) for row in range(count)]
+    value = cheap(writer, values[0])
+    parts: list[Value] = []
+    for row in range(value.shape[axis]):
+        part = _along(value, axis, row, 1)
+        parts.append(part.without((axis,)))
+    return parts
 
 
 @rule("reshape")
-def _reshape(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    _, shape = output_of(equation)
+def _reshape(writer: Writer, equation: Any, values: Values) -> Values:
+    shape = result_shape(equation)
     value = values[0]
-    kept = [axis for axis, size in enumerate(value.shape) if size != 1]
-    new = [axis for axis, size in enumerate(shape) if size != 1]
-    if [value.shape[axis] for axis in kept] == [shape[axis] for axis in new]:
-        ones = [axis for axis, size in enumerate(value.shape) if size == 1]
-        return [value.without(ones).broadcast(shape, new)]
+    ones = _axes_of_one(value.shape)
+    kept = other_axes(len(value.shape), ones)
+    new = other_axes(len(shape), _axes_of_one(shape))
+    if _picked(value.shape, kept) == _picked(shape, new):
+        needed = value.without(ones)
+        return [needed.broadcast(shape, new)]
     array = writer.program.contiguous(value)
     return [
         Stored.contiguous(array.kind, shape, array.base, array.offset, array.places)
     ]
 
 
+def _axes_of_one(shape: Shape) -> list[int]:
+    """Axes that have one element."""
+    return [axis for axis, size in enumerate(shape) if size == 1]
+
+
 @rule("tile")
-def _tile(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _tile(writer: Writer, equation: Any, values: Values) -> Values:
     kind, shape = output_of(equation)
     value = writer.stored(values[0])
-    rank = len(value.shape)
+    new = len(shape) - len(value.shape)
 
     def at(indices: Indices) -> str:
         # repeats may add axes in front
-        pairs = zip(indices[len(shape) - rank :], value.shape, strict=True)
-        return value.at(tuple(f"({index} % {size})" for index, size in pairs))
+        inside = []
+        for index, size in zip(indices[new:], value.shape, strict=True):
+            inside.append(f"({index} % {size})")
+        return value.at(tuple(inside))
 
     return [Computed(kind, shape, at, 1, value.places)]
 
 
 @rule("select_n")
-def _select(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _select(writer: Writer, equation: Any, values: Values) -> Values:
     kind, shape = output_of(equation)
     which, *cases = values
 
     def at(indices: Indices) -> str:
-        texts = [broadcast_at(case, indices) for case in cases]
         chosen = broadcast_at(which, indices)
-        text = texts[-1]
-        for number in reversed(range(len(texts) - 1)):
-            test = chosen if len(texts) == 2 else f"{chosen} > {number}"
-            text = f"({test} ? {text} : {texts[number]})"
-        return text
+        texts = [broadcast_at(case, indices) for case in cases]
+        return _selection(chosen, texts)
 
-    places = frozenset().union(*(value.places for value in values))
     cost = 1 + sum(value.cost for value in values)
-    return [Computed(kind, shape, at, cost, places)]
+    return [Computed(kind, shape, at, cost, places_of(values))]
+
+
+def _selection(chosen: str, cases: Sequence[str]) -> str:
+    """C expression of the case of a number."""
+    *others, text = cases
+    is_test = len(cases) == 2
+    for number, case in reversed(list(enumerate(others))):
+        test = chosen if is_test else f"{chosen} > {number}"
+        text = f"({test} ? {text} : {case})"
+    return text
 
 
 @rule("iota")
-def _iota(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _iota(writer: Writer, equation: Any, values: Values) -> Values:
     kind, shape = output_of(equation)
     axis = equation.params["dimension"]
-    return [Computed(kind, shape, lambda to: f"(({kind}){to[axis]})")]
+
+    def at(indices: Indices) -> str:
+        index = indices[axis]
+        return f"(({kind}){index})"
+
+    return [Computed(kind, shape, at)]
 
 
-@rule("concatenate", "stack")
-def _concatenate(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    kind, shape = output_of(equation)
-    is_stack = equation.primitive.name == "stack"
-    axis = equation.params["axis" if is_stack else "dimension"]
-    result = writer.program.new_array(kind, shape)
+@rule("concatenate")
+def _concatenate(writer: Writer, equation: Any, values: Values) -> Values:
+    axis = equation.params["dimension"]
+    result = new_result(writer, equation)
     start = 0
     for value in values:
-        size = 1 if is_stack else value.shape[axis]
+        size = value.shape[axis]
         target = _along(result, axis, start, size)
-        target = target.without((axis,)) if is_stack else target
         writer.program.assign(target, value)
         start += size
     return [result]
 
 
+@rule("stack")
+def _stack(writer: Writer, equation: Any, values: Values) -> Values:
+    axis = equation.params["axis"]
+    result = new_result(writer, equation)
+    for row, value in enumerate(values):
+        part = _along(result, axis, row, 1)
+        target = part.without((axis,))
+        writer.program.assign(target, value)
+    return [result]
+
+
 @rule("pad")
-def _pad(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    kind, shape = output_of(equation)
+def _pad(writer: Writer, equation: Any, values: Values) -> Values:
     value, filling = values
-    config = equation.params["padding_config"]
-    if any(low < 0 or high < 0 for low, high, _ in config):
-        raise S2C2AError("negative padding cannot be exported to C")
-    result = writer.program.new_array(kind, shape)
-    writer.program.assign(result, filling.broadcast(shape, ()))
-    starts = [int(low) for low, _, _ in config]
-    steps = [1 + interior for _, _, interior in config]
-    writer.program.assign(result.sliced(starts, value.shape, steps), value)
+    starts = []
+    steps = []
+    for low, high, interior in equation.params["padding_config"]:
+        if low < 0 or high < 0:
+            raise S2C2AError("negative padding cannot be exported to C")
+        starts.append(int(low))
+        steps.append(1 + interior)
+    result = new_result(writer, equation)
+    everywhere = filling.broadcast(result.shape, ())
+    writer.program.assign(result, everywhere)
+    target = result.sliced(starts, value.shape, steps)
+    writer.program.assign(target, value)
     return [result]
 
 
 @rule(*REDUCTIONS)
-def _reduce(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _reduce(writer: Writer, equation: Any, values: Values) -> Values:
     axes = equation.params["axes"]
     if not axes:
         return values
-    kind, shape = output_of(equation)
     name = equation.primitive.name
-    result = writer.program.new_array(kind, shape)
-    outer = index_names(shape)
-    kept = iter(outer)
-    inner = index_names(values[0].shape, "r")
-    source = tuple(
-        inner[axis] if axis in axes else next(kept)
-        for axis in range(len(values[0].shape))
-    )
-    sizes = tuple(values[0].shape[axis] for axis in axes)
-    loops = tuple(inner[axis] for axis in axes)
-    start = start_of_reduction(name, kind)
-    element = values[0].at(source)
+    value = values[0]
+    result = new_result(writer, equation)
+    kind = result.kind
+    outer = index_names(result.shape)
+    inner = index_names(value.shape, "r")
+    source = _replaced(inner, outer, axes)
+    element = value.at(source)
     total = combined(REDUCTIONS[name], kind, "s", element)
-    summed = looped(sizes, loops, f"s = {total};")
-    writer.program.add(
-        looped(
-            shape, outer, f"{{ {kind} s = {start}; {summed} {result.at(outer)} = s; }}"
-        )
-    )
+    sizes = _picked(value.shape, axes)
+    loops = _picked(inner, axes)
+    start = start_of_reduction(name, kind)
+    statements = [
+        f"{kind} s = {start};",
+        looped(sizes, loops, f"s = {total};"),
+        f"{result.at(outer)} = s;",
+    ]
+    add_loops(writer, result.shape, outer, block(statements))
     return [result]
 
 
+def _replaced(inner: Indices, outer: Indices, axes: Sequence[int]) -> Indices:
+    """The inner indices along some axes, the outer ones along all others."""
+    indices = list(inner)
+    kept = other_axes(len(inner), axes)
+    for axis, index in zip(kept, outer, strict=True):
+        indices[axis] = index
+    return tuple(indices)
+
+
 @rule("argmin", "argmax")
-def _extreme_index(
-    writer: Writer, equation: Any, values: list[Value]
-) -> Sequence[Value]:
-    kind, shape = output_of(equation)
+def _extreme_index(writer: Writer, equation: Any, values: Values) -> Values:
     (axis,) = equation.params["axes"]
     value = values[0]
-    result = writer.program.new_array(kind, shape)
-    outer = list(index_names(shape))
-    first = value.at((*outer[:axis], "0", *outer[axis:]))
-    other = value.at((*outer[:axis], "r", *outer[axis:]))
-    sign = "<" if equation.primitive.name == "argmin" else ">"
+    result = new_result(writer, equation)
+    outer = index_names(result.shape)
+    first = value.at(_inserted(outer, axis, "0"))
+    other = value.at(_inserted(outer, axis, "r"))
+    length = value.shape[axis]
+    is_smallest = equation.primitive.name == "argmin"
+    sign = "<" if is_smallest else ">"
     is_better = f"v {sign} best || (v != v && best == best)"
-    search = (
-        f"{{ {value.kind} best = {first}; {kind} at = 0; "
-        f"for (int r = 1; r < {value.shape[axis]}; r++) {{ {value.kind} v = {other}; "
-        f"if ({is_better}) {{ best = v; at = r; }} }} {result.at(tuple(outer))} = at; }}"
-    )
-    writer.program.add(looped(shape, tuple(outer), search))
+    statements = [
+        f"{value.kind} best = {first};",
+        f"{result.kind} at = 0;",
+        f"for (int r = 1; r < {length}; r++) {{",
+        f"{value.kind} v = {other};",
+        f"if ({is_better}) {{ best = v; at = r; }}",
+        "}",
+        f"{result.at(outer)} = at;",
+    ]
+    add_loops(writer, result.shape, outer, block(statements))
     return [result]
 
 
 @rule(*ACCUMULATIONS)
-def _accumulate(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    kind, shape = output_of(equation)
+def _accumulate(writer: Writer, equation: Any, values: Values) -> Values:
     axis = equation.params["axis"]
-    result = writer.program.new_array(kind, shape)
+    result = new_result(writer, equation)
     writer.program.assign(result, values[0])
-    turned = equation.params.get("reverse", False)
-    start, step = (shape[axis] - 1, -1) if turned else (0, 1)
-    starts = [start if each == axis else 0 for each in range(len(shape))]
-    steps = [step if each == axis else 1 for each in range(len(shape))]
-    ordered = result.sliced(starts, shape, steps)
-    names = list(index_names(shape))
-    names[axis] = "r"
-    before = [*names[:axis], "(r - 1)", *names[axis + 1 :]]
-    here, last = ordered.at(tuple(names)), ordered.at(tuple(before))
+    is_turned = equation.params.get("reverse", False)
+    ordered = _backward(result, [axis]) if is_turned else result
+    names = index_names(result.shape)
+    others = _across(names, axis)
+    here = ordered.at(_inserted(others, axis, "r"))
+    last = ordered.at(_inserted(others, axis, "(r - 1)"))
     operation = ACCUMULATIONS[equation.primitive.name]
-    total = combined(operation, kind, last, here)
-    rest = shape[:axis] + shape[axis + 1 :]
-    loop = f"for (int r = 1; r < {shape[axis]}; r++) {here} = {total};"
-    others = (*names[:axis], *names[axis + 1 :])
-    writer.program.add(looped(rest, others, loop))
+    total = combined(operation, result.kind, last, here)
+    length = result.shape[axis]
+    loop = f"for (int r = 1; r < {length}; r++) {here} = {total};"
+    rest = _across(result.shape, axis)
+    add_loops(writer, rest, others, loop)
     return [result]
 
 
 @rule("dynamic_slice")
-def _dynamic_slice(
-    writer: Writer, equation: Any, values: list[Value]
-) -> Sequence[Value]:
-    _, shape = output_of(equation)
-    value = writer.stored(values[0])
-    return [_moved(writer, value, shape, values[1:])]
+def _dynamic_slice(writer: Writer, equation: Any, values: Values) -> Values:
+    shape = result_shape(equation)
+    operand, *starts = values
+    value = writer.stored(operand)
+    return [_moved(writer, value, shape, starts)]
 
 
 @rule("dynamic_update_slice")
-def _dynamic_update(
-    writer: Writer, equation: Any, values: list[Value]
-) -> Sequence[Value]:
-    kind, shape = output_of(equation)
+def _dynamic_update(writer: Writer, equation: Any, values: Values) -> Values:
     value, update, *starts = values
-    result = writer.program.new_array(kind, shape)
+    result = new_result(writer, equation)
     writer.program.assign(result, value)
     target = _moved(writer, result, update.shape, starts)
     writer.program.assign(target, update)
     return [result]
 
 
-def _moved(writer: Writer, value: Stored, shape: Shape, starts: list[Value]) -> Stored:
+def _moved(writer: Writer, value: Stored, shape: Shape, starts: Values) -> Stored:
     """View of a part whose start is known when the program runs."""
     offset = value.offset
     places = value.places
@@ -287,119 +395,118 @@ def _moved(writer: Writer, value: Stored, shape: Shape, starts: list[Value]) -> 
         if size == part or not stride:
             continue
         index = writer.program.new_array("int32_t", ())
-        clamped = f"s_imin(s_imax({start.at(())}, 0), {size - part})"
-        writer.program.add(f"{index.at(())} = {clamped};")
-        offset = f"{offset} + {index.at(())} * {stride}"
+        first = index.at(())
+        kept = clamped(start.at(()), size - part)
+        writer.program.add(f"{first} = {kept};")
+        offset = f"{offset} + {first} * {stride}"
         places = places | index.places
     return Stored(value.kind, shape, value.base, value.strides, offset, places)
 
 
+def clamped(index: str, largest: int) -> str:
+    """C expression of an index that is kept inside."""
+    return f"s_imin(s_imax({index}, 0), {largest})"
+
+
 def _along(value: Any, axis: int, start: int, size: int) -> Any:
     """A part of an array along one axis."""
-    starts = [start if each == axis else 0 for each in range(len(value.shape))]
-    shape = tuple(size if each == axis else old for each, old in enumerate(value.shape))
-    return value.sliced(starts, shape, (1,) * len(shape))
+    shape = list(value.shape)
+    shape[axis] = size
+    starts = [0] * len(shape)
+    starts[axis] = start
+    steps = [1] * len(shape)
+    return value.sliced(starts, tuple(shape), steps)
 
 
 @rule("gather")
-def _gather(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    kind, shape = output_of(equation)
-    operand, indices = (writer.stored(value) for value in values)
+def _gather(writer: Writer, equation: Any, values: Values) -> Values:
     params = equation.params
-    numbers = params["dimension_numbers"]
-    result = writer.program.new_array(kind, shape)
-    names = index_names(shape)
-    batch = [name for axis, name in enumerate(names) if axis not in numbers.offset_dims]
-    windows = [names[axis] for axis in numbers.offset_dims]
-    dropped = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
-    kept = [axis for axis in range(len(operand.shape)) if axis not in dropped]
-    parts = _batch_parts(
-        numbers.operand_batching_dims, numbers.start_indices_batching_dims, batch
-    )
-    parts |= dict(zip(kept, windows, strict=True))
+    array = writer.stored(values[0])
+    indices = writer.stored(values[1])
+    result = new_result(writer, equation)
+    names = index_names(result.shape)
+    axes = axes_of_gather(equation)
     sizes = params["slice_sizes"]
-    starts, inside = _starts(
-        numbers.start_index_map, indices, batch, operand.shape, sizes
-    )
-    place = _element(operand, starts, parts)
-    element = f"{result.at(names)} = {place};"
+    given = _given_starts(indices, axes.starts, _picked(names, axes.batch))
+    starts, inside = _kept_starts(given, array.shape, sizes)
+    place = _element(array, starts, _parts(names, axes.matched))
+    target = result.at(names)
     if "FILL" in str(params["mode"]):
-        filling = _filling(params["fill_value"], kind)
-        element = f"{result.at(names)} = {inside} ? {place} : {filling};"
-    writer.program.add(looped(shape, names, element))
+        filling = _filling(params["fill_value"], result.kind)
+        place = f"{inside} ? {place} : {filling}"
+    add_loops(writer, result.shape, names, f"{target} = {place};")
     return [result]
 
 
 @rule("scatter", "scatter-add", "scatter_add", "scatter-mul", "scatter_mul")
-def _scatter(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
-    kind, shape = output_of(equation)
-    operand, indices, updates = values
-    indices, updates = writer.stored(indices), writer.stored(updates)
-    numbers = equation.params["dimension_numbers"]
-    result = writer.program.new_array(kind, shape)
-    writer.program.assign(result, operand)
+def _scatter(writer: Writer, equation: Any, values: Values) -> Values:
+    indices = writer.stored(values[1])
+    updates = writer.stored(values[2])
+    result = new_result(writer, equation)
+    writer.program.assign(result, values[0])
     names = index_names(updates.shape)
-    window_axes = numbers.update_window_dims
-    batch = [name for axis, name in enumerate(names) if axis not in window_axes]
-    windows = [names[axis] for axis in window_axes]
-    dropped = (*numbers.inserted_window_dims, *numbers.operand_batching_dims)
-    kept = [axis for axis in range(len(shape)) if axis not in dropped]
-    parts = _batch_parts(
-        numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, batch
-    )
-    parts |= dict(zip(kept, windows, strict=True))
-    window_sizes = dict(
-        zip(kept, (updates.shape[axis] for axis in window_axes), strict=True)
-    )
-    sizes = [window_sizes.get(axis, 1) for axis in range(len(shape))]
-    starts, inside = _starts(
-        numbers.scatter_dims_to_operand_dims, indices, batch, shape, sizes
-    )
-    place = _element(result, starts, parts)
+    axes = axes_of_scatter(equation)
+    sizes = sizes_of_scatter(equation, axes)
+    given = _given_starts(indices, axes.starts, _picked(names, axes.batch))
+    starts, inside = _kept_starts(given, result.shape, sizes)
+    place = _element(result, starts, _parts(names, axes.matched))
     value = updates.at(names)
-    if equation.primitive.name.endswith("add"):
-        value = combined("add", kind, place, value)
-    if equation.primitive.name.endswith("mul"):
-        value = combined("mul", kind, place, value)
-    writer.program.add(
-        looped(updates.shape, names, f"if ({inside}) {place} = {value};")
-    )
+    operation = equation.primitive.name[-3:]
+    if operation in ("add", "mul"):
+        value = combined(operation, result.kind, place, value)
+    add_loops(writer, updates.shape, names, f"if ({inside}) {place} = {value};")
     return [result]
 
 
-def _batch_parts(
-    axes: tuple[int, ...], index_axes: tuple[int, ...], batch: list[str]
+def _given_starts(
+    indices: Stored, axes: Iterable[int], batch: Indices
 ) -> dict[int, str]:
-    """Indices along axes that operand and indices share."""
-    return {axis: batch[of] for axis, of in zip(axes, index_axes, strict=True)}
+    """First indices of a window as they are given, by the axis of the array."""
+    given = {}
+    for number, axis in enumerate(axes):
+        place = (*batch, str(number))
+        given[axis] = indices.at(place)
+    return given
 
 
-def _starts(
-    axes: tuple[int, ...],
-    indices: Stored,
-    batch: list[str],
-    shape: Shape,
-    sizes: Any,
+def _kept_starts(
+    given: dict[int, str], shape: Shape, sizes: Sequence[int]
 ) -> tuple[dict[int, str], str]:
     """First indices of a window, kept inside, and whether they were inside."""
     starts = {}
     tests = []
-    for number, axis in enumerate(axes):
-        index = indices.at((*batch, str(number)))
+    for axis, index in given.items():
         largest = shape[axis] - int(sizes[axis])
-        starts[axis] = f"s_imin(s_imax({index}, 0), {largest})"
+        starts[axis] = clamped(index, largest)
         tests.append(f"({index} >= 0 && {index} <= {largest})")
-    return starts, " && ".join(tests) or "1"
+    is_inside = " && ".join(tests)
+    return starts, is_inside or "1"
+
+
+def _parts(names: Indices, axes: dict[int, int]) -> dict[int, str]:
+    """Indices from the start of a window, by the axis of the array."""
+    parts = {}
+    for axis, element_axis in axes.items():
+        parts[axis] = names[element_axis]
+    return parts
 
 
 def _element(array: Stored, starts: dict[int, str], parts: dict[int, str]) -> str:
     indices = []
     for axis in range(len(array.shape)):
-        terms = [part[axis] for part in (starts, parts) if axis in part]
-        terms = [term for term in terms if term != "0"] or ["0"]
-        joined = " + ".join(terms)
-        indices.append(f"({joined})" if len(terms) > 1 else joined)
+        start = starts.get(axis, "0")
+        part = parts.get(axis, "0")
+        indices.append(_sum(start, part))
     return array.at(tuple(indices))
+
+
+def _sum(start: str, part: str) -> str:
+    """C expression of an index."""
+    if part == "0":
+        return start
+    if start == "0":
+        return part
+    return f"({start} + {part})"
 
 
 def _filling(value: Any, kind: Kind) -> str:
@@ -409,45 +516,79 @@ def _filling(value: Any, kind: Kind) -> str:
 
 
 @rule("sort", "top_k")
-def _sort(writer: Writer, equation: Any, values: list[Value]) -> Sequence[Value]:
+def _sort(writer: Writer, equation: Any, values: Values) -> Values:
     """Stable insertion sort of one axis: rows are short."""
-    params = equation.params
     is_top = equation.primitive.name == "top_k"
-    axis = params["axis" if is_top and "axis" in params else "dimension"]
-    if not is_top and params["num_keys"] != 1:
-        raise S2C2AError("a sort by several keys cannot be exported to C")
+    axis = _sorted_axis(equation)
     arrays = [writer.stored(value) for value in values]
     keys = arrays[0]
-    size = keys.shape[axis]
-    outer_shape = keys.shape[:axis] + keys.shape[axis + 1 :]
-    outer = index_names(outer_shape)
-    order = writer.program.new_array("int32_t", (size,))
+    length = keys.shape[axis]
+    order = writer.program.new_array("int32_t", (length,))
+    outputs = range(len(equation.outvars))
+    results = [new_result(writer, equation, number) for number in outputs]
+    others = _across(keys.shape, axis)
+    outer = index_names(others)
 
     def at(array: Stored, index: str) -> str:
-        return array.at((*outer[:axis], index, *outer[axis:]))
+        return array.at(_inserted(outer, axis, index))
 
-    results = [
-        writer.program.new_array(*output_of(equation, number))
-        for number in range(len(equation.outvars))
-    ]
     count = results[0].shape[axis]
-    now, before = at(keys, "c"), at(keys, order.at(("(j - 1)",)))
-    less = f"s_less({before}, {now})" if is_top else f"s_less({now}, {before})"
-    if keys.kind != "float":
-        less = f"{before} < {now}" if is_top else f"{now} < {before}"
-    copies = [f"{at(results[0], 'r')} = {at(keys, order.at(('r',)))};"]
-    if is_top:
-        copies.append(f"{at(results[1], 'r')} = {order.at(('r',))};")
-    else:
-        copies += [
-            f"{at(result, 'r')} = {at(array, order.at(('r',)))};"
-            for result, array in zip(results[1:], arrays[1:], strict=True)
-        ]
-    statement = (
-        f"{{ for (int c = 0; c < {size}; c++) {{ int j = c; "
-        f"for (; j > 0 && {less}; j--) "
-        f"{order.at(('j',))} = {order.at(('(j - 1)',))}; {order.at(('j',))} = c; }} "
-        f"for (int r = 0; r < {count}; r++) {{ {' '.join(copies)} }} }}"
-    )
-    writer.program.add(looped(outer_shape, outer, statement))
+    statements = [
+        *_ordering(keys, order, at, is_top),
+        f"for (int r = 0; r < {count}; r++) {{",
+        *_copies_in_order(arrays, results, order, at),
+        "}",
+    ]
+    add_loops(writer, others, outer, block(statements))
     return results
+
+
+ElementAt = Callable[[Stored, str], str]
+"""C expression of the element of an array at an index along the sorted axis."""
+
+
+def _sorted_axis(equation: Any) -> int:
+    params = equation.params
+    is_top = equation.primitive.name == "top_k"
+    if not is_top and params["num_keys"] != 1:
+        raise S2C2AError("a sort by several keys cannot be exported to C")
+    if is_top and "axis" in params:
+        return params["axis"]
+    return params["dimension"]
+
+
+def _ordering(
+    keys: Stored, order: Stored, at: ElementAt, is_top: bool
+) -> Sequence[str]:
+    """Statements that find the order of the keys."""
+    here = order.at(("j",))
+    previous = order.at(("(j - 1)",))
+    now = at(keys, "c")
+    before = at(keys, previous)
+    smaller, larger = (before, now) if is_top else (now, before)
+    is_less = f"{smaller} < {larger}"
+    if keys.kind == "float":
+        is_less = f"s_less({smaller}, {larger})"
+    return [
+        f"for (int c = 0; c < {order.shape[0]}; c++) {{",
+        "int j = c;",
+        f"for (; j > 0 && {is_less}; j--) {here} = {previous};",
+        f"{here} = c;",
+        "}",
+    ]
+
+
+def _copies_in_order(
+    arrays: Sequence[Stored], results: Sequence[Stored], order: Stored, at: ElementAt
+) -> Sequence[str]:
+    """Statements that copy an element of every array; a further result is the order."""
+    place = order.at(("r",))
+    copies = []
+    for array, result in zip(arrays, results, strict=False):
+        source = at(array, place)
+        target = at(result, "r")
+        copies.append(f"{target} = {source};")
+    for result in results[len(arrays) :]:
+        target = at(result, "r")
+        copies.append(f"{target} = {place};")
+    return copies

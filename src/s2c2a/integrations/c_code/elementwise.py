@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.program import literal
 from s2c2a.integrations.c_code.values import Kind
+from s2c2a.integrations.jaxprs import UNCHANGED
 
 EXPENSIVE = 8  # operations that a call of the C library counts as
 
@@ -79,15 +80,6 @@ COMPARISONS = {
     "lt_to": "<",
     "le_to": "<=",
 }
-UNCHANGED = {
-    "copy",
-    "copy_p",
-    "stop_gradient",
-    "reduce_precision",
-    "optimization_barrier",
-    "real",
-}
-"""Primitives that return their operand."""
 
 
 def element_of(

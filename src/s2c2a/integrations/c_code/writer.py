@@ -13,15 +13,19 @@ from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.elementwise import cost_of, element_of
 from s2c2a.integrations.c_code.program import Program, constant, kind_of
 from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
+from s2c2a.integrations.jaxprs import (
+    described,
+    folded,
+    inner_call,
+    needed_equations,
+    simplified,
+)
 
 MAX_COST = 40  # operations of one expression; compilers take long over larger ones
-MAX_FOLDED = 4096  # elements of an array that is computed when the program is written
 
 Rule = Callable[["Writer", JaxprEqn, list[Value]], Sequence[Value]]
 RULES: dict[str, Rule] = {}
 """How operations on whole arrays are written, by the name of the primitive."""
-NESTED = {"jit", "pjit", "closed_call", "core_call", "remat", "checkpoint"}
-CUSTOM = {"custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr"}
 
 
 def rule(*names: str) -> Callable[[Rule], Rule]:
@@ -70,7 +74,7 @@ class Writer:
             needed: which outputs are used; the others may be anything.
         """
         wanted = [True] * len(jaxpr.outvars) if needed is None else list(needed)
-        equations = _needed_equations(jaxpr, wanted)
+        equations = needed_equations(jaxpr, wanted)
         scope = Scope(uses=_uses(jaxpr, equations, wanted))
         for variable, array in zip(jaxpr.constvars, constants, strict=True):
             scope.values[variable] = _known(array)
@@ -140,15 +144,15 @@ class Writer:
         scope: Scope,
     ) -> Sequence[Value | np.ndarray]:
         name = equation.primitive.name
-        inner = _inner_jaxpr(equation)
-        if inner is not None:
+        if (call := inner_call(equation, operands)) is not None:
+            inner, given = call
             self._protected.append(self._reads(list(scope.values.values())))
-            outputs = self.write(inner.jaxpr, inner.consts, operands, is_used)
+            outputs = self.write(inner.jaxpr, inner.consts, given, is_used)
             self._protected.pop()
             return outputs
-        if (folded := _folded(equation, operands)) is not None:
-            return folded
-        if (simple := _simplified(equation, operands)) is not None:
+        if (results := folded(equation, operands)) is not None:
+            return [_known(result) for result in results]
+        if (simple := simplified(equation, operands)) is not None:
             return [simple]
         values = [self.value(operand) for operand in operands]
         if name in RULES:
@@ -184,41 +188,10 @@ class Writer:
         return frozenset().union(*places)
 
 
-def described(variable: Any) -> Any:
-    """Shape and type of a variable."""
-    return variable.aval
-
-
 def _known(array: Any) -> np.ndarray:
     values = np.asarray(array)
     is_float = np.issubdtype(values.dtype, np.floating)
     return values.astype(np.float32) if is_float else values
-
-
-def _inner_jaxpr(equation: JaxprEqn) -> ClosedJaxpr | None:
-    """The jaxpr that an operation stands for, if it is one call."""
-    name = equation.primitive.name
-    if name in NESTED:
-        return equation.params["jaxpr"]
-    if name in CUSTOM:
-        return equation.params.get("call_jaxpr") or equation.params["fun_jaxpr"]
-    return None
-
-
-def _needed_equations(
-    jaxpr: Jaxpr, wanted: list[bool]
-) -> list[tuple[JaxprEqn, list[bool]]]:
-    """Operations whose results are used, in order, and which results."""
-    pairs = zip(jaxpr.outvars, wanted, strict=True)
-    used = {variable for variable, want in pairs if want and isinstance(variable, Var)}
-    found = []
-    for equation in reversed(jaxpr.eqns):
-        is_used = [variable in used for variable in equation.outvars]
-        if not any(is_used):
-            continue
-        found.append((equation, is_used))
-        used |= {variable for variable in equation.invars if isinstance(variable, Var)}
-    return found[::-1]
 
 
 def _uses(
@@ -234,48 +207,6 @@ def _uses(
         if want and isinstance(variable, Var):
             uses[variable] += 1
     return uses
-
-
-def _folded(
-    equation: JaxprEqn, operands: list[Value | np.ndarray]
-) -> list[np.ndarray] | None:
-    """Results that do not depend on inputs, unless they are large."""
-    name = equation.primitive.name
-    if name in ("scan", "while", "cond", "custom_linear_solve"):
-        return None
-    if not all(isinstance(operand, np.ndarray) for operand in operands):
-        return None
-    if max(described(variable).size for variable in equation.outvars) > MAX_FOLDED:
-        return None
-    result = equation.primitive.bind(*operands, **equation.params)
-    results = result if equation.primitive.multiple_results else [result]
-    return [_known(each) for each in results]
-
-
-def _simplified(
-    equation: JaxprEqn, operands: list[Value | np.ndarray]
-) -> Value | np.ndarray | None:
-    """The operand that an operation returns, where another one is constant."""
-    name = equation.primitive.name
-    shape = described(equation.outvars[0]).shape
-    if name == "select_n" and isinstance(operands[0], np.ndarray):
-        which = operands[0]
-        if (which == which.flat[0]).all():
-            return operands[1 + int(which.flat[0])]
-    neutral = {"mul": 1.0, "div": 1.0, "add": 0.0, "sub": 0.0, "add_any": 0.0}.get(name)
-    if neutral is None:
-        return None
-    left, right = operands
-    if (
-        isinstance(right, np.ndarray)
-        and (right == neutral).all()
-        and left.shape == shape
-    ):
-        return left
-    commutes = name in ("mul", "add", "add_any")
-    if commutes and isinstance(left, np.ndarray) and (left == neutral).all():
-        return right if right.shape == shape else None
-    return None
 
 
 def broadcast_at(value: Value, indices: Indices) -> str:

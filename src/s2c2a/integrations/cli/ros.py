@@ -94,7 +94,7 @@ def running_bridge(
     from s2c2a.integrations.ros.bridge import bridged, open_node
     from s2c2a.integrations.ros.node import is_local
     from s2c2a.live.process import ControlProcess
-    from s2c2a.strategies import STRATEGIES
+    from s2c2a.strategies import strategy_named
 
     spec = load_arm(arm)
     build = partial(
@@ -110,7 +110,7 @@ def running_bridge(
         log(f"{arm} is being prepared; its first start compiles for a minute or more")
         control.wait_until_ready()
         if strategies:
-            control.use(STRATEGIES.named(strategies[0])().name)
+            control.use(strategy_named(strategies[0]).name)
         stack.enter_context(bridged(control, node, options, log))
         log(
             f"{arm} is on {options.namespace} of domain {options.domain}; Ctrl-C ends it"

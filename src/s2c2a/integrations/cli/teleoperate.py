@@ -101,12 +101,12 @@ def strategies_named(
         S2C2AError: there is no such strategy, or it needs training.
     """
     from s2c2a.live.control import strategies_of
-    from s2c2a.strategies import STRATEGIES
+    from s2c2a.strategies import strategy_named
 
     known = strategies_of(spec, weights, "tip")
     if not strategy:
         return known
-    label = STRATEGIES.named(strategy)().name
+    label = strategy_named(strategy).name
     if not any(_is_of(name, label) for name in known):
         known = strategies_of(spec, weights, "tip", (strategy,))
     return {name: known[name] for name in known if _is_of(name, label)}

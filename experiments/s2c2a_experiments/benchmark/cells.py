@@ -1,0 +1,168 @@
+"""The cells of the benchmark: an entrant on a task with an arm, once a seed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from s2c2a import jobs
+from s2c2a.errors import S2C2AError
+from s2c2a.estimation import EstimationSettings
+from s2c2a.planning import Guard
+from s2c2a.strategies import RunOptions
+from s2c2a.tasks import Task
+from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.protocol import BenchmarkArm, BenchmarkTask
+from s2c2a_experiments.benchmark.scores import Figures, figures_of
+
+FAILED: Figures = {("success", "of runs"): 0.0}
+"""The figures of a run that an error ended."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An entrant on a task with an arm.
+
+    Attributes:
+        entrant: that plans.
+        task: of the protocol.
+        arm: of the protocol.
+    """
+
+    entrant: Entrant
+    task: BenchmarkTask
+    arm: BenchmarkArm
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of entrant and task."""
+        return self.entrant.name, self.task.name
+
+    @property
+    def dash(self) -> str:
+        """Why there is nothing to run; empty if there is."""
+        entrant = self.entrant
+        arm = self.arm.arm
+        ignored = self.task.needs & entrant.options.ignores
+        if ignored:
+            names = " and ".join(sorted(ignored))
+            return f"ignores {names}"
+        if self.knows_payload and "known_payload" not in entrant.options.supports:
+            return "has no place for a known payload"
+        if entrant.arms and arm.name not in entrant.arms:
+            names = " and ".join(entrant.arms)
+            return f"was trained for {names} alone"
+        if entrant.camera and arm.sensing != "encoders":
+            return "senses its bends, which a camera does not improve"
+        return ""
+
+    @property
+    def knows_payload(self) -> bool:
+        """Whether the entrant is given the payload."""
+        return self.task.condition == "payload known"
+
+    @property
+    def guard(self) -> Guard:
+        """What keeps clear of obstacles: the whole arm where the entrant can."""
+        has_obstacles = "obstacles" in self.task.needs
+        if has_obstacles and "guard" in self.entrant.options.supports:
+            return "arm"
+        return "tip"
+
+    def make_jobs(self, tasks: Sequence[Task], seeds: Sequence[int]) -> list[jobs.Job]:
+        """The runs of these tasks, once a seed."""
+        conditions = self.task.conditions(self.arm.arm)
+        robot = dict(conditions.robot.options)
+        payload = 0.0
+        if self.knows_payload:
+            payload = float(str(robot["payload"]))
+        settings = EstimationSettings(known_payload=payload)
+        run = RunOptions(self.guard, settings)
+        return jobs.jobs_for(
+            tasks,
+            self.entrant.sensed(self.arm.arm),
+            [self.entrant.strategy],
+            seeds,
+            self.entrant.recipe,
+            jobs.Conditions(conditions.robot, run, may_end_early=True),
+        )
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a cell.
+
+    Attributes:
+        cell: that was run.
+        figures: of every run; by name and unit, a value a task and seed.
+        failures: messages of runs that an error ended.
+        ticks: times of all control steps [s].
+    """
+
+    cell: Cell
+    figures: dict[tuple[str, str], list[float]]
+    failures: tuple[str, ...]
+    ticks: np.ndarray
+
+
+def all_cells(
+    entrants: Sequence[Entrant],
+    tasks: Sequence[BenchmarkTask],
+    arms: Sequence[BenchmarkArm],
+) -> list[Cell]:
+    """Every entrant on every task with every arm."""
+    triples = product(entrants, arms, tasks)
+    return [Cell(entrant, task, arm) for entrant, arm, task in triples]
+
+
+def run_cells(
+    cells: Sequence[Cell], seeds: Sequence[int], make: jobs.Make
+) -> list[Result]:
+    """Results of all cells that have no dash, in their order.
+
+    Args:
+        cells: to run.
+        seeds: of data, training and start.
+        make: finds or makes runs, networks and recordings; an error stands in the place
+            of what failed.
+    """
+    running = [cell for cell in cells if not cell.dash]
+    tasks_of_cells = _tasks_of(running)
+    groups = [
+        cell.make_jobs(tasks, seeds)
+        for cell, tasks in zip(running, tasks_of_cells, strict=True)
+    ]
+    runs = jobs.in_groups(make, groups)
+    return [_result(*pair) for pair in zip(running, runs, strict=True)]
+
+
+def _tasks_of(cells: Sequence[Cell]) -> list[list[Task]]:
+    """The tasks of every cell; cells with the same arm and task share them."""
+    known: dict[tuple[int, str], list[Task]] = {}
+    tasks_of_cells = []
+    for cell in cells:
+        key = id(cell.arm), cell.task.name
+        if key not in known:
+            known[key] = cell.task.goals(cell.arm)
+        tasks_of_cells.append(known[key])
+    return tasks_of_cells
+
+
+def _result(cell: Cell, runs: Sequence[jobs.Run | S2C2AError]) -> Result:
+    figures: dict[tuple[str, str], list[float]] = {}
+    failures = []
+    ticks = [np.zeros(0)]
+    for run in runs:
+        values = FAILED
+        if isinstance(run, S2C2AError):
+            failures.append(str(run))
+        elif "interrupted" in run.episode.options:
+            message = run.episode.options["interrupted"]
+            failures.append(str(message))
+        else:
+            values = figures_of(run)
+            ticks.append(run.episode.ran("tick_time"))
+        for key, value in values.items():
+            figures.setdefault(key, []).append(value)
+    return Result(cell, figures, tuple(failures), np.concatenate(ticks))

@@ -1,0 +1,185 @@
+"""Command `s2c2a benchmark`: every planner on the same arms and tasks."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from s2c2a.cli.console import print_table, progress_bar
+from s2c2a.cli.execution import (
+    ALL_CORES,
+    Work,
+    make_executor,
+    require,
+    run_directory,
+)
+from s2c2a.errors import S2C2AError, did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from s2c2a_experiments.benchmark.entrants import Entrant
+    from s2c2a_experiments.benchmark.protocol import BenchmarkArm
+    from s2c2a_experiments.benchmark.results import PlannerComparison
+
+Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
+Entries = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE.py:Class ...")]
+
+
+def benchmark(
+    entry: Entries = (),
+    only: Names = (),
+    task: Names = (),
+    arm: Names = (),
+    seeds: int = 3,
+    smoke: bool = False,
+    tune: bool = False,
+    work: Work = ALL_CORES,
+) -> None:
+    """Compare planners: all of the paper's Table I, and your own.
+
+    Repeat the command to continue an interrupted run. The whole benchmark takes hours;
+    --smoke shows in minutes that an entry runs.
+
+    Args:
+        entry: your own strategies, by name or file.py:Class, with options behind commas.
+        only: these of the project's entrants; "none" for your entries alone.
+        task: these tasks of the protocol alone.
+        arm: these arms of the protocol alone.
+        seeds: number of seeds, from zero.
+        smoke: one arm, two short tasks, one seed, and no training.
+        tune: tune the entrants instead, each by the same number of trials, and write
+            tuned.toml.
+        work: run directory (runs/benchmark by default) and parallel execution.
+    """
+    from s2c2a import jobs
+    from s2c2a_experiments.benchmark import protocol
+    from s2c2a_experiments.benchmark.cells import all_cells, run_cells
+    from s2c2a_experiments.benchmark.results import PlannerComparison
+
+    entrants = _entrants(entry, only)
+    if tune:
+        _tune([each.name for each in entrants], work)
+        return
+    tasks = _chosen(task, protocol.TASKS, "task")
+    numbers = tuple(jobs.checked_seeds(0, seeds))
+    if smoke:
+        entrants = [each for each in entrants if not each.samples]
+        tasks = [protocol.smaller(each, 1) for each in tasks if each.name in SMOKE]
+        numbers = (0,)
+    arms = _arms(arm, smoke)
+    cells = all_cells(entrants, tasks, arms)
+    options = {
+        "protocol": protocol.VERSION,
+        "entrants": [(each.name, each.strategy, each.recipe.name) for each in entrants],
+        "tasks": [each.name for each in tasks],
+        "arms": [each.arm.name for each in arms],
+        "seeds": numbers,
+    }
+    label = "benchmark-smoke" if smoke else "benchmark"
+    with run_directory(label, options, work, resume=True, keep_errors=True) as (
+        directory,
+        make,
+    ):
+        results = run_cells(cells, numbers, make)
+    dashes = [cell for cell in cells if cell.dash]
+    _show(PlannerComparison(entrants, results, dashes, numbers), directory)
+
+
+def _tune(names: "Sequence[str]", work: Work) -> None:
+    """Tune entrants as their files have them, and write the values found."""
+    require("sweep", "optuna")
+    from s2c2a import jobs
+    from s2c2a.jobs.run_folder import open_run_directory
+    from s2c2a_experiments.benchmark import entrants, tune
+    from s2c2a_experiments.benchmark.protocol import VERSION
+
+    options = {"protocol": VERSION, "trials": tune.TRIALS}
+    chosen = [each for each in entrants.untuned() if each.name in names]
+    with make_executor(work.jobs, work.cluster) as executor, progress_bar() as progress:
+        directory = open_run_directory(
+            work.out, "benchmark-tuning", options, work.overwrite, resume=True
+        )
+        path = directory / "tuned.toml"
+        cache = jobs.Cache(runs_in=directory / "runs")
+
+        def keep(values: dict) -> None:
+            tune.write_values(values, path)
+
+        tune.tune(chosen, directory, cache, executor, progress, keep)
+    print(f"tuned values: {path} (they belong to {entrants.TUNED})")
+
+
+SMOKE = ("path", "obstacles")
+"""Tasks of the smoke version."""
+
+
+def _show(comparison: "PlannerComparison", directory: "Path") -> None:
+    """Write tables, figure and page, and print the table."""
+    from s2c2a_experiments.benchmark.page import write_page
+    from s2c2a_experiments.benchmark.results import (
+        draw,
+        failure_lines,
+        header,
+        lines,
+        write_tables,
+    )
+
+    table = write_tables(comparison, directory)
+    figure = draw(comparison, directory / "planners.png")
+    page = write_page(comparison, figure, directory / "planners.html")
+    head = header(comparison)
+    first_task = 4
+    first_after = first_task + len(comparison.tasks)
+
+    def without_tasks(cells: list[str]) -> tuple[str, ...]:
+        return *cells[:first_task], *cells[first_after:]
+
+    body = [without_tasks(cells) for cells in lines(comparison)]
+    print_table("planners", without_tasks(head), body)
+    for text in failure_lines(comparison):
+        print(text)
+    print(f"table: {table} (.csv, .tex, .json next to it)")
+    print(f"figure: {figure}\npage: {page}")
+
+
+def _entrants(entry: "Sequence[str]", only: "Sequence[str]") -> "list[Entrant]":
+    from s2c2a_experiments.benchmark.entrants import entrant_of, entrants
+
+    known = {each.name: each for each in entrants()}
+    chosen = [] if only == ("none",) else _chosen(only, known, "entrant")
+    own = [entrant_of(text) for text in entry]
+    names = [each.name for each in [*chosen, *own]]
+    for name in names:
+        if names.count(name) > 1:
+            raise S2C2AError(
+                f"two entrants are named '{name}'; name your class otherwise, or choose "
+                "others with --only"
+            )
+    if not names:
+        raise S2C2AError("no entrant; give --entry file.py:Class")
+    return [*chosen, *own]
+
+
+def _arms(names: "Sequence[str]", smoke: bool) -> "list[BenchmarkArm]":
+    from s2c2a_experiments.benchmark.protocol import protocol_arms
+
+    arms = {each.arm.name: each for each in protocol_arms()}
+    if smoke and not names:
+        return [next(iter(arms.values()))]
+    return _chosen(names, arms, "arm")
+
+
+def _chosen(names: "Sequence[str]", known: dict, kind: str) -> list:
+    """The named ones, or all without names.
+
+    Raises:
+        S2C2AError: there is none of this name.
+    """
+    for name in names:
+        if name not in known:
+            raise S2C2AError(
+                f"no {kind} '{name}'{did_you_mean(name, known)}; choose among "
+                f"{', '.join(known)}"
+            )
+    return [known[name] for name in dict.fromkeys(names)] or list(known.values())

@@ -1,0 +1,208 @@
+"""Who takes part in the benchmark: a strategy with its options and its recipe.
+
+Every strategy can take part, also one in a file of its own: `--entry my.py:Mine`.
+"""
+
+import inspect
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import resources
+from types import ModuleType
+
+from pydantic import TypeAdapter
+
+from s2c2a.arm import ArmSpec
+from s2c2a.arm.sensors import Camera
+from s2c2a.files import parse_toml
+from s2c2a.strategies import Recipe, StrategyOptions, recipe_named, strategy_named
+from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
+from s2c2a_experiments.tables import VARIANTS
+
+TUNED = resources.files("s2c2a_experiments.benchmark").joinpath("tuned.toml")
+"""What the same number of trials has found for each entrant (`tune`)."""
+OWN = {
+    "apf": ("gain=0.1:1:log", "damping=0.001:0.1:log", "repulsion=1e-6:1e-4:log"),
+    "biarc": ("share=0.5:1", "axis_weight=1:100:log", "change_weight=0.1:10:log"),
+    "diff-ik": ("gain=0.03:1:log", "axis_weight=0.1:2:log", "damping=0.001:0.1:log"),
+    "drawn-curve": (
+        "share=0.4:1",
+        "tip_weight=3:100:log",
+        "tangent_weight=0.005:0.5:log",
+    ),
+    "fuzzy": (
+        "range=0.05:0.5:log",
+        "change_range=0.05:1:log",
+        "gain=0.03:0.6:log",
+        "axis_range=0.1:2:log",
+    ),
+    "gmr": ("components=10:100:log", "bend_noise=0.03:1:log", "share=0.1:1:log"),
+    "inverse-sampling": ("samples=16:64", "global_share=0:1", "pace=0.3:1"),
+    "multi-ik": ("solutions=4:16", "reach_weight=10:1000:log", "pace=0.3:1"),
+    "online-jacobian": (
+        "gain=0.03:0.6:log",
+        "forgetting=0.03:1:log",
+        "damping=0.02:0.5:log",
+    ),
+    "pcc-one-step": (
+        "axis_weight=0.1:2:log",
+        "change_weight=0.01:1:log",
+        "evenness=0.005:0.1:log",
+    ),
+    "rrt": ("goal_share=0.05:0.5", "pace=0.3:1"),
+    "rrt-star": ("goal_share=0.05:0.5", "pace=0.3:1"),
+    "pseudo-rigid": (
+        "axis_weight=0.1:2:log",
+        "change_weight=0.01:1:log",
+        "evenness=0.005:0.1:log",
+        "stiffness=0.5:2:log",
+    ),
+}
+"""What the tuning of planners with a file of their own varies, over about ten times."""
+_CODE = re.compile(r"^\s*[^\s#]", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A planner of the benchmark.
+
+    Attributes:
+        name: in tables.
+        family: of the paper's Table I, or of the field.
+        strategy: see `strategy_named`.
+        recipe: by which it is trained and plans.
+        tuned: what its tuning varies, as `s2c2a sweep --vary` reads it.
+        camera: whether it sees the tip by a camera, as others by motion capture.
+        arms: that it is trained for, where that takes long; all if empty.
+        simulated: control steps of the simulation that it learns from.
+    """
+
+    name: str
+    family: str
+    strategy: str
+    recipe: Recipe
+    tuned: tuple[str, ...] = ()
+    camera: bool = False
+    arms: tuple[str, ...] = ()
+    simulated: int = 0
+
+    @cached_property
+    def options(self) -> StrategyOptions:
+        """Options of its strategy."""
+        return strategy_named(self.strategy)
+
+    @property
+    def samples(self) -> int:
+        """Samples that it learns from; 0 for none."""
+        if self.simulated:
+            return self.simulated
+        recipe = self.options.recipe(self.recipe)
+        data = self.options.collect_options(recipe, 0)
+        if not data:
+            return 0
+        return data.episodes * data.samples
+
+    @property
+    def lines(self) -> int:
+        """Lines of code of its file, without comments and docstrings alone."""
+        return code_lines(inspect.getmodule(type(self.options)))
+
+    def sensed(self, arm: ArmSpec) -> ArmSpec:
+        """The arm with the sensors of the entrant: a camera as good as motion capture."""
+        if not self.camera:
+            return arm
+        camera = Camera(rate=arm.control_rate, delay=0.02, lost=0.0, noise=0.0005)
+        sensors = arm.sensors.model_copy(update={"camera": camera})
+        return arm.model_copy(update={"sensors": sensors})
+
+    def with_values(self, values: Mapping[str, Value]) -> "Entrant":
+        """The entrant with tuned values."""
+        return replace(
+            self,
+            strategy=with_options(self.strategy, dict(values)),
+            recipe=with_values(self.recipe, dict(values)),
+        )
+
+
+def code_lines(module: ModuleType | None) -> int:
+    """Lines of a module that hold code or docstrings; blank ones and comments do not."""
+    if module is None:
+        return 0
+    source = inspect.getsource(module)
+    return len(_CODE.findall(source))
+
+
+def entrant_of(strategy: str) -> Entrant:
+    """An entrant by the name of a strategy, for `--entry`; it is not tuned.
+
+    Raises:
+        S2C2AError: there is no such strategy.
+    """
+    options = strategy_named(strategy)
+    name = options.name or type(options).__name__
+    return Entrant(name, "yours", strategy, recipe_named("best"))
+
+
+def tuned_values() -> dict[str, dict[str, Value]]:
+    """Tuned values by entrant and place."""
+    if not TUNED.is_file():
+        return {}
+    tables = parse_toml(TUNED.read_text(encoding="utf-8"))
+    return TypeAdapter(dict[str, dict[str, Value]]).validate_python(tables["values"])
+
+
+def entrants() -> list[Entrant]:
+    """All entrants of the project, tuned."""
+    values = tuned_values()
+    return [each.with_values(values.get(each.name, {})) for each in untuned()]
+
+
+def untuned() -> list[Entrant]:
+    """All entrants of the project, as their files have them."""
+    best = recipe_named("best")
+    paper = recipe_named("paper")
+    one_step = replace(VARIANTS["best, one step"], name="best-one-step")
+    solver = "planner.solver.iterations=5:60:log"
+    evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
+    change = "planner.terms.BendChange.weight=0.005:0.3:log"
+    weight = "planner.terms.Change.weight=0.3:3:log"
+    rate = "planner.solver.learning_rate=0.005:0.1:log"
+
+    def own(name: str, family: str) -> Entrant:
+        places = tuple(f"{STRATEGY}{text}" for text in OWN[name])
+        return Entrant(name, family, name, best, places)
+
+    return [
+        own("apf", "potential field"),
+        own("rrt", "RRT"),
+        own("rrt-star", "RRT*"),
+        own("gmr", "Gaussian mixture regression"),
+        own("fuzzy", "fuzzy logic, tip seen"),
+        own("multi-ik", "several solutions, dynamic programming"),
+        own("inverse-sampling", "inverse model, sampling"),
+        own("drawn-curve", "drawn curve, optimization"),
+        own("biarc", "two arcs"),
+        own("pcc-one-step", "forward model: arcs"),
+        own("pseudo-rigid", "forward model: rigid links"),
+        Entrant("pcc", "forward model: arcs (paper)", "pcc", paper, (rate, weight)),
+        Entrant("pcc-horizon", "horizon, arcs", "pcc", best, (solver, evenness)),
+        Entrant("paper", "forward model: biLSTM", "s2c2a", paper, (rate, weight)),
+        Entrant(
+            "one-step", "forward model: gray box", "s2c2a", one_step, (evenness, change)
+        ),
+        Entrant("best", "horizon, gray box", "s2c2a", best, (solver, evenness)),
+        Entrant(
+            "best-camera", "horizon, tip seen", "s2c2a", best, (solver, evenness), True
+        ),
+        own("diff-ik", "differential inverse kinematics"),
+        own("online-jacobian", "estimated Jacobian, tip seen"),
+        Entrant(
+            "ppo",
+            "reinforcement learning, tip seen",
+            "ppo",
+            best,
+            arms=("twin_arm",),
+            simulated=60_800,
+        ),
+    ]

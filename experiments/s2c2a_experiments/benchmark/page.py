@@ -1,0 +1,67 @@
+"""The static page of a benchmark: table, figure, and what every entrant is."""
+
+import base64
+import html
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+from s2c2a.files import write_atomically
+from s2c2a.versions import versions
+from s2c2a_experiments.benchmark.protocol import VERSION
+from s2c2a_experiments.benchmark.results import (
+    PlannerComparison,
+    dash_lines,
+    failure_lines,
+    header,
+    lines,
+)
+
+PAGE = resources.files("s2c2a_experiments.benchmark").joinpath("page.html")
+
+
+def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
+    """Write the page, which needs no other file."""
+    picture = base64.b64encode(figure.read_bytes()).decode()
+    seeds = ", ".join(map(str, comparison.seeds))
+    used = ", ".join(f"{name} {number}" for name, number in versions().items())
+    content = [
+        "<h1>Planners compared</h1>",
+        f"<p>Protocol version {VERSION}; seeds {seeds}. A column of a task holds the "
+        "share of successful runs, then the mean error in % of the arm's length, and "
+        "for some tasks a second figure: clearance in % of length, or error of the axis "
+        "in degrees.</p>",
+        _table(header(comparison), lines(comparison)),
+        f'<img alt="Shares of runs below every error, and success over time of a step" '
+        f'src="data:image/png;base64,{picture}">',
+        "<h2>Why there are dashes</h2>",
+        _list(dash_lines(comparison) + failure_lines(comparison)),
+        f"<p>{html.escape(used)}</p>",
+    ]
+    template = Template(PAGE.read_text(encoding="utf-8"))
+    text = template.substitute(content="\n".join(content))
+    return write_atomically(text, path)
+
+
+def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+    rows = [_row(head, "th"), *(_row(cells, "td") for cells in body)]
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _row(cells: Sequence[str], tag: str) -> str:
+    marked = "".join(f"<{tag}>{_text(cell)}</{tag}>" for cell in cells)
+    return f"<tr>{marked}</tr>"
+
+
+def _list(texts: Sequence[str]) -> str:
+    items = "".join(f"<li>{_text(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>"
+
+
+def _text(markdown: str) -> str:
+    """Escaped text; what is between backquotes is code."""
+    parts = html.escape(markdown).split("`")
+    for number in range(1, len(parts), 2):
+        parts[number] = f"<code>{parts[number]}</code>"
+    return "".join(parts)

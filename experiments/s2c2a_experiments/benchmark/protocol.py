@@ -1,0 +1,171 @@
+"""The protocol of the benchmark: arms, tasks, seeds and bounds; docs/results/planners.md.
+
+Whoever changes what is run or scored raises `VERSION`: results of different versions are
+not comparable.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import resources
+from typing import Literal
+
+from s2c2a import jobs
+from s2c2a.arm import ArmSpec, load_arm, randomized_arm
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning.reach import Reachability
+from s2c2a.robots import RobotFactory
+from s2c2a.strategies.options import GoalPart
+from s2c2a.tasks import Task, load_task
+from s2c2a.tasks.projection import projected
+from s2c2a_experiments.scenes import drawn_task
+
+VERSION = 1
+SEEDS = 3
+AGED = 1.0
+"""Arms are older than their recordings: no user drives an arm on the day of its data."""
+PAYLOAD = 0.2  # of the arm's mass
+PACES = {"opencr_v4": 0.25}
+"""Pace of tasks by arm, where it is not 1: this one takes 1.7 steps a second."""
+FITTED = ("opencr_v4", "stanford_trunk")
+RANDOMIZED = ((0, 0.5), (1, 0.5), (2, 1.0), (3, 1.0))
+"""Seed and strength of the mismatch; nothing is tuned on them."""
+HELD_OUT = ((1001, 0.5), (1002, 1.0))
+"""The same; these arms are reported apart, and nobody chooses by them."""
+TUNED_ON = (100, 0.5)
+"""The arm that every entrant is tuned on; it is in no table."""
+SCENES = (0, 1, 2)
+HELD_OUT_SCENES = (1001, 1002, 1003)
+Group = Literal["preset", "randomized", "fitted", "held out"]
+Condition = Literal["", "payload unknown", "payload known"]
+ARMS = resources.files("s2c2a_experiments.benchmark").joinpath("arms")
+
+
+@dataclass(frozen=True)
+class BenchmarkArm:
+    """An arm of the protocol.
+
+    Attributes:
+        arm: with its mismatch, which no entrant knows.
+        group: of the results.
+    """
+
+    arm: ArmSpec
+    group: Group
+
+    @property
+    def scenes(self) -> tuple[int, ...]:
+        """Seeds of its drawn scenes."""
+        if self.group == "held out":
+            return HELD_OUT_SCENES
+        return SCENES
+
+
+@dataclass(frozen=True)
+class BenchmarkTask:
+    """A task of the protocol.
+
+    Attributes:
+        name: of its column.
+        needs: parts of goals that an entrant must not ignore.
+        goals: makes the tasks of an arm.
+        condition: of the arm.
+    """
+
+    name: str
+    needs: frozenset[GoalPart]
+    goals: Callable[[BenchmarkArm], list[Task]]
+    condition: Condition = ""
+
+    def conditions(self, arm: ArmSpec) -> jobs.Conditions:
+        """What runs of this task are made under."""
+        payload = 0.0
+        if self.condition:
+            payload = PAYLOAD * sum(module.mass for module in arm.modules)
+        robot = RobotFactory.simulation(aged=AGED, payload=payload)
+        return jobs.Conditions(robot, may_end_early=True)
+
+
+def _named(name: str, arm: BenchmarkArm) -> list[Task]:
+    """The task of this name, on fitted arms within reach of ideal arcs."""
+    spec = arm.arm
+    if spec.name in PACES:
+        pace = PACES[spec.name]
+        name = f"{name}@{pace:g}"
+    task = load_task(name, spec)
+    if arm.group != "fitted":
+        return [task]
+    model = PCCForwardModel.of(spec)
+    arcs = Reachability(spec, model, 0.0, "tip")
+    projection = projected(task, spec.length, arcs)
+    return [projection.task]
+
+
+def _scenes(arm: BenchmarkArm) -> list[Task]:
+    pace = PACES.get(arm.arm.name, 1.0)
+    rate = arm.arm.control_rate / pace
+    slower = arm.arm.model_copy(update={"control_rate": rate})
+    return [drawn_task(slower, seed) for seed in arm.scenes]
+
+
+AXES: frozenset[GoalPart] = frozenset({"axes"})
+TASKS = {
+    task.name: task
+    for task in (
+        BenchmarkTask("path", frozenset(), partial(_named, "circle")),
+        BenchmarkTask("orientation", AXES, partial(_named, "tilt-50")),
+        BenchmarkTask(
+            "constraint", AXES | {"other ends"}, partial(_named, "hold-middle")
+        ),
+        BenchmarkTask("obstacles", frozenset({"obstacles"}), _scenes),
+        BenchmarkTask("moving target", frozenset(), partial(_named, "follow")),
+        BenchmarkTask(
+            "payload", frozenset(), partial(_named, "circle"), "payload unknown"
+        ),
+        BenchmarkTask(
+            "known payload", frozenset(), partial(_named, "circle"), "payload known"
+        ),
+    )
+}
+"""Tasks by name."""
+
+
+def protocol_arms() -> list[BenchmarkArm]:
+    """Two presets, four randomized, two fitted to logs, two held out."""
+    presets = [
+        BenchmarkArm(load_arm(name), "preset") for name in ("twin_arm", "simulated_arm")
+    ]
+    return [*presets, *_randomized(RANDOMIZED, "randomized"), *_fitted(), *held_out()]
+
+
+def held_out() -> list[BenchmarkArm]:
+    """Arms that nobody chooses by."""
+    return _randomized(HELD_OUT, "held out")
+
+
+def tuning_arm() -> BenchmarkArm:
+    """The arm that every entrant is tuned on."""
+    return _randomized((TUNED_ON,), "randomized")[0]
+
+
+def _randomized(
+    drawn: tuple[tuple[int, float], ...], group: Group
+) -> list[BenchmarkArm]:
+    base = load_arm("twin_arm")
+    return [
+        BenchmarkArm(randomized_arm(base, seed, strength), group)
+        for seed, strength in drawn
+    ]
+
+
+def _fitted() -> list[BenchmarkArm]:
+    arms = []
+    for name in FITTED:
+        with resources.as_file(ARMS.joinpath(f"{name}.toml")) as path:
+            arms.append(BenchmarkArm(load_arm(str(path)), "fitted"))
+    return arms
+
+
+def smaller(task: BenchmarkTask, scenes: int) -> BenchmarkTask:
+    """The task with its first scenes alone."""
+    return replace(task, goals=lambda arm: task.goals(arm)[:scenes])

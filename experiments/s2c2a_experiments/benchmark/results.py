@@ -1,0 +1,272 @@
+"""The tables of the benchmark: all rows, and one line an entrant."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from s2c2a.evaluation import Row
+from s2c2a.evaluation.report import over_seeds, save_csv, save_rows
+from s2c2a.files import write_atomically
+from s2c2a_experiments.benchmark.cells import Cell, Result
+from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.protocol import VERSION
+from s2c2a_experiments.figures.planners import planners_figure
+from s2c2a_experiments.table_files import latex_table, markdown_table
+
+EXPERIMENT = f"planners, version {VERSION}"
+HELD_OUT = "held out"
+SUCCESS = ("success", "of runs")
+ERROR = ("error", "% of length")
+BESIDE = {
+    "obstacles": ("clearance", "% of length"),
+    "orientation": ("axis error", "deg"),
+    "constraint": ("axis error", "deg"),
+}
+"""Second figure of a task's column."""
+
+
+@dataclass(frozen=True)
+class PlannerComparison:
+    """All results of a benchmark.
+
+    Attributes:
+        entrants: that took part.
+        results: of cells that were run.
+        dashes: the other cells.
+        seeds: of data, training and start.
+    """
+
+    entrants: Sequence[Entrant]
+    results: Sequence[Result]
+    dashes: Sequence[Cell]
+    seeds: Sequence[int]
+
+    @property
+    def tasks(self) -> list[str]:
+        """Names of the tasks, in the order of the protocol."""
+        cells = [result.cell for result in self.results]
+        cells += self.dashes
+        names = [cell.task.name for cell in cells]
+        return list(dict.fromkeys(names))
+
+    def has(self, held_out: bool) -> bool:
+        """Whether there are results of arms held out, or of others."""
+        return any(
+            (result.cell.arm.group == HELD_OUT) == held_out for result in self.results
+        )
+
+    def values(
+        self, entrant: str, task: str | None, key: tuple[str, str], held_out: bool
+    ) -> np.ndarray:
+        """Figures of all runs of an entrant; without NaN.
+
+        Args:
+            entrant: its name.
+            task: its name; None for all.
+            key: name and unit of the figure.
+            held_out: whether of the arms held out, or of the others.
+        """
+        values: list[float] = []
+        for result in self.results:
+            cell = result.cell
+            if cell.entrant.name != entrant:
+                continue
+            if task not in (None, cell.task.name):
+                continue
+            is_held_out = cell.arm.group == HELD_OUT
+            if is_held_out == held_out:
+                values += result.figures.get(key, [])
+        numbers = np.array(values, float)
+        is_known = np.isfinite(numbers)
+        return numbers[is_known]
+
+    def step_times(self, entrant: str) -> np.ndarray:
+        """Times of all control steps of an entrant [ms]."""
+        ticks = [np.zeros(0)]
+        for result in self.results:
+            if result.cell.entrant.name == entrant:
+                ticks.append(result.ticks)
+        return 1e3 * np.concatenate(ticks)
+
+    def dash_of(self, entrant: str, task: str) -> str:
+        """Why an entrant does not take part in a task on any arm; empty if it does."""
+        names = entrant, task
+        for result in self.results:
+            if result.cell.names == names:
+                return ""
+        for cell in self.dashes:
+            if cell.names == names:
+                return cell.dash
+        return ""
+
+
+def rows_of(comparison: PlannerComparison) -> list[Row]:
+    """A row of every entrant, task, arm and figure; times of steps are in none."""
+    rows = []
+    for result in comparison.results:
+        cell = result.cell
+        for (metric, unit), values in result.figures.items():
+            known = [value for value in values if np.isfinite(value)]
+            if not known:
+                continue
+            row = Row(
+                EXPERIMENT,
+                cell.task.name,
+                cell.arm.arm.name,
+                "fast",
+                cell.entrant.name,
+                cell.entrant.recipe.name,
+                metric,
+                unit,
+                float(np.mean(known)),
+            )
+            seeds = tuple(comparison.seeds)
+            spread = over_seeds(known)
+            rows.append(replace(row, **spread, seeds=seeds))
+    return rows
+
+
+MOTION_FIGURES = {
+    ("way", "of the shortest"): 2,
+    ("jerk", "log"): 1,
+    ("settling", "s"): 1,
+}
+"""Figures over all tasks, and their digits."""
+HEADER_END = ("way", "jerk", "settling [s]", "step, median; 99 % [ms]", "data", "lines")
+
+
+def header(comparison: PlannerComparison) -> list[str]:
+    """Names of the columns of `lines`."""
+    return ["entrant", "family", "success", "held out", *comparison.tasks, *HEADER_END]
+
+
+def lines(comparison: PlannerComparison) -> list[list[str]]:
+    """The cells of one line an entrant, the most successful first."""
+
+    def failing(entrant: Entrant) -> float:
+        return -_success(comparison, entrant.name, held_out=False)
+
+    order = sorted(comparison.entrants, key=failing)
+    return [_line(comparison, entrant) for entrant in order]
+
+
+def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
+    name = entrant.name
+    tasks = [_task_cell(comparison, name, task) for task in comparison.tasks]
+    ticks = comparison.step_times(name)
+    times = "-"
+    if len(ticks):
+        median, slow = np.percentile(ticks, (50, 99))
+        times = f"{median:.1f}; {slow:.1f}"
+    motions = []
+    for key, digits in MOTION_FIGURES.items():
+        values = comparison.values(name, None, key, held_out=False)
+        motions.append(_mean(values, digits))
+    success = _success(comparison, name, held_out=False)
+    held_out_success = _success(comparison, name, held_out=True)
+    return [
+        f"`{name}`",
+        entrant.family,
+        _percent(success),
+        _percent(held_out_success),
+        *tasks,
+        *motions,
+        times,
+        str(entrant.samples or "-"),
+        str(entrant.lines),
+    ]
+
+
+def _success(comparison: PlannerComparison, name: str, held_out: bool) -> float:
+    """Mean over tasks of the shares of runs that succeed; tasks not done count as none."""
+    shares = []
+    for task in comparison.tasks:
+        values = comparison.values(name, task, SUCCESS, held_out)
+        share = 0.0
+        if len(values):
+            share = values.mean()
+        shares.append(share)
+    if not shares:
+        return 0.0
+    return float(np.mean(shares))
+
+
+def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
+    success = comparison.values(name, task, SUCCESS, held_out=False)
+    if not len(success):
+        return "-"
+    parts = [_percent(success.mean())]
+    keys = [ERROR]
+    if task in BESIDE:
+        keys.append(BESIDE[task])
+    for key in keys:
+        values = comparison.values(name, task, key, held_out=False)
+        parts.append(_mean(values, 1))
+    return "; ".join(parts)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _mean(values: np.ndarray, digits: int) -> str:
+    if not len(values):
+        return "-"
+    return f"{values.mean():.{digits}f}"
+
+
+def dash_lines(comparison: PlannerComparison) -> list[str]:
+    """Why entrants do not take part, a sentence a reason."""
+    texts = []
+    for entrant in comparison.entrants:
+        reasons: dict[str, list[str]] = {}
+        for task in comparison.tasks:
+            reason = comparison.dash_of(entrant.name, task)
+            if reason:
+                reasons.setdefault(reason, []).append(task)
+        for reason, tasks in reasons.items():
+            texts.append(f"`{entrant.name}` {reason}: {', '.join(tasks)}")
+    return texts
+
+
+def failure_lines(comparison: PlannerComparison) -> list[str]:
+    """Errors that ended runs, each once an entrant."""
+    texts = []
+    for result in comparison.results:
+        name, task = result.cell.names
+        arm = result.cell.arm.arm.name
+        for message in result.failures:
+            texts.append(f"`{name}` with {arm}, {task}: {message}")
+    return list(dict.fromkeys(texts))
+
+
+def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
+    """Write `planners.md`, `.csv`, `.tex` and `.json`; return the first."""
+    save_rows(rows_of(comparison), folder / "planners.json")
+    head = header(comparison)
+    body = lines(comparison)
+    save_csv(head, body, folder / "planners.csv")
+    latex = latex_table(head, body)
+    write_atomically(latex, folder / "planners.tex")
+    reasons = dash_lines(comparison) + failure_lines(comparison)
+    notes = "\n".join(f"- {text}" for text in reasons)
+    table = markdown_table(head, body)
+    return write_atomically(f"{table}\n{notes}\n", folder / "planners.md")
+
+
+def draw(comparison: PlannerComparison, path: Path) -> Path:
+    """Draw the profiles of errors, and success over time of a step."""
+    names = [cells[0].strip("`") for cells in lines(comparison)]
+    errors = {}
+    points = {}
+    for name in names:
+        errors[name] = comparison.values(name, None, ERROR, held_out=False)
+        ticks = comparison.step_times(name)
+        if len(ticks):
+            success = _success(comparison, name, held_out=False)
+            median = float(np.median(ticks))
+            points[name] = median, success
+    runs = max(len(values) for values in errors.values())
+    return planners_figure(errors, runs, points, path)

@@ -1,0 +1,121 @@
+"""The figures of a run: success, error, clearance, way, smoothness, settling."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from s2c2a.evaluation import ScoreResult
+from s2c2a.jobs import Run
+from s2c2a.spaces import POSITION
+from s2c2a.tasks import Task
+
+# of the protocol
+POSITION_BOUND = 5.0  # % of the arm's length: 3 cm of 60 cm, as the paper's arm about
+ANGLE_BOUND = 10.0  # deg
+TOUCH = 0.35  # % of the arm's length: a touch, by the simulation's contact
+STILL = 1e-6  # m; a goal that moves less in the whole run is still
+POSITIONS = ("position", "constraint", "end distance")
+ANGLES = ("tilt", "orientation", "azimuth")
+CLEARANCES = ("clearance of the arm",)
+Figures = dict[tuple[str, str], float]
+"""Name and unit of a figure -> value; NaN where a run has none."""
+Points = Float[np.ndarray, "points 3"]
+Tips = Float[np.ndarray, "steps 3"]
+
+
+def figures_of(run: Run) -> Figures:
+    """All figures of a run that was made to its end."""
+    arm = run.job.arm
+    scores = {result.score.metric: result for result in run.scores}
+    scale = 1.0 / arm.length  # cm of m are %
+    errors = _parts(scores, POSITIONS, scale)
+    angles = _parts(scores, ANGLES, 1.0)
+    clearances = _parts(scores, CLEARANCES, scale)
+    tips = run.episode.after("states")[:, -1, POSITION]
+    starts = run.episode.ran("sensor.states")[:, -1, POSITION]
+    return {
+        ("success", "of runs"): _success(errors, angles, clearances),
+        ("error", "% of length"): max(errors, default=np.nan),
+        ("axis error", "deg"): max(angles, default=np.nan),
+        ("clearance", "% of length"): min(clearances, default=np.nan),
+        ("way", "of the shortest"): way_ratio(starts[:1], tips, run.job.task),
+        ("jerk", "log"): log_jerk(tips, arm.control_period),
+        ("settling", "s"): settling_time(run),
+    }
+
+
+def _parts(
+    scores: Mapping[str, ScoreResult], names: tuple[str, ...], scale: float
+) -> list[float]:
+    return [scale * scores[name].value for name in names if name in scores]
+
+
+def _success(
+    errors: list[float], angles: list[float], clearances: list[float]
+) -> float:
+    """One where all figures are within their bounds, which NaN is not."""
+    is_near = all(value <= POSITION_BOUND for value in errors)
+    is_aligned = all(value <= ANGLE_BOUND for value in angles)
+    is_clear = all(value >= -TOUCH for value in clearances)
+    return float(is_near and is_aligned and is_clear)
+
+
+def way_ratio(start: Points, tips: Tips, task: Task) -> float:
+    """Way of the tip over the shortest: that of its goals, from where the tip was."""
+    goals = task.desired_positions()[:, -1]
+    is_known = np.isfinite(goals).all(axis=-1)
+    if not is_known.any():
+        return np.nan
+    shortest = _way(np.concatenate([start, goals[is_known]]))
+    if shortest == 0.0:
+        return np.nan
+    way = _way(np.concatenate([start, tips]))
+    return way / shortest
+
+
+def _way(points: Points) -> float:
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=-1)
+    return float(lengths.sum())
+
+
+def log_jerk(tips: Tips, period: float) -> float:
+    """Log dimensionless jerk of the tip; larger is less smooth.
+
+    ln(T^3 / v_max^2 * integral of the squared jerk) (Balasubramanian et al., IEEE
+    Trans. Biomedical Engineering 59, 2012, without its sign).
+    """
+    if len(tips) < 4:
+        return np.nan
+    steps = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
+    speed = steps.max() / period
+    if not speed > 0:
+        return np.nan
+    jerk = np.diff(tips, n=3, axis=0) / period**3
+    squares = jerk**2
+    integral = float(squares.sum()) * period
+    duration = len(tips) * period
+    unit = duration**3 / speed**2
+    return float(np.log(unit * integral))
+
+
+def settling_time(run: Run) -> float:
+    """Time after which the tip stays within the bound of a still target [s].
+
+    The whole run where it does not; NaN where the target moves.
+    """
+    goals = run.job.task.desired_positions()[:, -1]
+    ranges = np.ptp(goals, axis=0)
+    if not np.isfinite(goals).all() or ranges.max() > STILL:
+        return np.nan
+    arm = run.job.arm
+    tips = run.episode.after("states")[:, -1, POSITION]
+    distances = np.linalg.norm(tips - goals, axis=-1)
+    errors = distances / arm.length
+    is_outside = errors > POSITION_BOUND / 100.0
+    if not is_outside.any():
+        return 0.0
+    outside = np.flatnonzero(is_outside)
+    steps = outside[-1] + 1
+    return float(steps * arm.control_period)

@@ -1,0 +1,87 @@
+"""Tuning: the same number of trials for every entrant, on an arm that is in no table."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+from s2c2a import jobs
+from s2c2a.files import write_atomically
+from s2c2a.progress import Progress
+from s2c2a.strategies import RunOptions
+from s2c2a.tasks import Task
+from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm
+from s2c2a_experiments.search_space import Value, varied_from
+from s2c2a_experiments.sweep import Sweep, best_of, search
+
+TRIALS = 10  # of every entrant; the first one is the entrant as it is
+TUNED_BY = ("path", "moving target")
+"""Tasks whose mean error of the position is made small."""
+
+
+def tune(
+    entrants: Sequence[Entrant],
+    folder: Path,
+    cache: jobs.Cache,
+    executor: Executor | None,
+    progress: Progress,
+    keep: Callable[[dict], object] = lambda values: None,
+) -> dict[str, dict[str, Value]]:
+    """Tuned values by entrant and place; an interrupted tuning continues.
+
+    Args:
+        entrants: as their files have them.
+        folder: keeps the trials.
+        cache: where recordings, networks and runs are kept.
+        executor: trains and runs; this process if None.
+        progress: called with a label, the number done and the total.
+        keep: called with all values so far after every entrant.
+
+    Raises:
+        S2C2AError: all trials of an entrant failed.
+    """
+    found: dict[str, dict[str, Value]] = {}
+    for entrant in entrants:
+        if not entrant.tuned:
+            continue
+        sweep = _sweep(entrant)
+        trials = search(sweep, TRIALS, folder / entrant.name, cache, executor, progress)
+        found[entrant.name] = best_of(trials).values
+        keep(found)
+    return found
+
+
+def _sweep(entrant: Entrant) -> Sweep:
+    chosen = tuning_arm()
+    tasks: list[Task] = []
+    for name in TUNED_BY:
+        tasks += TASKS[name].goals(chosen)
+    conditions = TASKS[TUNED_BY[0]].conditions(chosen.arm)
+    return Sweep(
+        arm=entrant.sensed(chosen.arm),
+        tasks=tuple(tasks),
+        recipe=entrant.recipe,
+        varied=varied_from(entrant.tuned, entrant.recipe, entrant.strategy),
+        conditions=jobs.Conditions(conditions.robot, RunOptions()),
+        strategy=entrant.strategy,
+    )
+
+
+def write_values(values: dict[str, dict[str, Value]], path: Path) -> Path:
+    """Write tuned values as `entrants.TUNED` holds them."""
+    lines = [
+        f"# Of {TRIALS} trials each on {tuning_arm().arm.name}, protocol version {VERSION}.",
+        "[values]",
+    ]
+    for name, places in values.items():
+        lines.append(f"\n[values.{name}]")
+        for place, value in places.items():
+            lines.append(f'"{place}" = {_toml(value)}')
+    text = "\n".join(lines)
+    return write_atomically(f"{text}\n", path)
+
+
+def _toml(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.4g}"

@@ -1,0 +1,95 @@
+"""Figures of the benchmark of planners: profiles of errors, and error over time."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from s2c2a.viz.charts import (
+    headline,
+    label_log_axis,
+    legend,
+    new_axes,
+    new_figure,
+    save_figure,
+)
+from s2c2a.viz.colors import DESIRED, INK, MUTED
+
+LABELED = 6  # best entrants, whose profiles have colors
+COLORS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#7a5230")
+
+
+def planners_figure(
+    errors: Mapping[str, Float[np.ndarray, " runs"]],
+    runs: int,
+    points: Mapping[str, tuple[float, float]],
+    path: str | Path,
+) -> Path:
+    """Draw the shares of runs below every error, and error over time of a step.
+
+    Args:
+        errors: of the runs of every entrant [% of length], the best entrant first; runs
+            that an entrant cannot do or that failed are missing.
+        runs: number of runs of an entrant that does all tasks.
+        points: time of a step [ms] and share of successful runs, by entrant.
+        path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+    """
+    figure = new_figure(11.0, 4.6)
+    grid = figure.add_gridspec(1, 2)
+    profiles = new_axes(figure, grid[0, 0], "error [% of length]", "share of runs")
+    _draw_profiles(profiles, errors, runs)
+    time = "time of a control step, median [ms]"
+    _draw_pareto(new_axes(figure, grid[0, 1], time, "share of successful runs"), points)
+    legend(figure)
+    return save_figure(figure, path)
+
+
+def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> None:
+    """Performance profiles (Dolan and More, Mathematical Programming 91, 2002)."""
+    for number, (name, values) in enumerate(errors.items()):
+        if not len(values):
+            continue
+        shares = np.arange(len(values) + 1) / runs
+        style: dict[str, Any] = {"color": MUTED, "linewidth": 0.6, "alpha": 0.5}
+        if number < LABELED:
+            style = {"color": COLORS[number], "linewidth": 1.6, "label": name}
+        places = np.sort(np.append(values, values.min()))
+        axes.step(places, shares, where="post", **style)
+    axes.set_xscale("log")
+    axes.set_ylim(0.0, 1.02)
+    label_log_axis(axes)
+    headline(axes, "How many runs stay below an error")
+
+
+def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+    """Entrants that no other one beats in both are in color, with a line."""
+    front = pareto(points)
+    for name, (time, share) in points.items():
+        color = DESIRED if name in front else INK
+        axes.plot(time, share, "o", color=color, markersize=5)
+        place: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
+        axes.annotate(name, (time, share), color=color, fontsize=7, **place)
+    line = sorted(points[name] for name in front)
+    axes.step(*zip(*line, strict=True), where="post", color=DESIRED, linewidth=1.0)
+    axes.set_xscale("log")
+    axes.set_ylim(-0.03, 1.05)
+    label_log_axis(axes)
+    headline(axes, "Success and time")
+
+
+def pareto(points: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Names of those that no other one beats: less time and more success."""
+    names = []
+    for name, (time, share) in points.items():
+        beaten = any(
+            other_time <= time
+            and other_share >= share
+            and (other_time, other_share) != (time, share)
+            for other_time, other_share in points.values()
+        )
+        if not beaten:
+            names.append(name)
+    return names

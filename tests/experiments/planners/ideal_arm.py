@@ -1,0 +1,51 @@
+"""An arm of ideal arcs, which follows every command at once."""
+
+from collections.abc import Callable, Iterable
+
+import jax
+import numpy as np
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.goals import Goal
+from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.spaces import Reading
+
+Shape = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def drive_ideal(
+    driver, arm: ArmSpec, goals: Iterable[Goal]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bends and states after every goal, shapes (steps, modules, 2) and (steps, modules, 6)."""
+    pcc = PCC.of(arm)
+    shape = _shape_by(pcc, ArmGeometry.of(arm).lengths.astype(np.float32))
+    command = np.asarray(pcc.neutral, float)
+    bends, states = shape(command)
+    driver.start(_reading(command, states))
+    rows = []
+    for goal in goals:
+        estimate = driver.estimate(_reading(command, states), command)
+        command = driver.act(driver.plan(estimate, goal), estimate)
+        bends, states = shape(command)
+        rows.append((bends, states))
+    all_bends, all_states = zip(*rows, strict=True)
+    return np.array(all_bends), np.array(all_states)
+
+
+def _reading(command: np.ndarray, states: np.ndarray) -> Reading:
+    return Reading(0.0, {"cables": command, "states": states})
+
+
+def _shape_by(pcc: PCC, lengths: np.ndarray) -> Shape:
+    """Bends and states of commands; compiled, since a step would take long without."""
+
+    @jax.jit
+    def compute(command):
+        bends = pcc.bends(command)
+        return bends, states_from_bends(bends, lengths)
+
+    def shape(command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        bends, states = compute(command.astype(np.float32))
+        return np.asarray(bends), np.asarray(states, float)
+
+    return shape

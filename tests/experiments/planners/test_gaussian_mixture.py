@@ -1,0 +1,140 @@
+"""Regression in a Gaussian mixture of what was recorded."""
+
+import builtins
+
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.data import Recording
+from s2c2a.episodes import Episode
+from s2c2a.errors import RecordingError, S2C2AError, StrategyError
+from s2c2a.goals import Goal
+from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.strategies import RunOptions, load_networks, recipe_named, save_networks
+from s2c2a.strategies.registry import labeled
+from s2c2a_experiments.planners.gaussian_mixture import (
+    MIXTURE,
+    GaussianMixture,
+    recorded_rows,
+)
+
+from ideal_arm import drive_ideal
+
+OPTIONS = GaussianMixture(components=12)
+RECIPE = recipe_named("paper")
+SHAPES = [
+    [[0.5, 0.1], [0.1, 0.3], [-0.3, 0.4]],
+    [[-0.2, -0.4], [0.3, -0.3], [0.2, 0.1]],
+]
+
+
+def synthetic(arm, samples: int = 2000) -> Recording:
+    """A recording of ideal arcs in shapes that fill their limits."""
+    pcc, geometry = PCC.of(arm), ArmGeometry.of(arm)
+    rng = np.random.default_rng(0)
+    bends = rng.normal(size=(samples, arm.module_count, 2))
+    bends *= 0.4 * geometry.planned_bends[:, None]
+    cables = np.asarray(pcc.actions(np.asarray(bends, np.float32)), float)
+    bends = np.asarray(pcc.bends(np.asarray(cables, np.float32)))
+    states = jax.jit(states_from_bends)(bends, geometry.lengths.astype(np.float32))
+    columns = {
+        "time": 0.1 * np.arange(samples),
+        "actions": cables,
+        "sensor.cables": cables,
+        "sensor.states": np.asarray(states, float),
+    }
+    return Recording(arm, {"episodes": 1}, (Episode(arm, columns),))
+
+
+@pytest.fixture(scope="module")
+def twin():
+    return load_arm("twin_arm")
+
+
+@pytest.fixture(scope="module")
+def trained(twin):
+    return labeled(OPTIONS.train(synthetic(twin), RECIPE, 0), OPTIONS)
+
+
+def driven(arm, trained, goals) -> tuple[np.ndarray, np.ndarray]:
+    driver = OPTIONS.build(arm, RECIPE, trained, RunOptions())
+    return drive_ideal(driver, arm, goals)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_reaches_targets_with_and_without_axes(twin, trained, shape):
+    lengths = ArmGeometry.of(twin).lengths.astype(np.float32)
+    tip = np.asarray(jax.jit(states_from_bends)(np.array(shape, np.float32), lengths))[
+        -1
+    ]
+    goal = Goal.of(3).with_position(tip[:3])
+    _, states = driven(twin, trained, [goal] * 40)
+    assert np.linalg.norm(states[-1, -1, :3] - tip[:3]) < 0.03 * twin.length
+    _, states = driven(twin, trained, [goal.with_axis(tip[3:])] * 40)
+    assert np.linalg.norm(states[-1, -1, :3] - tip[:3]) < 0.04 * twin.length
+    assert states[-1, -1, 3:] @ tip[3:] > np.cos(np.deg2rad(6.0))
+
+
+def test_without_a_target_it_holds_still_and_every_run_is_the_same(twin, trained):
+    goals = [Goal.of(3).with_position([0.2, 0.1, 0.5])] * 5 + [Goal.of(3)] * 5
+    bends, _ = driven(twin, trained, goals)
+    np.testing.assert_allclose(bends[5:], bends[4:5].repeat(5, axis=0), atol=1e-5)
+    np.testing.assert_array_equal(bends, driven(twin, trained, goals)[0])
+
+
+def test_saved_and_loaded_it_plans_the_same(twin, trained, tmp_path):
+    save_networks(trained, tmp_path / "gmr.safetensors")
+    loaded = load_networks(tmp_path / "gmr.safetensors", twin)
+    goals = [Goal.of(3).with_position([0.2, 0.1, 0.5])] * 5
+    before, after = (driven(twin, found, goals)[0] for found in (trained, loaded))
+    np.testing.assert_array_equal(before, after)
+
+
+def test_planar_and_other_arms_come_near():
+    arm = load_arm("planar_finger")
+    options = GaussianMixture(components=8)
+    trained = options.train(synthetic(arm), RECIPE, 0)
+    driver = options.build(arm, RECIPE, trained, RunOptions())
+    target = np.array([0.3, 0.0, 0.9]) * arm.length
+    goal = Goal.of(arm.module_count).with_position(target)
+    _, states = drive_ideal(driver, arm, [goal] * 40)
+    assert np.linalg.norm(states[-1, -1, :3] - target) < 0.05 * arm.length
+
+
+def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, trained):
+    with pytest.raises(
+        RecordingError, match=r"12 components need 120 samples .* has 50"
+    ):
+        OPTIONS.train(synthetic(twin, samples=50), RECIPE, 0)
+    with pytest.raises(StrategyError, match="needs a mixture"):
+        OPTIONS.build(twin, RECIPE, None, RunOptions())
+    mixture = trained.networks[MIXTURE]
+    negative = type(mixture)(mixture.weights, mixture.means, -mixture.covariances)
+    trained = OPTIONS.train(synthetic(twin, 200), RECIPE, 0)
+    trained.networks[MIXTURE] = negative
+    with pytest.raises(StrategyError, match="not positive definite"):
+        OPTIONS.build(twin, RECIPE, trained, RunOptions())
+
+
+def test_samples_without_true_states_are_left_out(twin):
+    [episode] = synthetic(twin, 30).episodes
+    states = np.array(episode["sensor.states"])
+    states[3:5] = np.nan
+    columns = {**episode.columns, "sensor.states": states}
+    recording = Recording(twin, {"episodes": 1}, (Episode(twin, columns),))
+    assert recorded_rows(recording).shape == (28, 12)
+
+
+def test_a_missing_package_names_its_extra(twin, monkeypatch):
+    whole = builtins.__import__
+
+    def without(name, *given, **named):
+        if name == "sklearn":
+            raise ImportError(name)
+        return whole(name, *given, **named)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(S2C2AError, match=r"s2c2a\[planners\]"):
+        OPTIONS.train(synthetic(twin, 200), RECIPE, 0)

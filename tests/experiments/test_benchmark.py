@@ -1,0 +1,155 @@
+"""The benchmark of planners: who takes part in what, what is scored, what is written."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.errors import S2C2AError
+from s2c2a.goals import Goal
+from s2c2a.tasks import Task
+from s2c2a_experiments.benchmark import protocol
+from s2c2a_experiments.benchmark.cells import Cell, all_cells
+from s2c2a_experiments.benchmark.command import benchmark
+from s2c2a_experiments.benchmark.entrants import entrants, untuned
+from s2c2a_experiments.benchmark.scores import log_jerk, way_ratio
+from s2c2a_experiments.figures.planners import pareto
+from s2c2a_experiments.search_space import varied_from
+
+TWIN = load_arm("twin_arm")
+OWN = '''
+from dataclasses import dataclass
+from s2c2a.strategies import StrategyOptions, pcc_strategy
+
+@dataclass(frozen=True)
+class Mine(StrategyOptions):
+    """Arcs."""
+
+    name = "mine"
+    ignores = frozenset({"obstacles"})
+
+    def build(self, arm, recipe, trained, run):
+        return pcc_strategy(arm, recipe.planner)
+'''
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    file = tmp_path_factory.mktemp("entry") / "mine.py"
+    file.write_text(OWN)
+    return f"{file}:Mine"
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """A protocol of one arm, whose path has 12 steps."""
+
+    def goals(arm):
+        whole = protocol.load_task("circle", arm.arm)
+        return [replace(whole, goals=whole.goals[:12])]
+
+    path = replace(protocol.TASKS["path"], goals=goals)
+    arms = [protocol.BenchmarkArm(TWIN, "preset")]
+    monkeypatch.setattr(protocol, "TASKS", protocol.TASKS | {"path": path})
+    monkeypatch.setattr(protocol, "protocol_arms", lambda: arms)
+
+
+def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
+    own, short, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    arguments = {"entry": (own,), "only": ("pcc",), "task": ("path", "obstacles")}
+    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
+    benchmark(**arguments, smoke=True, work=work)
+    table = list(csv.reader((tmp_path / "run" / "planners.csv").open(encoding="utf-8")))
+    assert {line[0] for line in table[1:]} == {"`mine`", "`pcc`"}
+    notes = (tmp_path / "run" / "planners.md").read_text(encoding="utf-8")
+    assert "`mine` ignores obstacles: obstacles" in notes
+    page = (tmp_path / "run" / "planners.html").read_text(encoding="utf-8")
+    assert "<code>mine</code>" in page
+    rows = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
+    assert {row["strategy"] for row in json.loads(rows)} == {"mine", "pcc"}
+    benchmark(**arguments, smoke=True, work=work)  # again, from what is kept
+    assert (tmp_path / "run" / "planners.json").read_text(encoding="utf-8") == rows
+
+
+def protocol_work():
+    from s2c2a.cli.execution import ALL_CORES  # noqa: PLC0415  # a command's option
+
+    return ALL_CORES
+
+
+def test_names_of_the_protocol_are_checked(own):
+    with pytest.raises(S2C2AError, match=r"no entrant 'pc' .did you mean pcc"):
+        benchmark(only=("pc",))
+    with pytest.raises(S2C2AError, match="two entrants are named 'pcc'"):
+        benchmark(entry=("pcc",), only=("pcc",))
+
+
+def test_every_entrant_takes_part_in_what_it_does_not_ignore():
+    arms = [protocol.BenchmarkArm(TWIN, "preset")]
+    cells = all_cells(entrants(), list(protocol.TASKS.values()), arms)
+    dashes = {(cell.entrant.name, cell.task.name): cell.dash for cell in cells}
+    assert dashes["best", "known payload"] == ""
+    assert dashes["pcc", "known payload"] == "has no place for a known payload"
+    assert dashes["online-jacobian", "obstacles"] == "ignores obstacles"
+    assert all(not dashes[name, "path"] for name, _ in dashes)
+
+
+def test_a_cell_knows_the_payload_only_where_the_task_says_so():
+    best = next(each for each in untuned() if each.name == "best")
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    told = {}
+    for name in ("payload", "known payload"):
+        task = protocol.TASKS[name]
+        (job,) = Cell(best, task, arm).make_jobs(task.goals(arm), (0,))
+        told[name] = job.conditions.run.estimation.known_payload
+        assert float(dict(job.conditions.robot.options)["payload"]) == pytest.approx(
+            0.2 * 0.24
+        )
+    assert told == {"payload": 0.0, "known payload": pytest.approx(0.048)}
+
+
+def test_every_entrant_is_tuned_in_places_that_exist_and_at_most_four():
+    for each in untuned():
+        assert len(each.tuned) <= 4
+        if each.tuned:
+            varied_from(each.tuned, each.recipe, each.strategy)
+
+
+def test_the_files_of_the_protocol_hold_arms_that_steer():
+    arms = protocol.protocol_arms()
+    groups = [each.group for each in arms]
+    assert [groups.count(name) for name in ("preset", "randomized", "held out")] == [
+        2,
+        4,
+        2,
+    ]
+    assert len({each.arm.name for each in arms}) == len(arms)
+    assert protocol.tuning_arm().arm.name not in {each.arm.name for each in arms}
+
+
+def test_the_way_counts_from_where_the_tip_was():
+    goals = [Goal.of(3).with_position([0.1 * step, 0.0, 0.5]) for step in (1, 2)]
+    task = Task("line", tuple(goals))
+    start = np.array([[0.0, 0.0, 0.5]])
+    straight = np.array([[0.1, 0.0, 0.5], [0.2, 0.0, 0.5]])
+    assert way_ratio(start, straight, task) == pytest.approx(1.0)
+    detour = np.array([[0.1, 0.1, 0.5], [0.2, 0.0, 0.5]])
+    assert way_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
+
+
+def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():
+    times = np.linspace(0.0, 1.0, 200)[:, None]
+    smooth = 0.1 * (10 * times**3 - 15 * times**4 + 6 * times**5) * np.eye(3)[0]
+    trembling = smooth + 1e-3 * np.sin(80 * times) * np.eye(3)[1]
+    assert log_jerk(trembling, 0.01) > log_jerk(smooth, 0.01) + 1.0
+    assert log_jerk(3.0 * smooth, 0.02) == pytest.approx(log_jerk(smooth, 0.01))
+
+
+def test_the_front_holds_those_that_nobody_beats_in_both():
+    points = {"slow": (9.0, 0.9), "fast": (1.0, 0.5), "beaten": (2.0, 0.4)}
+    assert pareto(points) == ["slow", "fast"]
