@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import sys
 import time
 import warnings
 
@@ -143,9 +144,11 @@ def test_overwrite_needs_a_file():
         pass
 
 
-def test_without_a_viewer_rerun_says_what_to_do(monkeypatch):
+def test_without_a_viewer_rerun_says_what_to_do(monkeypatch, tmp_path):
     pytest.importorskip("rerun")
+    # neither on the path nor beside Python; one that is there may take time to end
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     with (
         pytest.raises(S2C2AError, match=r"--stream rerun,file=run\.rrd"),
         rerun_stream(ARM),
