@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.options import options_from
 from s2c2a.strategies import Recipe, strategy_named
+from s2c2a.strategies.registry import OPTION
 
 Value = bool | int | float
 SAMPLE = (
@@ -133,12 +135,12 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
 
 def with_options(strategy: str, values: dict[str, Value]) -> str:
     """The strategy with other values of some options, as `strategy_named` reads it."""
-    options = [
-        f"{place.removeprefix(STRATEGY)}={value}"
-        for place, value in values.items()
-        if place.startswith(STRATEGY)
-    ]
-    return ",".join([strategy, *options])
+    name, *given = OPTION.split(strategy)
+    options: dict[str, Value | str] = dict(options_from(given))
+    for place, value in values.items():
+        if place.startswith(STRATEGY):
+            options[place.removeprefix(STRATEGY)] = value
+    return ",".join([name, *(f"{key}={value}" for key, value in options.items())])
 
 
 def _children(value: Any) -> dict[str, Any]:

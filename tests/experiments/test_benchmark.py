@@ -12,12 +12,13 @@ from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark import protocol
-from s2c2a_experiments.benchmark.cells import Cell, all_cells
+from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells
 from s2c2a_experiments.benchmark.command import benchmark
-from s2c2a_experiments.benchmark.entrants import entrants, untuned
+from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
+from s2c2a_experiments.benchmark.results import PlannerComparison, draw, lines
 from s2c2a_experiments.benchmark.scores import log_jerk, way_ratio
 from s2c2a_experiments.figures.planners import pareto
-from s2c2a_experiments.search_space import varied_from
+from s2c2a_experiments.search_space import value_at, varied_from
 
 TWIN = load_arm("twin_arm")
 OWN = '''
@@ -130,6 +131,59 @@ def test_the_files_of_the_protocol_hold_arms_that_steer():
     ]
     assert len({each.arm.name for each in arms}) == len(arms)
     assert protocol.tuning_arm().arm.name not in {each.arm.name for each in arms}
+
+
+def result(entrant, task, arm, success):
+    cell = Cell(entrant, protocol.TASKS[task], arm)
+    return Result(cell, {("success", "of runs"): success}, (), np.ones(3))
+
+
+def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
+    one, other = entrant_of("pcc"), entrant_of("online-jacobian")
+    arms = [
+        protocol.BenchmarkArm(TWIN.model_copy(update={"name": name}), "preset")
+        for name in ("first", "second")
+    ]
+    results = [
+        result(one, "path", arms[0], [1.0, 1.0]),
+        result(one, "path", arms[1], [0.0, 1.0]),
+        result(other, "path", arms[0], [1.0, 1.0]),
+    ]
+    comparison = PlannerComparison([one, other], results, [], (0, 1))
+    assert comparison.success("pcc", held_out=False) == 0.75
+    assert comparison.success("online-jacobian", held_out=False) == 0.5
+    assert np.isnan(comparison.success("pcc", held_out=True))
+    assert lines(comparison)[0][2:4] == ["75 %", "-"]
+
+
+def test_a_benchmark_in_which_every_run_fails_still_draws(tmp_path):
+    one = entrant_of("pcc")
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    failed = replace(result(one, "path", arm, [0.0]), ticks=np.zeros(0))
+    comparison = PlannerComparison([one], [failed], [], (0,))
+    assert draw(comparison, tmp_path / "planners.png").is_file()
+
+
+def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    names = {}
+    for name in ("constraint", "orientation"):
+        (task,) = protocol.TASKS[name].goals(arm)
+        names[name] = [score.metric for score in task.scores]
+        for each in entrants():
+            if each.name in ("paper", "best"):
+                assert each.recipe.axis_weight(task.name) == 1.0
+    assert names["orientation"] == ["position", "orientation"]
+
+
+def test_tuning_starts_from_the_entrant_as_it_is_and_refuses_what_it_ignores(own):
+    for each in untuned():
+        for varied in (
+            varied_from(each.tuned, each.recipe, each.strategy) if each.tuned else ()
+        ):
+            assert varied.holds(value_at(each.recipe, varied.place, each.strategy))
+    with pytest.raises(S2C2AError, match="leave out"):
+        benchmark(tune=True, entry=(own,))
 
 
 def test_the_way_counts_from_where_the_tip_was():

@@ -152,6 +152,7 @@ def test_options_of_the_strategy_are_varied_beside_the_recipe(tmp_path):
     assert value_at(BEST, "strategy.gain", own) == 0.5
     values = {"strategy.gain": 0.25, "integral_gain": 0.2}
     assert strategy_named(with_options(own, values)).gain == 0.25
+    assert strategy_named(with_options(f"{own},gain=0.75", values)).gain == 0.25
     assert with_values(BEST, values).integral_gain == 0.2
     with pytest.raises(S2C2AError, match=r"strategy\.gain=2\.0 cannot be tried"):
         varied_from(["strategy.gain=0.1:2"], BEST, own)

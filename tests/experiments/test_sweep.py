@@ -27,8 +27,7 @@ def test_the_networks_of_the_best_trial_are_those_of_its_runs(
 ):
     tasks = (load_task("circle", TWIN),)
     plan = sweep.Sweep(TWIN, tasks, BEST, VARIED, seeds=(2, 3), strategy=strategy)
-    best = sweep.best_recipe(plan, TRIALS)
-    needed = plan.jobs(best)[0].needs
+    needed = plan.jobs(sweep.best_of(TRIALS).values)[0].needs
     asked = []
     saved = []
 

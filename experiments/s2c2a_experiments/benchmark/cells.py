@@ -53,8 +53,6 @@ class Cell:
         if entrant.arms and arm.name not in entrant.arms:
             names = " and ".join(entrant.arms)
             return f"was trained for {names} alone"
-        if entrant.camera and arm.sensing != "encoders":
-            return "senses its bends, which a camera does not improve"
         return ""
 
     @property

@@ -47,7 +47,8 @@ def benchmark(
         task: these tasks of the protocol alone.
         arm: these arms of the protocol alone.
         seeds: number of seeds, from zero.
-        smoke: one arm, two short tasks, one seed, and no training.
+        smoke: one arm, two short tasks, one seed, and of the project's entrants those
+            without training.
         tune: tune the entrants instead, each by the same number of trials, and write
             tuned.toml.
         work: run directory (runs/benchmark by default) and parallel execution.
@@ -57,14 +58,19 @@ def benchmark(
     from s2c2a_experiments.benchmark.cells import all_cells, run_cells
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
-    entrants = _entrants(entry, only)
     if tune:
-        _tune([each.name for each in entrants], work)
+        if entry or task or arm or smoke:
+            raise S2C2AError(
+                "--tune tunes the project's entrants by its own tasks and arm; leave out "
+                "--entry, --task, --arm and --smoke"
+            )
+        _tune([each.name for each in _entrants((), only)], work)
         return
+    entrants = _entrants(entry, only)
     tasks = _chosen(task, protocol.TASKS, "task")
     numbers = tuple(jobs.checked_seeds(0, seeds))
     if smoke:
-        entrants = [each for each in entrants if not each.samples]
+        entrants = [each for each in entrants if each.is_own or not each.samples]
         tasks = [protocol.smaller(each, 1) for each in tasks if each.name in SMOKE]
         numbers = (0,)
     arms = _arms(arm, smoke)
@@ -94,8 +100,12 @@ def _tune(names: "Sequence[str]", work: Work) -> None:
     from s2c2a_experiments.benchmark import entrants, tune
     from s2c2a_experiments.benchmark.protocol import VERSION
 
-    options = {"protocol": VERSION, "trials": tune.TRIALS}
-    chosen = [each for each in entrants.untuned() if each.name in names]
+    chosen = [each for each in entrants.untuned() if each.name in names and each.tuned]
+    options = {
+        "protocol": VERSION,
+        "trials": tune.TRIALS,
+        "entrants": {each.name: tune.described(each) for each in chosen},
+    }
     with make_executor(work.jobs, work.cluster) as executor, progress_bar() as progress:
         directory = open_run_directory(
             work.out, "benchmark-tuning", options, work.overwrite, resume=True

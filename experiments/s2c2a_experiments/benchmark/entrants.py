@@ -17,15 +17,16 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera
 from s2c2a.files import parse_toml
 from s2c2a.strategies import Recipe, StrategyOptions, recipe_named, strategy_named
+from s2c2a.strategies.registry import OPTION
 from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
 from s2c2a_experiments.tables import VARIANTS
 
 TUNED = resources.files("s2c2a_experiments.benchmark").joinpath("tuned.toml")
 """What the same number of trials has found for each entrant (`tune`)."""
 OWN = {
-    "apf": ("gain=0.1:1:log", "damping=0.001:0.1:log", "repulsion=1e-6:1e-4:log"),
-    "biarc": ("share=0.5:1", "axis_weight=1:100:log", "change_weight=0.1:10:log"),
-    "diff-ik": ("gain=0.03:1:log", "axis_weight=0.1:2:log", "damping=0.001:0.1:log"),
+    "apf": ("gain=0.1:1:log", "damping=0.001:0.1:log"),
+    "biarc": ("share=0.5:1", "change_weight=0.1:10:log"),
+    "diff-ik": ("gain=0.03:1:log", "damping=0.001:0.1:log"),
     "drawn-curve": (
         "share=0.4:1",
         "tip_weight=3:100:log",
@@ -35,31 +36,29 @@ OWN = {
         "range=0.05:0.5:log",
         "change_range=0.05:1:log",
         "gain=0.03:0.6:log",
-        "axis_range=0.1:2:log",
     ),
     "gmr": ("components=10:100:log", "bend_noise=0.03:1:log", "share=0.1:1:log"),
     "inverse-sampling": ("samples=16:64", "global_share=0:1", "pace=0.3:1"),
     "multi-ik": ("solutions=4:16", "reach_weight=10:1000:log", "pace=0.3:1"),
     "online-jacobian": (
         "gain=0.03:0.6:log",
-        "forgetting=0.03:1:log",
+        "learning=0.03:1:log",
         "damping=0.02:0.5:log",
     ),
     "pcc-one-step": (
-        "axis_weight=0.1:2:log",
         "change_weight=0.01:1:log",
         "evenness=0.005:0.1:log",
     ),
-    "rrt": ("goal_share=0.05:0.5", "pace=0.3:1"),
-    "rrt-star": ("goal_share=0.05:0.5", "pace=0.3:1"),
+    "rrt": ("pace=0.3:1",),
+    "rrt-star": ("pace=0.3:1",),
     "pseudo-rigid": (
-        "axis_weight=0.1:2:log",
         "change_weight=0.01:1:log",
         "evenness=0.005:0.1:log",
         "stiffness=0.5:2:log",
     ),
 }
-"""What the tuning of planners with a file of their own varies, over about ten times."""
+"""What the tuning of planners with a file of their own varies, over about ten times:
+numbers that the tasks of the tuning depend on, which have no axes and no obstacles."""
 _CODE = re.compile(r"^\s*[^\s#]", re.MULTILINE)
 
 
@@ -74,6 +73,7 @@ class Entrant:
         recipe: by which it is trained and plans.
         tuned: what its tuning varies, as `s2c2a sweep --vary` reads it.
         camera: whether it sees the tip by a camera, as others by motion capture.
+        is_own: whether the user has entered it.
         arms: that it is trained for, where that takes long; all if empty.
         simulated: control steps of the simulation that it learns from.
     """
@@ -84,6 +84,7 @@ class Entrant:
     recipe: Recipe
     tuned: tuple[str, ...] = ()
     camera: bool = False
+    is_own: bool = False
     arms: tuple[str, ...] = ()
     simulated: int = 0
 
@@ -105,7 +106,7 @@ class Entrant:
 
     @property
     def lines(self) -> int:
-        """Lines of code of its file, without comments and docstrings alone."""
+        """Lines of its file with code or docstrings; see `code_lines`."""
         return code_lines(inspect.getmodule(type(self.options)))
 
     def sensed(self, arm: ArmSpec) -> ArmSpec:
@@ -140,8 +141,9 @@ def entrant_of(strategy: str) -> Entrant:
         S2C2AError: there is no such strategy.
     """
     options = strategy_named(strategy)
-    name = options.name or type(options).__name__
-    return Entrant(name, "yours", strategy, recipe_named("best"))
+    _, *given = OPTION.split(strategy)
+    name = ",".join([options.name or type(options).__name__, *given])
+    return Entrant(name, "yours", strategy, recipe_named("best"), is_own=True)
 
 
 def tuned_values() -> dict[str, dict[str, Value]]:
@@ -163,7 +165,7 @@ def untuned() -> list[Entrant]:
     best = recipe_named("best")
     paper = recipe_named("paper")
     one_step = replace(VARIANTS["best, one step"], name="best-one-step")
-    solver = "planner.solver.iterations=5:60:log"
+    solver = "planner.solver.iterations=1:60:log"
     evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
     change = "planner.terms.BendChange.weight=0.005:0.3:log"
     weight = "planner.terms.Change.weight=0.3:3:log"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -51,11 +52,29 @@ class PlannerComparison:
         names = [cell.task.name for cell in cells]
         return list(dict.fromkeys(names))
 
-    def has(self, held_out: bool) -> bool:
-        """Whether there are results of arms held out, or of others."""
-        return any(
-            (result.cell.arm.group == HELD_OUT) == held_out for result in self.results
-        )
+    def arms(self, held_out: bool) -> list[str]:
+        """Names of the arms held out, or of the others."""
+        cells = [result.cell for result in self.results]
+        cells += self.dashes
+        names = [
+            cell.arm.arm.name
+            for cell in cells
+            if (cell.arm.group == HELD_OUT) == held_out
+        ]
+        return list(dict.fromkeys(names))
+
+    def success(self, entrant: str, held_out: bool) -> float:
+        """Mean over arms and tasks of the shares of successful runs; NaN without arms.
+
+        An arm or a task that the entrant does not do counts as no success.
+        """
+        shares = dict.fromkeys(product(self.arms(held_out), self.tasks), 0.0)
+        for result in self.results:
+            cell = result.cell
+            place = cell.arm.arm.name, cell.task.name
+            if cell.entrant.name == entrant and place in shares:
+                shares[place] = float(np.mean(result.figures[SUCCESS]))
+        return float(np.mean([*shares.values()])) if shares else np.nan
 
     def values(
         self, entrant: str, task: str | None, key: tuple[str, str], held_out: bool
@@ -89,17 +108,6 @@ class PlannerComparison:
             if result.cell.entrant.name == entrant:
                 ticks.append(result.ticks)
         return 1e3 * np.concatenate(ticks)
-
-    def dash_of(self, entrant: str, task: str) -> str:
-        """Why an entrant does not take part in a task on any arm; empty if it does."""
-        names = entrant, task
-        for result in self.results:
-            if result.cell.names == names:
-                return ""
-        for cell in self.dashes:
-            if cell.names == names:
-                return cell.dash
-        return ""
 
 
 def rows_of(comparison: PlannerComparison) -> list[Row]:
@@ -146,7 +154,7 @@ def lines(comparison: PlannerComparison) -> list[list[str]]:
     """The cells of one line an entrant, the most successful first."""
 
     def failing(entrant: Entrant) -> float:
-        return -_success(comparison, entrant.name, held_out=False)
+        return -comparison.success(entrant.name, held_out=False)
 
     order = sorted(comparison.entrants, key=failing)
     return [_line(comparison, entrant) for entrant in order]
@@ -164,33 +172,17 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     for key, digits in MOTION_FIGURES.items():
         values = comparison.values(name, None, key, held_out=False)
         motions.append(_mean(values, digits))
-    success = _success(comparison, name, held_out=False)
-    held_out_success = _success(comparison, name, held_out=True)
+    shares = [comparison.success(name, held_out) for held_out in (False, True)]
     return [
         f"`{name}`",
         entrant.family,
-        _percent(success),
-        _percent(held_out_success),
+        *map(_percent, shares),
         *tasks,
         *motions,
         times,
         str(entrant.samples or "-"),
         str(entrant.lines),
     ]
-
-
-def _success(comparison: PlannerComparison, name: str, held_out: bool) -> float:
-    """Mean over tasks of the shares of runs that succeed; tasks not done count as none."""
-    shares = []
-    for task in comparison.tasks:
-        values = comparison.values(name, task, SUCCESS, held_out)
-        share = 0.0
-        if len(values):
-            share = values.mean()
-        shares.append(share)
-    if not shares:
-        return 0.0
-    return float(np.mean(shares))
 
 
 def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
@@ -208,7 +200,7 @@ def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    return f"{100 * share:.0f} %" if np.isfinite(share) else "-"
 
 
 def _mean(values: np.ndarray, digits: int) -> str:
@@ -221,13 +213,16 @@ def dash_lines(comparison: PlannerComparison) -> list[str]:
     """Why entrants do not take part, a sentence a reason."""
     texts = []
     for entrant in comparison.entrants:
-        reasons: dict[str, list[str]] = {}
-        for task in comparison.tasks:
-            reason = comparison.dash_of(entrant.name, task)
-            if reason:
-                reasons.setdefault(reason, []).append(task)
-        for reason, tasks in reasons.items():
-            texts.append(f"`{entrant.name}` {reason}: {', '.join(tasks)}")
+        places: dict[str, list[Cell]] = {}
+        for cell in comparison.dashes:
+            if cell.entrant.name == entrant.name:
+                places.setdefault(cell.dash, []).append(cell)
+        for reason, cells in places.items():
+            tasks = dict.fromkeys(cell.task.name for cell in cells)
+            arms = dict.fromkeys(cell.arm.arm.name for cell in cells)
+            texts.append(
+                f"`{entrant.name}` {reason}: {', '.join(tasks)} with {', '.join(arms)}"
+            )
     return texts
 
 
@@ -265,8 +260,10 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
         errors[name] = comparison.values(name, None, ERROR, held_out=False)
         ticks = comparison.step_times(name)
         if len(ticks):
-            success = _success(comparison, name, held_out=False)
+            success = comparison.success(name, held_out=False)
             median = float(np.median(ticks))
             points[name] = median, success
-    runs = max(len(values) for values in errors.values())
+    runs = max(
+        len(comparison.values(name, None, SUCCESS, held_out=False)) for name in names
+    )
     return planners_figure(errors, runs, points, path)

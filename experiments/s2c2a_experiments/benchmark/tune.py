@@ -5,13 +5,14 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from s2c2a import jobs
+from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
 from s2c2a.strategies import RunOptions
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm
-from s2c2a_experiments.search_space import Value, varied_from
+from s2c2a_experiments.search_space import Value, value_at, varied_from
 from s2c2a_experiments.sweep import Sweep, best_of, search
 
 TRIALS = 10  # of every entrant; the first one is the entrant as it is
@@ -42,8 +43,6 @@ def tune(
     """
     found: dict[str, dict[str, Value]] = {}
     for entrant in entrants:
-        if not entrant.tuned:
-            continue
         sweep = _sweep(entrant)
         trials = search(sweep, TRIALS, folder / entrant.name, cache, executor, progress)
         found[entrant.name] = best_of(trials).values
@@ -51,17 +50,34 @@ def tune(
     return found
 
 
+def described(entrant: Entrant) -> list[str]:
+    """What the trials of an entrant depend on: places, and the runs of the first one."""
+    first = _sweep(entrant).jobs()
+    return [*entrant.tuned, *(job.file for job in first)]
+
+
 def _sweep(entrant: Entrant) -> Sweep:
+    """The sweep of an entrant.
+
+    Raises:
+        S2C2AError: the entrant as it is lies outside its ranges.
+    """
     chosen = tuning_arm()
     tasks: list[Task] = []
     for name in TUNED_BY:
         tasks += TASKS[name].goals(chosen)
     conditions = TASKS[TUNED_BY[0]].conditions(chosen.arm)
+    varied = varied_from(entrant.tuned, entrant.recipe, entrant.strategy)
+    for each in varied:
+        if not each.holds(value_at(entrant.recipe, each.place, entrant.strategy)):
+            raise S2C2AError(
+                f"'{entrant.name}' as it is lies outside of {each.place}: widen its range"
+            )
     return Sweep(
         arm=entrant.sensed(chosen.arm),
         tasks=tuple(tasks),
         recipe=entrant.recipe,
-        varied=varied_from(entrant.tuned, entrant.recipe, entrant.strategy),
+        varied=varied,
         conditions=jobs.Conditions(conditions.robot, RunOptions()),
         strategy=entrant.strategy,
     )

@@ -72,8 +72,8 @@ def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
         axes.plot(time, share, "o", color=color, markersize=5)
         place: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
         axes.annotate(name, (time, share), color=color, fontsize=7, **place)
-    line = sorted(points[name] for name in front)
-    axes.step(*zip(*line, strict=True), where="post", color=DESIRED, linewidth=1.0)
+    line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
+    axes.step(line[:, 0], line[:, 1], where="post", color=DESIRED, linewidth=1.0)
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.05)
     label_log_axis(axes)

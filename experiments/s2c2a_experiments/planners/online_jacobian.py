@@ -7,11 +7,13 @@ bends follow from its damped pseudo-inverse.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
 from s2c2a.spaces import POSITION
@@ -27,14 +29,19 @@ class OnlineJacobian(StrategyOptions):
 
     Attributes:
         gain: share of the error that a step removes.
-        forgetting: share of the update that every step applies.
+        learning: share of the update that every step applies.
         damping: of the pseudo-inverse, in arm lengths a radian.
     """
 
     gain: float = 0.3
-    forgetting: float = 0.3
+    learning: float = 0.3
     damping: float = 0.05
     name = "online-jacobian"
+    limits: ClassVar[Ranges] = {
+        "gain": (0.0, 1.0),
+        "learning": (0.0, 1.0),
+        "damping": (1e-6, 100.0),
+    }
     recipe_keys = frozenset()
     ignores = frozenset({"axes", "other ends", "obstacles"})
 
@@ -70,6 +77,8 @@ class Broyden:
 
     def next_bends(self, moment: Moment, goal: Goal) -> Bends:
         """Toward the tip's target; where there is none, the last bends."""
+        if not np.isfinite(moment.tip).all():
+            return moment.bends
         self._learn(moment)
         if goal.position_weights[-1] == 0.0:
             return moment.bends
@@ -92,5 +101,5 @@ class Broyden:
         if squared > SMALLEST_MOTION**2:
             surprise = tip_motion - self._jacobian @ motion
             update = np.outer(surprise, motion)
-            share = self._options.forgetting / squared
+            share = self._options.learning / squared
             self._jacobian = self._jacobian + share * update

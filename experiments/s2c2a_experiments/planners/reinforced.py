@@ -87,6 +87,8 @@ class ReinforcedPolicy(PolicyStrategy):
         )
         self._imitate(model, envs, torch, progress)
         model.learn(self.steps)
+        for env in envs:
+            env.close()
         with TemporaryDirectory() as folder:
             path = Path(folder) / "policy.safetensors"
             export_policy(model, path, arm)

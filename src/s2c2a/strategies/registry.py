@@ -23,7 +23,8 @@ STRATEGIES: Registry[StrategyOptions] = Registry(
 A clone has `lstm`, too (`experiments/`)."""
 
 
-_OPTION = re.compile(r",(?=\w+=)")  # other commas are part of a path
+OPTION = re.compile(r",(?=\w+=)")
+"""Begins an option behind a name; other commas are part of a path."""
 
 
 def strategy_named(text: str) -> StrategyOptions:
@@ -32,7 +33,7 @@ def strategy_named(text: str) -> StrategyOptions:
     Raises:
         S2C2AError: no such strategy or option, or a value that it does not take.
     """
-    name, *given = _OPTION.split(text)
+    name, *given = OPTION.split(text)
     kind = STRATEGIES.named(name)
     parameters = named_parameters(kind)
     options = {
