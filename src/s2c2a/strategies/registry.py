@@ -23,8 +23,7 @@ STRATEGIES: Registry[StrategyOptions] = Registry(
 A clone has `lstm`, too (`experiments/`)."""
 
 
-OPTION = re.compile(r",(?=\w+=)")
-"""Begins an option behind a name; other commas are part of a path."""
+OPTION = re.compile(r",(?=\w+=)")  # begins one; other commas are part of a path
 
 
 def strategy_named(text: str) -> StrategyOptions:
