@@ -8,8 +8,7 @@ import signal
 
 import pytest
 
-import s2c2a_experiments
-from s2c2a import cli, data, jobs, lab, live, logs
+from s2c2a import data, jobs
 from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
@@ -77,18 +76,28 @@ def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
         sweep(("circle",), vary=vary, strategy="pcc")
 
 
+def takes_a_robot(command) -> bool:
+    """Whether a command has the options of a robot, by itself or in an object of options."""
+    parameters = inspect.signature(command).parameters
+    given = (parameter.default for parameter in parameters.values())
+    return "robot_option" in parameters or any(
+        hasattr(value, "robot_option") for value in given
+    )
+
+
 def test_no_command_that_moves_an_arm_is_forgotten_here():
+    wings = ("lab", "logs", "live", "integrations")
+    names = ["s2c2a.cli", *(f"s2c2a.{wing}.cli" for wing in wings), "s2c2a_experiments"]
     modules = [
-        importlib.import_module(f"{package.__name__}.{module.name}")
-        for package in (cli, lab.cli, logs.cli, live.cli, s2c2a_experiments)
-        for module in pkgutil.iter_modules(package.__path__)
+        importlib.import_module(f"{name}.{module.name}")
+        for name in names
+        for module in pkgutil.iter_modules(importlib.import_module(name).__path__)
     ]
     moving = {
         name
         for module in modules
         for name, function in inspect.getmembers(module, inspect.isfunction)
-        if function.__module__ == module.__name__
-        and "robot_option" in inspect.signature(function).parameters
+        if function.__module__ == module.__name__ and takes_a_robot(function)
     }
     here = {
         "collect",
@@ -100,6 +109,6 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         "response",
         "session",
     }
-    # `live` obeys the signal in its control process; `motors` has its own tests
-    # (hardware/test_motors_in_memory.py)
-    assert moving == here | {"live"}
+    # `live` and `ros` obey the signal in their control process, `teleoperate` in its own
+    # loop; `motors` has its own tests (hardware/test_motors_in_memory.py)
+    assert moving == here | {"live", "ros", "teleoperate"}
