@@ -36,7 +36,7 @@ from s2c2a.viz.mounting import Mounting
 TRAIL = 15.0  # s
 PLOT_EVERY = 8  # frames
 STOP_TIMEOUT = 1.5  # s, below the 2 s that the Stop button waits
-PREPARING = "preparing the arm; the first start compiles for up to half a minute"
+PREPARING = "preparing the arm; the first start compiles for one or two minutes"
 MODEL_DRAWN = "no measured states: the arm is drawn as its model predicts"
 STOP_PRESSED = "Stop was pressed on this page"
 
