@@ -60,9 +60,7 @@ def teleoperate(
     source = device_named(device, largest_speed(spec))
     options = {"robot": str(factory), "device": device, "seed": driven.seed}
     with ExitStack() as stack:
-        print(
-            f"preparing {spec.name}; the first start compiles for up to half a minute"
-        )
+        print(f"preparing {spec.name}; the first start compiles for one or two minutes")
         control = _control(spec, factory, strategy, weights, driven.seed)
         demonstrations = None
         if out is not None:
