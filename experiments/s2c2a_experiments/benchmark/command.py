@@ -139,11 +139,10 @@ def _show(comparison: "PlannerComparison", directory: "Path") -> None:
     figure = draw(comparison, directory / "planners.png")
     page = write_page(comparison, figure, directory / "planners.html")
     head = header(comparison)
-    first_task = 4
-    first_after = first_task + len(comparison.tasks)
+    shown = [number for number, name in enumerate(head) if name not in comparison.tasks]
 
     def without_tasks(cells: list[str]) -> tuple[str, ...]:
-        return *cells[:first_task], *cells[first_after:]
+        return tuple(cells[number] for number in shown)
 
     body = [without_tasks(cells) for cells in lines(comparison)]
     print_table("planners", without_tasks(head), body)

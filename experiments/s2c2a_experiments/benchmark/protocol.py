@@ -21,7 +21,6 @@ from s2c2a.tasks.projection import projected
 from s2c2a_experiments.scenes import drawn_task
 
 VERSION = 1
-SEEDS = 3
 AGED = 1.0
 """Arms are older than their recordings: no user drives an arm on the day of its data."""
 PAYLOAD = 0.2  # of the arm's mass
@@ -31,7 +30,7 @@ FITTED = ("opencr_v4", "stanford_trunk")
 RANDOMIZED = ((0, 0.5), (1, 0.5), (2, 1.0), (3, 1.0))
 """Seed and strength of the mismatch; nothing is tuned on them."""
 HELD_OUT = ((1001, 0.5), (1002, 1.0))
-"""The same; these arms are reported apart, and nobody chooses by them."""
+"""The same; reported apart, so that no design decision rests on them."""
 TUNED_ON = (100, 0.5)
 """The arm that every entrant is tuned on; it is in no table."""
 SCENES = (0, 1, 2)
@@ -149,7 +148,7 @@ def protocol_arms() -> list[BenchmarkArm]:
 
 
 def held_out() -> list[BenchmarkArm]:
-    """Arms that nobody chooses by."""
+    """Arms on which no design decision rests."""
     return _randomized(HELD_OUT, "held out")
 
 

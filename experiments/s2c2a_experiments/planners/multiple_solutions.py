@@ -42,7 +42,7 @@ class MultipleSolutions(StrategyOptions):
     """Many inverse solutions a moment, chosen by dynamic programming.
 
     Attributes:
-        solutions: starts of every moment; half of them are the last solutions.
+        solutions: starts of every moment, the last solutions among them.
         reach_weight: cost of the error of targets, in rad2 for 0.4 arm lengths, squared.
         margin: around obstacles, in parts of the arm's length.
         pace: largest step, in parts of the step limit.
