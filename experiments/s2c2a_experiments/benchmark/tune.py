@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
 from s2c2a import jobs
 from s2c2a.errors import S2C2AError
 from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
-from s2c2a.strategies import RunOptions
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm
@@ -78,7 +78,7 @@ def _sweep(entrant: Entrant) -> Sweep:
         tasks=tuple(tasks),
         recipe=entrant.recipe,
         varied=varied,
-        conditions=jobs.Conditions(conditions.robot, RunOptions()),
+        conditions=replace(conditions, may_end_early=False),
         strategy=entrant.strategy,
     )
 

@@ -33,7 +33,7 @@ class TrackedSimulation(SimulatedRobot):
                 self.exposures.append((self.data.time, self.end_poses()))
 
     def end_poses(self):
-        return [self._pose(site) for site in self._end_sites]
+        return [self._pose(site) for site in self.end_sites]
 
     def _pose(self, site):
         quaternion = np.empty(4)
