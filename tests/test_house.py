@@ -14,15 +14,15 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live", "integrations")
-MAX_CORE = 24_394
+MAX_CORE = 24_410
 """Code lines of the core; the aim is 20,000, and nothing may move away from it but what
 the core did not do before: the last were scene files with solids of all kinds, shapes of
 the whole arm, projection to what is within reach, and arms that are pushed by pressure,
 planar, passive, or have modules of different kinds; servos on several ports; forms of
 exports by name; streams of runs to viewers; registration of environments in either
 order of imports; Windows, which counts no memory and ends what os.kill signals; transmissions and
-encoders of many arms at once; strategies with options in their names; and plans of planar arms that
-rounding does not decide."""
+encoders of many arms at once; strategies with options in their names, and in lists; plans of planar
+arms that rounding does not decide; and warnings of commands that are NaN."""
 MAX_NUMBERS = 525
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {

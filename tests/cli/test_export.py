@@ -186,6 +186,20 @@ def test_a_form_of_a_users_file(recording, tmp_path, monkeypatch, capsys):
     assert "a name: " in capsys.readouterr().out
 
 
+def test_the_files_of_a_form_that_writes_several_are_named(
+    recording, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    code = (
+        "def write(file, out):\n"
+        "    out.with_suffix('.step.onnx').touch()\n"
+        "    return 'one model'\n"
+    )
+    (tmp_path / "own_models.py").write_text(code)
+    export(recording, tmp_path / "two.onnx", to="own_models.py:write")
+    assert capsys.readouterr().out.endswith("two.*.onnx\n")
+
+
 def test_a_file_is_not_replaced_by_its_own_export(recording):
     before = recording.read_bytes()
     with pytest.raises(S2C2AError, match="is the file itself; choose another name"):

@@ -213,6 +213,16 @@ def test_an_answer_of_a_controller_without_sense_is_an_error_of_it(
         loop.tick(StepRequest())
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_commands_that_are_nan_or_infinite_warn_and_send_numbers(loop, actor, value):
+    shape = actor.geometry.action_neutral.shape
+    actor.act = lambda *_: np.full(shape, value)
+    with pytest.warns(UserWarning, match="Actor returns values that are NaN or inf"):
+        step = loop.tick(StepRequest())
+    assert step.fault == ""
+    assert np.isfinite(step.action).all()
+
+
 @pytest.mark.parametrize("time", [None, "now", [1.0, 2.0], 1j])
 def test_a_reading_whose_time_is_no_number_is_an_error_of_the_robot(loop, puppet, time):
     cables = puppet.position

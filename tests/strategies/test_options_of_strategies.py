@@ -143,3 +143,5 @@ def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
         strategy_named(f"{own},gian=1")
     with pytest.raises(S2C2AError, match="count=many"):
         strategy_named(f"{own},count=many")
+    offered = strategies_of(TWIN, (), "tip", (own, f"{own},gain=0.25"))
+    assert {"Own", "Own,gain=0.25"} <= set(offered)

@@ -16,8 +16,13 @@ from pydantic import TypeAdapter
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera
 from s2c2a.files import parse_toml
-from s2c2a.strategies import Recipe, StrategyOptions, recipe_named, strategy_named
-from s2c2a.strategies.registry import OPTION
+from s2c2a.strategies import (
+    Recipe,
+    StrategyOptions,
+    recipe_named,
+    shown_name,
+    strategy_named,
+)
 from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
 from s2c2a_experiments.tables import VARIANTS
 
@@ -140,9 +145,7 @@ def entrant_of(strategy: str) -> Entrant:
     Raises:
         S2C2AError: there is no such strategy.
     """
-    options = strategy_named(strategy)
-    _, *given = OPTION.split(strategy)
-    name = ",".join([options.name or type(options).__name__, *given])
+    name = shown_name(strategy)
     return Entrant(name, "yours", strategy, recipe_named("best"), is_own=True)
 
 

@@ -18,6 +18,18 @@ from s2c2a_experiments.benchmark.results import (
     lines,
 )
 
+COLUMNS = {
+    "success, held out": "mean over arms and tasks of the share of successful runs; what an "
+    "entrant does not do counts as none",
+    "a task": "share of successful runs; mean error [% of the arm's length]; for some, "
+    "clearance [% of length] or error of the axis [deg]",
+    "way": "of the tip, over that of its goals",
+    "jerk": "log dimensionless jerk of the tip; larger trembles more",
+    "settling": "time until the tip stays within 5 % of a still target",
+    "step": "time of a control step, while the other cores run, too",
+    "data": "samples that the entrant learns from",
+    "lines": "of its own file, with docstrings",
+}
 PAGE = resources.files("s2c2a_experiments.benchmark").joinpath("page.html")
 
 
@@ -28,13 +40,13 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
     used = ", ".join(f"{name} {number}" for name, number in versions().items())
     content = [
         "<h1>Planners compared</h1>",
-        f"<p>Protocol version {VERSION}; seeds {seeds}. A column of a task holds the "
-        "share of successful runs, then the mean error in % of the arm's length, and "
-        "for some tasks a second figure: clearance in % of length, or error of the axis "
-        "in degrees.</p>",
+        f"<p>Protocol version {VERSION}; seeds {seeds}. Arms: {_names(comparison)}. "
+        f"Tasks: {', '.join(comparison.tasks)}.</p>",
         _table(header(comparison), lines(comparison)),
         f'<img alt="Shares of runs below every error, and success over time of a step" '
         f'src="data:image/png;base64,{picture}">',
+        "<h2>Columns</h2>",
+        _list([f"`{name}`: {text}" for name, text in COLUMNS.items()]),
         "<h2>Why there are dashes</h2>",
         _list(dash_lines(comparison) + failure_lines(comparison)),
         f"<p>{html.escape(used)}</p>",
@@ -42,6 +54,13 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
     template = Template(PAGE.read_text(encoding="utf-8"))
     text = template.substitute(content="\n".join(content))
     return write_atomically(text, path)
+
+
+def _names(comparison: PlannerComparison) -> str:
+    """Arms, those held out behind the others."""
+    arms = ", ".join(comparison.arms(held_out=False))
+    others = ", ".join(comparison.arms(held_out=True))
+    return html.escape(f"{arms}; held out: {others or 'none'}")
 
 
 def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:

@@ -233,7 +233,8 @@ def failure_lines(comparison: PlannerComparison) -> list[str]:
         name, task = result.cell.names
         arm = result.cell.arm.arm.name
         for message in result.failures:
-            texts.append(f"`{name}` with {arm}, {task}: {message}")
+            line = " ".join(message.split())
+            texts.append(f"`{name}` with {arm}, {task}: {line}")
     return list(dict.fromkeys(texts))
 
 

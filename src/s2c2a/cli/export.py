@@ -48,7 +48,10 @@ def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -
     target = out or Path(f"{file.stem}.{form}")
     if target.exists() and target.samefile(file):
         raise S2C2AError(f"--out '{target}' is the file itself; choose another name")
-    print(f"{write(file, target)}: {target}")
+    written = write(file, target)
+    if not target.exists():  # it begins the names of several files
+        target = target.with_suffix(f".*{target.suffix}")
+    print(f"{written}: {target}")
 
 
 ExportForm = Callable[[Path, Path], str]

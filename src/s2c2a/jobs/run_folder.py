@@ -59,7 +59,7 @@ def open_run_directory(
     marker = folder / MARKER
     resumes = resume and not overwrite and marker.is_file() and holds(marker, text)
     if not resumes:
-        _clear(folder, overwrite)
+        _clear(folder, overwrite, resume)
     _make_with_manifest(folder)
     if not resumes:
         write_atomically(text, marker)
@@ -76,15 +76,16 @@ def _make_with_manifest(folder: Path) -> None:
         ) from error
 
 
-def _clear(folder: Path, overwrite: bool) -> None:
+def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
     """Delete a run directory if it exists and may be replaced."""
     if folder.is_symlink() and overwrite:
         raise S2C2AError(f"{folder} is a link; give the directory itself")
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not overwrite:
+        fault = "is of other options or versions" if resume else "is not empty"
         raise S2C2AError(
-            f"{folder} exists and is not empty; add --overwrite or choose another --out"
+            f"{folder} exists and {fault}; add --overwrite or choose another --out"
         )
     if not folder.is_dir():
         raise S2C2AError(f"{folder} is a file; choose another --out")

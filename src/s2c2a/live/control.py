@@ -41,6 +41,7 @@ from s2c2a.strategies import (
     networks_from,
     recipe_named,
     shipped_networks,
+    shown_name,
     strategy_named,
 )
 from s2c2a.strategies.pcc import PlainPCC
@@ -367,7 +368,7 @@ def strategies_of(
                 f"--strategy {name}` and give the file with --weights"
             )
         build = partial(options.build, arm, recipe, None, run)
-        builders[options.name] = cache(build)
+        builders[shown_name(name)] = cache(build)
     for name in ("best", "paper"):
         build_pcc = partial(PlainPCC().build, arm, recipe_named(name), None, run)
         builders[f"pcc · {name}"] = cache(build_pcc)

@@ -1,5 +1,6 @@
 """A controller, perhaps a user's own: its exceptions and answers are checked."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Generic
@@ -17,6 +18,10 @@ from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor
 
 METHODS = ("start", "estimate", "plan", "act", "sent", "diagnostics")
 ATTRIBUTES = ("arm", "sensors")
+NOT_FINITE = (
+    "`act` of the controller {} returns values that are NaN or infinite; their cables "
+    "hold the last command"
+)
 
 
 class CheckedDriver(Generic[EstimateT, PlanT]):
@@ -111,7 +116,7 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
             return self.driver.plan(estimate, goal)
 
     def act(self, plan: PlanT, estimate: EstimateT) -> Actions:
-        """Return a copy of the desired command, if it has a number for every cable.
+        """Return a copy of the desired command; warn where it is NaN or infinite.
 
         Raises:
             ControllerError: it has another shape, or holds no numbers.
@@ -125,6 +130,8 @@ class CheckedDriver(Generic[EstimateT, PlanT]):
                 f"{desired.shape} in step {self._step()}; it must return the command "
                 f"of every cable [m or N], shape (modules, cables) {expected}"
             )
+        if not np.isfinite(desired).all():
+            warnings.warn(NOT_FINITE.format(type(self.driver).__name__), stacklevel=1)
         return desired
 
     def sent(self, action: Actions) -> None:

@@ -20,6 +20,7 @@ from s2c2a.strategies.recipe import (
 from s2c2a.strategies.registry import (
     STRATEGIES,
     labeled,
+    shown_name,
     strategy_named,
     strategy_of,
     train_networks,

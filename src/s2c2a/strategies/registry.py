@@ -42,6 +42,13 @@ def strategy_named(text: str) -> StrategyOptions:
     return kind(**options)
 
 
+def shown_name(text: str) -> str:
+    """The name of `strategy_named(text)` in lists: without the path of its file."""
+    _, *given = OPTION.split(text)
+    options = strategy_named(text)
+    return ",".join([options.name or type(options).__name__, *given])
+
+
 def labeled(networks: TrainedNetworks, options: StrategyOptions) -> TrainedNetworks:
     """Networks with the strategy that they belong to, as files keep it."""
     return replace(

@@ -20,6 +20,7 @@ from s2c2a.integrations.control_step import ControlStep, StepInput
 from s2c2a.integrations.exports.c_source import strategy_in
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.kinematics import configurations_from_bends
+from s2c2a.runtime.border import named_errors
 from s2c2a.strategies.strategy import Strategy
 
 SAMPLES = 20  # inputs at which a model is compared
@@ -102,7 +103,8 @@ def export_onnx(file: Path, out: Path) -> str:
     written, faults = [], []
     for part in parts_of(strategy):
         try:
-            _write(part, texts, out)
+            with named_errors(S2C2AError, "it cannot be written"):
+                _write(part, texts, out)
         except S2C2AError as error:
             faults.append(f"{part.name}: {error}")
         else:
