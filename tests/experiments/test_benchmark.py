@@ -15,7 +15,12 @@ from s2c2a_experiments.benchmark import protocol
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells
 from s2c2a_experiments.benchmark.command import benchmark
 from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
-from s2c2a_experiments.benchmark.results import PlannerComparison, draw, lines
+from s2c2a_experiments.benchmark.results import (
+    PlannerComparison,
+    arm_table,
+    draw,
+    lines,
+)
 from s2c2a_experiments.benchmark.scores import log_jerk, way_ratio
 from s2c2a_experiments.figures.planners import pareto
 from s2c2a_experiments.search_space import value_at, varied_from
@@ -150,10 +155,26 @@ def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
         result(other, "path", arms[0], [1.0, 1.0]),
     ]
     comparison = PlannerComparison([one, other], results, [], (0, 1))
-    assert comparison.success("pcc", held_out=False) == 0.75
-    assert comparison.success("online-jacobian", held_out=False) == 0.5
-    assert np.isnan(comparison.success("pcc", held_out=True))
+    names = comparison.arms(held_out=False)
+    assert comparison.success("pcc", names) == 0.75
+    assert comparison.success("online-jacobian", names) == 0.5
+    assert np.isnan(comparison.success("pcc", comparison.arms(held_out=True)))
     assert lines(comparison)[0][2:4] == ["75 %", "-"]
+    assert arm_table(comparison) == (
+        ["entrant", "first", "second"],
+        [["`pcc`", "100 %", "50 %"], ["`online-jacobian`", "100 %", "0 %"]],
+    )
+
+
+def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
+    best = entrant_of("pcc")
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    known = result(best, "known payload", arm, [0.0])
+    both = [result(best, "path", arm, [1.0]), known]
+    assert PlannerComparison([best], both, [], (0,)).success("pcc", ["twin_arm"]) == 1.0
+    assert (
+        PlannerComparison([best], [known], [], (0,)).success("pcc", ["twin_arm"]) == 0
+    )
 
 
 def test_a_benchmark_in_which_every_run_fails_still_draws(tmp_path):

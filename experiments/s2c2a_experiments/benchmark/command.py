@@ -66,15 +66,13 @@ def benchmark(
             )
         _tune([each.name for each in _entrants((), only)], work)
         return
+    numbers = tuple(jobs.checked_seeds(0, 1 if smoke else seeds))
     entrants = _entrants(entry, only)
     tasks = _chosen(task, protocol.TASKS, "task")
-    numbers = tuple(jobs.checked_seeds(0, seeds))
     if smoke:
         entrants = [each for each in entrants if each.is_own or not each.samples]
         tasks = [protocol.smaller(each, 1) for each in tasks if each.name in SMOKE]
-        numbers = (0,)
     arms = _arms(arm, smoke)
-    cells = all_cells(entrants, tasks, arms)
     options = {
         "protocol": protocol.VERSION,
         "entrants": [(each.name, each.strategy, each.recipe.name) for each in entrants],
@@ -82,6 +80,7 @@ def benchmark(
         "arms": [each.arm.name for each in arms],
         "seeds": numbers,
     }
+    cells = all_cells(entrants, tasks, arms)
     label = "benchmark-smoke" if smoke else "benchmark"
     with run_directory(label, options, work, resume=True, keep_errors=True) as (
         directory,

@@ -12,6 +12,7 @@ from s2c2a.versions import versions
 from s2c2a_experiments.benchmark.protocol import VERSION
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
+    arm_table,
     dash_lines,
     failure_lines,
     header,
@@ -45,6 +46,8 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
         _table(header(comparison), lines(comparison)),
         f'<img alt="Shares of runs below every error, and success over time of a step" '
         f'src="data:image/png;base64,{picture}">',
+        "<h2>Success by arm</h2>",
+        _table(*arm_table(comparison)),
         "<h2>Columns</h2>",
         _list([f"`{name}`: {text}" for name, text in COLUMNS.items()]),
         "<h2>Why there are dashes</h2>",

@@ -47,28 +47,31 @@ class PlannerComparison:
     @property
     def tasks(self) -> list[str]:
         """Names of the tasks, in the order of the protocol."""
-        cells = [result.cell for result in self.results]
-        cells += self.dashes
-        names = [cell.task.name for cell in cells]
+        names = [cell.task.name for cell in self.cells]
         return list(dict.fromkeys(names))
+
+    @property
+    def cells(self) -> list[Cell]:
+        """Those that were run, and the others."""
+        return [*(result.cell for result in self.results), *self.dashes]
 
     def arms(self, held_out: bool) -> list[str]:
         """Names of the arms held out, or of the others."""
-        cells = [result.cell for result in self.results]
-        cells += self.dashes
         names = [
             cell.arm.arm.name
-            for cell in cells
+            for cell in self.cells
             if (cell.arm.group == HELD_OUT) == held_out
         ]
         return list(dict.fromkeys(names))
 
-    def success(self, entrant: str, held_out: bool) -> float:
+    def success(self, entrant: str, arms: Sequence[str]) -> float:
         """Mean over arms and tasks of the shares of successful runs; NaN without arms.
 
-        An arm or a task that the entrant does not do counts as no success.
+        An arm or a task that the entrant does not do counts as no success. A known
+        payload counts where nothing else was run: it is a task with more information.
         """
-        shares = dict.fromkeys(product(self.arms(held_out), self.tasks), 0.0)
+        names = [cell.task.name for cell in self.cells if not cell.knows_payload]
+        shares = dict.fromkeys(product(arms, names or self.tasks), 0.0)
         for result in self.results:
             cell = result.cell
             place = cell.arm.arm.name, cell.task.name
@@ -152,12 +155,27 @@ def header(comparison: PlannerComparison) -> list[str]:
 
 def lines(comparison: PlannerComparison) -> list[list[str]]:
     """The cells of one line an entrant, the most successful first."""
+    return [_line(comparison, entrant) for entrant in ranked(comparison)]
+
+
+def ranked(comparison: PlannerComparison) -> list[Entrant]:
+    """The entrants, the most successful first."""
+    arms = comparison.arms(held_out=False)
 
     def failing(entrant: Entrant) -> float:
-        return -comparison.success(entrant.name, held_out=False)
+        return -comparison.success(entrant.name, arms)
 
-    order = sorted(comparison.entrants, key=failing)
-    return [_line(comparison, entrant) for entrant in order]
+    return sorted(comparison.entrants, key=failing)
+
+
+def arm_table(comparison: PlannerComparison) -> tuple[list[str], list[list[str]]]:
+    """Header and lines of the table of success by arm; the arms held out come last."""
+    arms = comparison.arms(held_out=False) + comparison.arms(held_out=True)
+    body = []
+    for entrant in ranked(comparison):
+        shares = [comparison.success(entrant.name, [arm]) for arm in arms]
+        body.append([f"`{entrant.name}`", *map(_percent, shares)])
+    return ["entrant", *arms], body
 
 
 def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
@@ -172,7 +190,8 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     for key, digits in MOTION_FIGURES.items():
         values = comparison.values(name, None, key, held_out=False)
         motions.append(_mean(values, digits))
-    shares = [comparison.success(name, held_out) for held_out in (False, True)]
+    groups = map(comparison.arms, (False, True))
+    shares = [comparison.success(name, arms) for arms in groups]
     return [
         f"`{name}`",
         entrant.family,
@@ -239,29 +258,32 @@ def failure_lines(comparison: PlannerComparison) -> list[str]:
 
 
 def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
-    """Write `planners.md`, `.csv`, `.tex` and `.json`; return the first."""
+    """Write `planners.md`, `.csv`, `.tex`, `.json` and `by-arm.csv`; return the first."""
     save_rows(rows_of(comparison), folder / "planners.json")
     head = header(comparison)
     body = lines(comparison)
     save_csv(head, body, folder / "planners.csv")
+    by_arm = arm_table(comparison)
+    save_csv(*by_arm, folder / "by-arm.csv")
     latex = latex_table(head, body)
     write_atomically(latex, folder / "planners.tex")
     reasons = dash_lines(comparison) + failure_lines(comparison)
     notes = "\n".join(f"- {text}" for text in reasons)
     table = markdown_table(head, body)
-    return write_atomically(f"{table}\n{notes}\n", folder / "planners.md")
+    arms = markdown_table(*by_arm)
+    return write_atomically(f"{table}\n{arms}\n{notes}\n", folder / "planners.md")
 
 
 def draw(comparison: PlannerComparison, path: Path) -> Path:
     """Draw the profiles of errors, and success over time of a step."""
-    names = [cells[0].strip("`") for cells in lines(comparison)]
+    names = [entrant.name for entrant in ranked(comparison)]
     errors = {}
     points = {}
     for name in names:
         errors[name] = comparison.values(name, None, ERROR, held_out=False)
         ticks = comparison.step_times(name)
         if len(ticks):
-            success = comparison.success(name, held_out=False)
+            success = comparison.success(name, comparison.arms(held_out=False))
             median = float(np.median(ticks))
             points[name] = median, success
     runs = max(
