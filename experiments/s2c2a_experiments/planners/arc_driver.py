@@ -4,8 +4,10 @@ A planner chooses the next bends of all modules. Everything else is that of the 
 `pcc`, so that a comparison shows the planners alone.
 """
 
+from abc import abstractmethod
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +23,9 @@ from s2c2a.kinematics import (
     commanded_part,
     configurations_from_bends,
 )
+from s2c2a.planning import Guard
 from s2c2a.spaces import POSITION, Actions, Reading
+from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
 
 Bends = Float[np.ndarray, "modules 2"]
 States = Float[np.ndarray, "modules 6"]
@@ -63,6 +67,37 @@ class BendPlanner(Protocol):
 
     def next_bends(self, moment: Moment, goal: Goal) -> Bends:
         """Bends [rad] for the end of the next step, within any limits."""
+
+
+@dataclass(frozen=True)
+class BendPlanning(StrategyOptions):
+    """A strategy without training, whose planner chooses bends.
+
+    Attributes:
+        sees_states: whether the planner sees the true states, as under motion capture.
+    """
+
+    recipe_keys = frozenset()
+    sees_states: ClassVar[bool] = False
+
+    @abstractmethod
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        """Compile the planner for an arm.
+
+        Args:
+            arm: that it leads.
+            guard: points that keep clear of obstacles, where it knows them.
+        """
+
+    def build(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> "ArcDriver":
+        planner = self.planner(arm, run.guard)
+        return ArcDriver(self.name, arm, planner, self.sees_states)
 
 
 class ArcDriver:

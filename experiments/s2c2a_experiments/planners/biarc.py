@@ -23,9 +23,14 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, norm, states_from_bends
 from s2c2a.kinematics.bends import sinc
 from s2c2a.kinematics.chain import rotations_to
+from s2c2a.planning import Guard
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 
 CELLS = 48  # of the free parameter, between which the length is compared
 HALVINGS = 10  # of such a cell: 1e-4 rad, or 2e-5 of the arm's length
@@ -40,7 +45,7 @@ SIDE = jnp.array([1.0, 0.0])
 
 
 @dataclass(frozen=True)
-class BiArc(StrategyOptions):
+class BiArc(BendPlanning):
     """Two arcs from base to target, as long as the arm.
 
     Attributes:
@@ -54,7 +59,6 @@ class BiArc(StrategyOptions):
     axis_weight: float = 10.0
     change_weight: float = 1.0
     name = "biarc"
-    recipe_keys = frozenset()
     ignores = frozenset({"other ends", "obstacles"})
     limits: ClassVar[Ranges] = {
         "share": (0.0, 1.0),
@@ -62,14 +66,8 @@ class BiArc(StrategyOptions):
         "change_weight": (0.0, 1e4),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        return ArcDriver(self.name, arm, BiArcPlanner(arm, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        return BiArcPlanner(arm, self)
 
 
 class BiArcPlanner:

@@ -21,10 +21,14 @@ from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.kinematics import commanded_part, states_from_bends
-from s2c2a.planning.terms import GuardedPoints
+from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 from s2c2a_experiments.planners.nearby import Nearby, States
 
 SIDES = 8  # of the polygon in the disc of bends; it is at most 8 % smaller
@@ -40,7 +44,7 @@ FlatBends = Float[Array, " bends"]
 
 
 @dataclass(frozen=True)
-class DifferentialIK(StrategyOptions):
+class DifferentialIK(BendPlanning):
     """Quadratic program of tasks, limits and barriers.
 
     Attributes:
@@ -56,7 +60,6 @@ class DifferentialIK(StrategyOptions):
     barrier_gain: float = 0.3
     name = "diff-ik"
     supports = frozenset({"guard"})
-    recipe_keys = frozenset()
     limits: ClassVar[Ranges] = {
         "gain": (0.0, 1.0),
         "axis_weight": (0.0, 100.0),
@@ -64,16 +67,9 @@ class DifferentialIK(StrategyOptions):
         "barrier_gain": (0.0, 1.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        """See `StrategyOptions`."""
-        guarded = GuardedPoints.of(arm, run.guard)
-        return ArcDriver(self.name, arm, ProgramPlanner(arm, guarded, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        guarded = GuardedPoints.of(arm, guard)
+        return ProgramPlanner(arm, guarded, self)
 
 
 class Linearization(NamedTuple):

@@ -20,9 +20,14 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import norm, states_from_bends
+from s2c2a.planning import Guard
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 
 FINE = 64  # intervals of a curve, for its length
 HANDLES = 16  # lengths of the curve's handles that are compared
@@ -34,7 +39,7 @@ UP = jnp.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class DrawnCurve(StrategyOptions):
+class DrawnCurve(BendPlanning):
     """Gauss-Newton fit of the arm to a drawn curve.
 
     Attributes:
@@ -47,7 +52,6 @@ class DrawnCurve(StrategyOptions):
     tip_weight: float = 10.0
     tangent_weight: float = 0.05
     name = "drawn-curve"
-    recipe_keys = frozenset()
     ignores = frozenset({"other ends", "obstacles"})
     limits: ClassVar[Ranges] = {
         "share": (0.0, 1.0),
@@ -55,14 +59,8 @@ class DrawnCurve(StrategyOptions):
         "tangent_weight": (0.0, 1e4),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        return ArcDriver(self.name, arm, CurveFollower(arm, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        return CurveFollower(arm, self)
 
 
 class CurveFollower:

@@ -20,9 +20,14 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
+from s2c2a.planning import Guard
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 
 SETS = np.linspace(-1.0, 1.0, 5)
 """Peaks of the triangular sets: large and small negative, zero, small and large
@@ -40,7 +45,7 @@ Pair = Float[np.ndarray, "2 3"]
 
 
 @dataclass(frozen=True)
-class Fuzzy(StrategyOptions):
+class Fuzzy(BendPlanning):
     """Sugeno rules on errors and their changes, with tip feedback.
 
     Attributes:
@@ -55,7 +60,7 @@ class Fuzzy(StrategyOptions):
     gain: float = 0.1
     axis_range: float = 0.5
     name = "fuzzy"
-    recipe_keys: ClassVar[frozenset[str]] = frozenset()
+    sees_states = True
     ignores = frozenset({"other ends", "obstacles"})
     limits: ClassVar[Ranges] = {
         "range": (1e-3, 10.0),
@@ -64,14 +69,8 @@ class Fuzzy(StrategyOptions):
         "axis_range": (1e-3, 10.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        return ArcDriver(self.name, arm, FuzzyRules(arm, self), sees_states=True)
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        return FuzzyRules(arm, self)
 
 
 class _Last(NamedTuple):

@@ -16,8 +16,13 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a.planning import Guard
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 from s2c2a_experiments.planners.arc_solutions import (
     WAY_POINTS,
     ArcSolutions,
@@ -36,7 +41,7 @@ FIXED_SEED = 0
 
 
 @dataclass(frozen=True)
-class InverseSampling(StrategyOptions):
+class InverseSampling(BendPlanning):
     """Samples the redundant bends, and solves the others.
 
     Attributes:
@@ -52,7 +57,6 @@ class InverseSampling(StrategyOptions):
     pace: float = 1.0
     name = "inverse-sampling"
     supports = frozenset({"guard"})
-    recipe_keys = frozenset()
     limits: ClassVar[Ranges] = {
         "samples": (3, 500),
         "global_share": (0.0, 1.0),
@@ -60,15 +64,9 @@ class InverseSampling(StrategyOptions):
         "pace": (0.01, 1.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        solver = ArcSolutions(arm, run.guard, self.margin)
-        return ArcDriver(self.name, arm, SampledInverse(solver, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        solver = ArcSolutions(arm, guard, self.margin)
+        return SampledInverse(solver, self)
 
 
 class SampledInverse:

@@ -17,8 +17,13 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a.planning import Guard
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 from s2c2a_experiments.planners.arc_solutions import (
     DEPTH_WEIGHT,
     WAY_POINTS,
@@ -38,7 +43,7 @@ Layer = tuple[Batch, Values]
 
 
 @dataclass(frozen=True)
-class MultipleSolutions(StrategyOptions):
+class MultipleSolutions(BendPlanning):
     """Many inverse solutions a moment, chosen by dynamic programming.
 
     Attributes:
@@ -54,7 +59,6 @@ class MultipleSolutions(StrategyOptions):
     pace: float = 1.0
     name = "multi-ik"
     supports = frozenset({"guard"})
-    recipe_keys = frozenset()
     limits: ClassVar[Ranges] = {
         "solutions": (2, 200),
         "reach_weight": (0.0, 1e6),
@@ -62,15 +66,9 @@ class MultipleSolutions(StrategyOptions):
         "pace": (0.01, 1.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        solver = ArcSolutions(arm, run.guard, self.margin)
-        return ArcDriver(self.name, arm, ChosenSolutions(solver, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        solver = ArcSolutions(arm, guard, self.margin)
+        return ChosenSolutions(solver, self)
 
 
 class ChosenSolutions:

@@ -16,15 +16,20 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
+from s2c2a.planning import Guard
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 
 SMALLEST_MOTION = 1e-3  # rad; less is noise
 
 
 @dataclass(frozen=True)
-class OnlineJacobian(StrategyOptions):
+class OnlineJacobian(BendPlanning):
     """Damped pseudo-inverse of a Jacobian that is updated by what is seen.
 
     Attributes:
@@ -42,17 +47,11 @@ class OnlineJacobian(StrategyOptions):
         "learning": (0.0, 1.0),
         "damping": (1e-6, 100.0),
     }
-    recipe_keys = frozenset()
+    sees_states = True
     ignores = frozenset({"axes", "other ends", "obstacles"})
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        return ArcDriver(self.name, arm, Broyden(arm, self), sees_states=True)
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        return Broyden(arm, self)
 
 
 class Broyden:

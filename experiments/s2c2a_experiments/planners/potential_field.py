@@ -22,10 +22,14 @@ from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import commanded_part, limit_lengths, states_from_bends
 from s2c2a.kinematics.bends import Numbers
-from s2c2a.planning.terms import GuardedPoints
+from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import ArcDriver, Bends, Moment
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 from s2c2a_experiments.planners.nearby import Clearances, Nearby
 
 BEETLES = 16  # chosen: a search in the plane of a module needs a few directions
@@ -43,7 +47,7 @@ States = Float[Array, "modules 6"]
 
 
 @dataclass(frozen=True)
-class PotentialField(StrategyOptions):
+class PotentialField(BendPlanning):
     """Attraction and repulsion, and the search for a lower potential.
 
     Attributes:
@@ -60,7 +64,6 @@ class PotentialField(StrategyOptions):
     repulsion_range: float = 0.06
     name = "apf"
     supports = frozenset({"guard"})
-    recipe_keys = frozenset()
     limits: ClassVar[Ranges] = {
         "gain": (0.0, 1.0),
         "damping": (0.0, 100.0),
@@ -68,16 +71,9 @@ class PotentialField(StrategyOptions):
         "repulsion_range": (1e-3, 1.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        """See `StrategyOptions`."""
-        guarded = GuardedPoints.of(arm, run.guard)
-        return ArcDriver(self.name, arm, Beetles(arm, guarded, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        guarded = GuardedPoints.of(arm, guard)
+        return Beetles(arm, guarded, self)
 
 
 class PotentialModel(NamedTuple):

@@ -18,8 +18,14 @@ from jaxtyping import Bool, Float, Int
 from s2c2a.arm import ArmSpec
 from s2c2a.components import Ranges
 from s2c2a.goals import Goal
-from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
-from s2c2a_experiments.planners.arc_driver import TINY, ArcDriver, Bends, Moment
+from s2c2a.planning import Guard
+from s2c2a_experiments.planners.arc_driver import (
+    TINY,
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
 from s2c2a_experiments.planners.arc_solutions import ArcSolutions, Batch, aimed
 
 ENDS = 8  # shapes that reach the target
@@ -45,7 +51,7 @@ AreFree = Bool[np.ndarray, "shapes neighbors"]
 
 
 @dataclass(frozen=True)
-class RRTStar(StrategyOptions):
+class RRTStar(BendPlanning):
     """Straight changes of bends, or ways through a random tree around obstacles.
 
     Attributes:
@@ -65,7 +71,6 @@ class RRTStar(StrategyOptions):
     pace: float = 0.8
     name = "rrt-star"
     supports = frozenset({"guard"})
-    recipe_keys = frozenset()
     limits: ClassVar[Ranges] = {
         "samples": (1, 500),
         "neighbors": (1, 64),
@@ -75,15 +80,9 @@ class RRTStar(StrategyOptions):
         "pace": (0.01, 1.0),
     }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> ArcDriver:
-        solver = ArcSolutions(arm, run.guard, self.margin)
-        return ArcDriver(self.name, arm, TreePlanner(solver, self))
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        solver = ArcSolutions(arm, guard, self.margin)
+        return TreePlanner(solver, self)
 
 
 @dataclass(frozen=True)
