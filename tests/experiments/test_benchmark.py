@@ -21,7 +21,7 @@ from s2c2a_experiments.benchmark.results import (
     draw,
     lines,
 )
-from s2c2a_experiments.benchmark.scores import log_jerk, way_ratio
+from s2c2a_experiments.benchmark.scores import log_jerk, success_of, way_ratio
 from s2c2a_experiments.figures.planners import pareto
 from s2c2a_experiments.search_space import value_at, varied_from
 
@@ -100,7 +100,8 @@ def test_every_entrant_takes_part_in_what_it_does_not_ignore():
     cells = all_cells(entrants(), list(protocol.TASKS.values()), arms)
     dashes = {(cell.entrant.name, cell.task.name): cell.dash for cell in cells}
     assert dashes["best", "known payload"] == ""
-    assert dashes["pcc", "known payload"] == "has no place for a known payload"
+    for name in ("pcc", "paper"):
+        assert dashes[name, "known payload"] == "has no place for a known payload"
     assert dashes["online-jacobian", "obstacles"] == "ignores obstacles"
     assert all(not dashes[name, "path"] for name, _ in dashes)
 
@@ -205,6 +206,14 @@ def test_tuning_starts_from_the_entrant_as_it_is_and_refuses_what_it_ignores(own
             assert varied.holds(value_at(each.recipe, varied.place, each.strategy))
     with pytest.raises(S2C2AError, match="leave out"):
         benchmark(tune=True, entry=(own,))
+
+
+def test_success_is_graded_and_a_touch_or_a_missing_figure_ends_it():
+    assert success_of([2.4], [4.9], [0.0]) == 1.0
+    assert success_of([2.4], [9.9], [-0.3]) == pytest.approx(2 / 3)
+    assert success_of([9.9, 1.0], [], []) == pytest.approx(1 / 3)
+    assert success_of([2.4], [], [-0.4]) == 0.0
+    assert success_of([np.nan], [], []) == 0.0
 
 
 def test_the_way_counts_from_where_the_tip_was():

@@ -48,7 +48,7 @@ class Cell:
         if ignored:
             names = " and ".join(sorted(ignored))
             return f"ignores {names}"
-        if self.knows_payload and "known_payload" not in entrant.options.supports:
+        if self.knows_payload and not entrant.takes_payload:
             return "has no place for a known payload"
         if entrant.arms and arm.name not in entrant.arms:
             names = " and ".join(entrant.arms)

@@ -11,9 +11,11 @@ from functools import cached_property
 from importlib import resources
 from types import ModuleType
 
+import equinox as eqx
+import jax
 from pydantic import TypeAdapter
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
 from s2c2a.files import parse_toml
 from s2c2a.strategies import (
@@ -108,6 +110,17 @@ class Entrant:
         if not data:
             return 0
         return data.episodes * data.samples
+
+    @cached_property
+    def takes_payload(self) -> bool:
+        """Whether a known payload changes what it plans."""
+        if "known_payload" not in self.options.supports:
+            return False
+        recipe = self.options.recipe(self.recipe)
+        shapes = eqx.filter_eval_shape(
+            recipe.c2s.untrained, load_arm("twin_arm"), jax.random.key(0)
+        )
+        return shapes.takes_payload
 
     @property
     def lines(self) -> int:

@@ -20,13 +20,13 @@ from s2c2a_experiments.benchmark.results import (
 )
 
 COLUMNS = {
-    "success, held out": "mean over arms and tasks of the share of successful runs; what an "
-    "entrant does not do counts as none",
-    "a task": "share of successful runs; mean error [% of the arm's length]; for some, "
+    "success, held out": "mean over arms and tasks, but known payload, of the success of "
+    "runs: how many of three bounds they keep; what an entrant does not do counts as none",
+    "a task": "success; mean error [% of the arm's length]; for some, "
     "clearance [% of length] or error of the axis [deg]",
-    "way": "of the tip, over that of its goals",
-    "jerk": "log dimensionless jerk of the tip; larger trembles more",
-    "settling": "time until the tip stays within 5 % of a still target",
+    "way": "of the tip, over that of its goals; in tasks that all entrants do",
+    "jerk": "log dimensionless jerk of the tip, in the same tasks; larger trembles more",
+    "settling": "time until the tip stays within 5 % of a still target, past obstacles",
     "step": "time of a control step, while the other cores run, too",
     "data": "samples that the entrant learns from",
     "lines": "of its own file, with docstrings",

@@ -51,6 +51,16 @@ class PlannerComparison:
         return list(dict.fromkeys(names))
 
     @property
+    def common_tasks(self) -> list[str]:
+        """Those that every entrant does, with what it knows anyway."""
+        tasks = {cell.task.name: cell.task for cell in self.cells}
+        return [
+            name
+            for name, task in tasks.items()
+            if not task.needs and task.condition != "payload known"
+        ]
+
+    @property
     def cells(self) -> list[Cell]:
         """Those that were run, and the others."""
         return [*(result.cell for result in self.results), *self.dashes]
@@ -80,22 +90,20 @@ class PlannerComparison:
         return float(np.mean([*shares.values()])) if shares else np.nan
 
     def values(
-        self, entrant: str, task: str | None, key: tuple[str, str], held_out: bool
+        self, entrant: str, tasks: Sequence[str], key: tuple[str, str], held_out: bool
     ) -> np.ndarray:
-        """Figures of all runs of an entrant; without NaN.
+        """Figures of runs of an entrant; without NaN.
 
         Args:
             entrant: its name.
-            task: its name; None for all.
+            tasks: names of tasks.
             key: name and unit of the figure.
             held_out: whether of the arms held out, or of the others.
         """
         values: list[float] = []
         for result in self.results:
             cell = result.cell
-            if cell.entrant.name != entrant:
-                continue
-            if task not in (None, cell.task.name):
+            if cell.entrant.name != entrant or cell.task.name not in tasks:
                 continue
             is_held_out = cell.arm.group == HELD_OUT
             if is_held_out == held_out:
@@ -139,12 +147,9 @@ def rows_of(comparison: PlannerComparison) -> list[Row]:
     return rows
 
 
-MOTION_FIGURES = {
-    ("way", "of the shortest"): 2,
-    ("jerk", "log"): 1,
-    ("settling", "s"): 1,
-}
-"""Figures over all tasks, and their digits."""
+SETTLING = ("settling", "s")  # where targets are still: in scenes with obstacles
+WAY = ("way", "of the shortest")
+JERK = ("jerk", "log")
 HEADER_END = ("way", "jerk", "settling [s]", "step, median; 99 % [ms]", "data", "lines")
 
 
@@ -186,10 +191,10 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     if len(ticks):
         median, slow = np.percentile(ticks, (50, 99))
         times = f"{median:.1f}; {slow:.1f}"
-    motions = []
-    for key, digits in MOTION_FIGURES.items():
-        values = comparison.values(name, None, key, held_out=False)
-        motions.append(_mean(values, digits))
+    common = comparison.common_tasks
+    ways = comparison.values(name, common, WAY, held_out=False)
+    jerks = comparison.values(name, common, JERK, held_out=False)
+    settlings = comparison.values(name, comparison.tasks, SETTLING, held_out=False)
     groups = map(comparison.arms, (False, True))
     shares = [comparison.success(name, arms) for arms in groups]
     return [
@@ -197,7 +202,9 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
         entrant.family,
         *map(_percent, shares),
         *tasks,
-        *motions,
+        _mean(ways, 2),
+        _mean(jerks, 1),
+        _mean(settlings, 1),
         times,
         str(entrant.samples or "-"),
         str(entrant.lines),
@@ -205,7 +212,7 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
 
 
 def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
-    success = comparison.values(name, task, SUCCESS, held_out=False)
+    success = comparison.values(name, [task], SUCCESS, held_out=False)
     if not len(success):
         return "-"
     parts = [_percent(success.mean())]
@@ -213,7 +220,7 @@ def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
     if task in BESIDE:
         keys.append(BESIDE[task])
     for key in keys:
-        values = comparison.values(name, task, key, held_out=False)
+        values = comparison.values(name, [task], key, held_out=False)
         parts.append(_mean(values, 1))
     return "; ".join(parts)
 
@@ -280,13 +287,14 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     errors = {}
     points = {}
     for name in names:
-        errors[name] = comparison.values(name, None, ERROR, held_out=False)
+        errors[name] = comparison.values(name, comparison.tasks, ERROR, held_out=False)
         ticks = comparison.step_times(name)
         if len(ticks):
             success = comparison.success(name, comparison.arms(held_out=False))
             median = float(np.median(ticks))
             points[name] = median, success
     runs = max(
-        len(comparison.values(name, None, SUCCESS, held_out=False)) for name in names
+        len(comparison.values(name, comparison.tasks, SUCCESS, held_out=False))
+        for name in names
     )
     return planners_figure(errors, runs, points, path)

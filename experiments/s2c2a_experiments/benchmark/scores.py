@@ -13,6 +13,7 @@ from s2c2a.tasks import Task
 # of the protocol
 POSITION_BOUND = 5.0  # % of the arm's length: 3 cm of 60 cm, as the paper's arm about
 ANGLE_BOUND = 10.0  # deg
+STRICTNESS = (0.5, 1.0, 2.0)  # times both bounds; one bound alone would rank by chance
 TOUCH = 0.35  # % of the arm's length: a touch, by the simulation's contact
 STILL = 1e-6  # m; a goal that moves less in the whole run is still
 POSITIONS = ("position", "constraint", "end distance")
@@ -35,7 +36,7 @@ def figures_of(run: Run) -> Figures:
     tips = run.episode.after("states")[:, -1, POSITION]
     starts = run.episode.ran("sensor.states")[:, -1, POSITION]
     return {
-        ("success", "of runs"): _success(errors, angles, clearances),
+        ("success", "of runs"): success_of(errors, angles, clearances),
         ("error", "% of length"): max(errors, default=np.nan),
         ("axis error", "deg"): max(angles, default=np.nan),
         ("clearance", "% of length"): min(clearances, default=np.nan),
@@ -51,14 +52,18 @@ def _parts(
     return [scale * scores[name].value for name in names if name in scores]
 
 
-def _success(
+def success_of(
     errors: list[float], angles: list[float], clearances: list[float]
 ) -> float:
-    """One where all figures are within their bounds, which NaN is not."""
-    is_near = all(value <= POSITION_BOUND for value in errors)
-    is_aligned = all(value <= ANGLE_BOUND for value in angles)
-    is_clear = all(value >= -TOUCH for value in clearances)
-    return float(is_near and is_aligned and is_clear)
+    """Share of the bounds that hold all figures, which NaN is never within."""
+    if not all(value >= -TOUCH for value in clearances):
+        return 0.0
+    held = [
+        all(value <= factor * POSITION_BOUND for value in errors)
+        and all(value <= factor * ANGLE_BOUND for value in angles)
+        for factor in STRICTNESS
+    ]
+    return float(np.mean(held))
 
 
 def way_ratio(start: Points, tips: Tips, task: Task) -> float:

@@ -19,6 +19,7 @@ from s2c2a.viz.charts import (
 from s2c2a.viz.colors import DESIRED, INK, MUTED
 
 LABELED = 6  # best entrants, whose profiles have colors
+LABEL_OFFSETS = ((4, 3), (4, -9))  # points; neighbors in time take turns
 COLORS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#7a5230")
 
 
@@ -34,7 +35,7 @@ def planners_figure(
         errors: of the runs of every entrant [% of length], the best entrant first; runs
             that an entrant cannot do or that failed are missing.
         runs: number of runs of an entrant that does all tasks.
-        points: time of a step [ms] and share of successful runs, by entrant.
+        points: time of a step [ms] and success, by entrant.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
     """
     figure = new_figure(11.0, 4.6)
@@ -42,7 +43,7 @@ def planners_figure(
     profiles = new_axes(figure, grid[0, 0], "error [% of length]", "share of runs")
     _draw_profiles(profiles, errors, runs)
     time = "time of a control step, median [ms]"
-    _draw_pareto(new_axes(figure, grid[0, 1], time, "share of successful runs"), points)
+    _draw_pareto(new_axes(figure, grid[0, 1], time, "success"), points)
     legend(figure)
     return save_figure(figure, path)
 
@@ -67,10 +68,12 @@ def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> N
 def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
     front = pareto(points)
-    for name, (time, share) in points.items():
+    for number, name in enumerate(sorted(points, key=points.__getitem__)):
+        time, share = points[name]
         color = DESIRED if name in front else INK
         axes.plot(time, share, "o", color=color, markersize=5)
-        place: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
+        offset = LABEL_OFFSETS[number % len(LABEL_OFFSETS)]
+        place: dict[str, Any] = {"xytext": offset, "textcoords": "offset points"}
         axes.annotate(name, (time, share), color=color, fontsize=7, **place)
     line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
     axes.step(line[:, 0], line[:, 1], where="post", color=DESIRED, linewidth=1.0)
