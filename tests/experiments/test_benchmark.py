@@ -13,7 +13,7 @@ from s2c2a.goals import Goal
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark import protocol
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells
-from s2c2a_experiments.benchmark.command import benchmark
+from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
 from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -86,6 +86,13 @@ def protocol_work():
     from s2c2a.cli.execution import ALL_CORES  # noqa: PLC0415  # a command's option
 
     return ALL_CORES
+
+
+def test_the_smoke_version_has_one_entrant_of_each_file_and_the_users_own(own):
+    chosen = one_of_each_file([*untuned(), entrant_of(own)])
+    names = [each.name for each in chosen]
+    assert {"rrt", "pcc", "mine"} <= set(names)
+    assert not {"rrt-star", "pcc-horizon"} & set(names)
 
 
 def test_names_of_the_protocol_are_checked(own):

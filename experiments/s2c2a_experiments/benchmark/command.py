@@ -48,7 +48,7 @@ def benchmark(
         arm: these arms of the protocol alone.
         seeds: number of seeds, from zero.
         smoke: one arm, two short tasks, one seed, and of the project's entrants those
-            without training.
+            without training, one of each file.
         tune: tune the entrants instead, each by the same number of trials, and write
             tuned.toml.
         work: run directory (runs/benchmark by default) and parallel execution.
@@ -71,6 +71,8 @@ def benchmark(
     tasks = _chosen(task, protocol.TASKS, "task")
     if smoke:
         entrants = [each for each in entrants if each.is_own or not each.samples]
+        if not only:
+            entrants = one_of_each_file(entrants)
         tasks = [protocol.smaller(each, 1) for each in tasks if each.name in SMOKE]
     arms = _arms(arm, smoke)
     options = {
@@ -167,6 +169,14 @@ def _entrants(entry: "Sequence[str]", only: "Sequence[str]") -> "list[Entrant]":
     if not names:
         raise S2C2AError("no entrant; give --entry file.py:Class")
     return [*chosen, *own]
+
+
+def one_of_each_file(entrants: "Sequence[Entrant]") -> "list[Entrant]":
+    """The user's own, and the first of each file of the others."""
+    others = [each for each in reversed(entrants) if not each.is_own]
+    chosen = {type(each.options).__module__: each.name for each in others}
+    names = chosen.values()
+    return [each for each in entrants if each.is_own or each.name in names]
 
 
 def _arms(names: "Sequence[str]", smoke: bool) -> "list[BenchmarkArm]":
