@@ -1,5 +1,6 @@
 """The tables on the pages: which rows of `results/` each one shows."""
 
+import csv
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -828,3 +829,43 @@ def transfer_from_prior_table() -> str:
 def transfer_from_another_table() -> str:
     """A new arm from the networks of another one."""
     return _transfer_table("from another")
+
+
+@shown_as("planners")
+def planners_table() -> str:
+    """What planners achieve: success, and errors by task."""
+    columns = [
+        "entrant",
+        "success",
+        "held out",
+        "path",
+        "orientation",
+        "constraint",
+        "obstacles",
+        "moving target",
+        "payload",
+        "known payload",
+    ]
+    return _csv_table("planners.csv", columns)
+
+
+@shown_as("planners-motion")
+def planners_motion_table() -> str:
+    """How planners move the arm, and what they cost."""
+    step = "step, median; 99 % [ms]"
+    columns = ["entrant", "way", "jerk", "settling [s]", step, "data", "lines"]
+    return _csv_table("planners.csv", columns)
+
+
+@shown_as("planners-by-arm")
+def planners_by_arm_table() -> str:
+    """Success of planners on each arm."""
+    return _csv_table("by-arm.csv")
+
+
+def _csv_table(name: str, columns: Sequence[str] = ()) -> str:
+    """Columns of a table of `results/planners/`, all by default."""
+    text = (RESULTS / "planners" / name).read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
+    chosen = columns or list(rows[0])
+    return table(chosen, [[row[column] for column in chosen] for row in rows])
