@@ -52,13 +52,10 @@ class PlannerComparison:
 
     @property
     def common_tasks(self) -> list[str]:
-        """Those that every entrant does, with what it knows anyway."""
-        tasks = {cell.task.name: cell.task for cell in self.cells}
-        return [
-            name
-            for name, task in tasks.items()
-            if not task.needs and task.condition != "payload known"
-        ]
+        """Names of the tasks that every entrant does; of those with payload, the unknown."""
+        cells = [cell for cell in self.cells if not cell.knows_payload]
+        names = [cell.task.name for cell in cells if not cell.task.needs]
+        return list(dict.fromkeys(names))
 
     @property
     def cells(self) -> list[Cell]:
