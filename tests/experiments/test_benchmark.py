@@ -15,6 +15,7 @@ from s2c2a_experiments.benchmark import protocol
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
 from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
+from s2c2a_experiments.benchmark.result_files import load_results, save_results
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
     arm_table,
@@ -76,10 +77,10 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
     assert "`mine` ignores obstacles: obstacles" in notes
     page = (tmp_path / "run" / "planners.html").read_text(encoding="utf-8")
     assert "<code>mine</code>" in page
-    rows = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
-    assert {row["strategy"] for row in json.loads(rows)} == {"mine", "pcc"}
+    saved = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
+    assert {each["entrant"] for each in json.loads(saved)["results"]} == {"mine", "pcc"}
     benchmark(**arguments, smoke=True, work=work)  # again, from what is kept
-    assert (tmp_path / "run" / "planners.json").read_text(encoding="utf-8") == rows
+    assert (tmp_path / "run" / "planners.json").read_text(encoding="utf-8") == saved
 
 
 def protocol_work():
@@ -148,7 +149,7 @@ def test_the_files_of_the_protocol_hold_arms_that_steer():
 
 def result(entrant, task, arm, success):
     cell = Cell(entrant, protocol.TASKS[task], arm)
-    return Result(cell, {("success", "of runs"): success}, (), np.ones(3))
+    return Result(cell, {"success": success}, (), (1.0, 2.0), {"s2c2a": "0"})
 
 
 def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
@@ -174,6 +175,72 @@ def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
     )
 
 
+@pytest.fixture
+def file(short, tmp_path):
+    """A file that says that `pcc` succeeds in a half of a task."""
+    (arm,) = protocol.protocol_arms()
+    pcc = next(each for each in entrants() if each.name == "pcc")
+    path = tmp_path / "known.json"
+    save_results([result(pcc, "path", arm, [0.5])], (0,), path)
+    return path
+
+
+def test_what_a_file_of_results_holds_is_not_run_again(own, file, tmp_path, capsys):
+    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
+    benchmark(
+        entry=(own,),
+        only=("pcc",),
+        task=("path",),
+        seeds=1,
+        results=(str(file),),
+        work=work,
+    )
+    saved = json.loads((tmp_path / "run" / "planners.json").read_text(encoding="utf-8"))
+    results = {each["entrant"]: each for each in saved["results"]}
+    assert results["pcc"]["figures"] == {"success": [0.5]}
+    assert results["mine"]["figures"]["error"]
+    assert saved["versions"][results["pcc"]["versions"]] == {"s2c2a": "0"}
+    assert "1 of 2 entrants' tasks, made with s2c2a 0" in capsys.readouterr().out
+
+
+def test_results_count_for_the_same_options_alone(own, file):
+    pcc = next(each for each in entrants() if each.name == "pcc")
+    other = pcc.with_values({"planner.solver.learning_rate": 0.02})
+    arms = protocol.protocol_arms()
+    for entrant, count in ((pcc, 1), (other, 0)):
+        cells = all_cells([entrant], [protocol.TASKS["path"]], arms)
+        assert len(load_results(file, cells, (0,))) == count
+
+
+def test_results_change_with_the_code_of_an_entry(own, tmp_path):
+    file = tmp_path / "changing.py"
+    file.write_text(OWN)
+    kept = tmp_path / "known.json"
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    one = entrant_of(f"{file}:Mine")
+    save_results([result(one, "path", arm, [0.5])], (0,), kept)
+    cells = [Cell(one, protocol.TASKS["path"], arm)]
+    assert len(load_results(kept, cells, (0,))) == 1
+    file.write_text(OWN + "\nLATER = 1\n")
+    assert load_results(kept, cells, (0,)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"protocol": 0}, "its protocol is 0, not 1"),
+        ({"seeds": [0, 1]}, "results of seeds .0, 1., and .0,. are asked"),
+        ({"versions": []}, "no versions 0"),
+        ({"results": [{"entrant": "pcc"}]}, "Field required"),
+    ],
+)
+def test_files_of_other_results_are_refused(file, change, said):
+    content = json.loads(file.read_text(encoding="utf-8"))
+    file.write_text(json.dumps(content | change))
+    with pytest.raises(S2C2AError, match=said):
+        load_results(file, [], (0,))
+
+
 def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
     best = entrant_of("pcc")
     arm = protocol.BenchmarkArm(TWIN, "preset")
@@ -188,7 +255,7 @@ def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
 def test_a_benchmark_in_which_every_run_fails_still_draws(tmp_path):
     one = entrant_of("pcc")
     arm = protocol.BenchmarkArm(TWIN, "preset")
-    failed = replace(result(one, "path", arm, [0.0]), ticks=np.zeros(0))
+    failed = replace(result(one, "path", arm, [0.0]), step=None)
     comparison = PlannerComparison([one], [failed], [], (0,))
     assert draw(comparison, tmp_path / "planners.png").is_file()
 

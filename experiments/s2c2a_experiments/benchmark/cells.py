@@ -1,10 +1,11 @@
 """The cells of the benchmark: an entrant on a task with an arm, once a seed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a import jobs
 from s2c2a.errors import S2C2AError
@@ -12,11 +13,12 @@ from s2c2a.estimation import EstimationSettings
 from s2c2a.planning import Guard
 from s2c2a.strategies import RunOptions
 from s2c2a.tasks import Task
+from s2c2a.versions import versions
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import BenchmarkArm, BenchmarkTask
 from s2c2a_experiments.benchmark.scores import Figures, figures_of
 
-FAILED: Figures = {("success", "of runs"): 0.0}
+FAILED: Figures = {"success": 0.0}
 """The figures of a run that an error ended."""
 
 
@@ -35,9 +37,9 @@ class Cell:
     arm: BenchmarkArm
 
     @property
-    def names(self) -> tuple[str, str]:
-        """Of entrant and task."""
-        return self.entrant.name, self.task.name
+    def names(self) -> tuple[str, str, str]:
+        """Of entrant, task and arm."""
+        return self.entrant.name, self.task.name, self.arm.arm.name
 
     @property
     def dash(self) -> str:
@@ -93,15 +95,18 @@ class Result:
 
     Attributes:
         cell: that was run.
-        figures: of every run; by name and unit, a value a task and seed.
+        figures: by name (`Figures`), a value of every run that has one.
         failures: messages of runs that an error ended.
-        ticks: times of all control steps [s].
+        step: median and 99th percentile of the times of its control steps [ms]; None
+            without a step.
+        versions: of the software that made it.
     """
 
     cell: Cell
-    figures: dict[tuple[str, str], list[float]]
+    figures: dict[str, list[float]]
     failures: tuple[str, ...]
-    ticks: np.ndarray
+    step: tuple[float, float] | None
+    versions: Mapping[str, str]
 
 
 def all_cells(
@@ -115,7 +120,10 @@ def all_cells(
 
 
 def run_cells(
-    cells: Sequence[Cell], seeds: Sequence[int], make: jobs.Make
+    cells: Sequence[Cell],
+    seeds: Sequence[int],
+    make: jobs.Make,
+    known: Iterable[Result] = (),
 ) -> list[Result]:
     """Results of all cells that have no dash, in their order.
 
@@ -124,15 +132,19 @@ def run_cells(
         seeds: of data, training and start.
         make: finds or makes runs, networks and recordings; an error stands in the place
             of what failed.
+        known: results that need not be made; of those of the same cell, the last counts.
     """
-    running = [cell for cell in cells if not cell.dash]
+    results = {result.cell.names: result for result in known}
+    running = [cell for cell in cells if not cell.dash and cell.names not in results]
     tasks_of_cells = _tasks_of(running)
     groups = [
         cell.make_jobs(tasks, seeds)
         for cell, tasks in zip(running, tasks_of_cells, strict=True)
     ]
     runs = jobs.in_groups(make, groups)
-    return [_result(*pair) for pair in zip(running, runs, strict=True)]
+    for cell, runs_of_cell in zip(running, runs, strict=True):
+        results[cell.names] = _result(cell, runs_of_cell)
+    return [results[cell.names] for cell in cells if not cell.dash]
 
 
 def _tasks_of(cells: Sequence[Cell]) -> list[list[Task]]:
@@ -148,9 +160,9 @@ def _tasks_of(cells: Sequence[Cell]) -> list[list[Task]]:
 
 
 def _result(cell: Cell, runs: Sequence[jobs.Run | S2C2AError]) -> Result:
-    figures: dict[tuple[str, str], list[float]] = {}
+    figures: dict[str, list[float]] = {}
     failures = []
-    ticks = [np.zeros(0)]
+    ticks = []
     for run in runs:
         values = FAILED
         if isinstance(run, S2C2AError):
@@ -161,6 +173,22 @@ def _result(cell: Cell, runs: Sequence[jobs.Run | S2C2AError]) -> Result:
         else:
             values = figures_of(run)
             ticks.append(run.episode.ran("tick_time"))
-        for key, value in values.items():
-            figures.setdefault(key, []).append(value)
-    return Result(cell, figures, tuple(failures), np.concatenate(ticks))
+        for name, value in values.items():
+            if np.isfinite(value):
+                figures.setdefault(name, []).append(rounded(value))
+    return Result(cell, figures, tuple(failures), _step_times(ticks), versions())
+
+
+def _step_times(
+    ticks: Sequence[Float[np.ndarray, " steps"]],
+) -> tuple[float, float] | None:
+    """Median and 99th percentile [ms] of times of runs [s]; None without runs."""
+    if not ticks:
+        return None
+    median, slow = 1e3 * np.percentile(np.concatenate(ticks), (50, 99))
+    return rounded(median), rounded(slow)
+
+
+def rounded(value: float) -> float:
+    """The value with four digits, as files keep it."""
+    return float(f"{value:.4g}")

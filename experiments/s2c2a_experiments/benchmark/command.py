@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from s2c2a_experiments.benchmark.cells import Cell, Result
     from s2c2a_experiments.benchmark.entrants import Entrant
     from s2c2a_experiments.benchmark.protocol import BenchmarkArm
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 Entries = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE.py:Class ...")]
+Files = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")]
 
 
 def benchmark(
@@ -34,6 +36,7 @@ def benchmark(
     seeds: int = 3,
     smoke: bool = False,
     tune: bool = False,
+    results: Files = (),
     work: Work = ALL_CORES,
 ) -> None:
     """Compare planners: all of the paper's Table I, and your own.
@@ -51,6 +54,8 @@ def benchmark(
             without training, one of each file.
         tune: tune the entrants instead, each by the same number of trials, and write
             tuned.toml.
+        results: files planners.json of other benchmarks, such as the project's; what they
+            hold is not run again.
         work: run directory (runs/benchmark by default) and parallel execution.
     """
     from s2c2a import jobs
@@ -59,13 +64,15 @@ def benchmark(
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
     if tune:
-        if entry or task or arm or smoke:
+        if entry or task or arm or smoke or results:
             raise S2C2AError(
                 "--tune tunes the project's entrants by its own tasks and arm; leave out "
-                "--entry, --task, --arm and --smoke"
+                "--entry, --task, --arm, --smoke and --results"
             )
         _tune([each.name for each in _entrants((), only)], work)
         return
+    if smoke and results:
+        raise S2C2AError("--smoke has shorter tasks than other results; leave out one")
     numbers = tuple(jobs.checked_seeds(0, 1 if smoke else seeds))
     entrants = _entrants(entry, only)
     tasks = _chosen(task, protocol.TASKS, "task")
@@ -83,14 +90,15 @@ def benchmark(
         "seeds": numbers,
     }
     cells = all_cells(entrants, tasks, arms)
+    known = _known(results, cells, numbers)
     label = "benchmark-smoke" if smoke else "benchmark"
     with run_directory(label, options, work, resume=True, keep_errors=True) as (
         directory,
         make,
     ):
-        results = run_cells(cells, numbers, make)
+        found = run_cells(cells, numbers, make, known)
     dashes = [cell for cell in cells if cell.dash]
-    _show(PlannerComparison(entrants, results, dashes, numbers), directory)
+    _show(PlannerComparison(entrants, found, dashes, numbers), directory)
 
 
 def _tune(names: "Sequence[str]", work: Work) -> None:
@@ -119,6 +127,24 @@ def _tune(names: "Sequence[str]", work: Work) -> None:
 
         tune.tune(chosen, directory, cache, executor, progress, keep)
     print(f"tuned values: {path} (they belong to {entrants.TUNED})")
+
+
+def _known(
+    files: "Sequence[str]", cells: "Sequence[Cell]", seeds: "Sequence[int]"
+) -> "list[Result]":
+    """Results in files, each announced with what made it."""
+    from s2c2a_experiments.benchmark.result_files import load_results
+
+    known = []
+    for file in files:
+        results = load_results(file, cells, seeds)
+        makers = dict.fromkeys(
+            f"s2c2a {result.versions.get('s2c2a')}" for result in results
+        )
+        made = f", made with {' and '.join(makers)}" if results else ""
+        print(f"{file}: {len(results)} of {len(cells)} entrants' tasks{made}")
+        known += results
+    return known
 
 
 SMOKE = ("path", "obstacles")

@@ -27,7 +27,8 @@ COLUMNS = {
     "way": "of the tip, over that of its goals; in tasks that all entrants do",
     "jerk": "log dimensionless jerk of the tip, in the same tasks; larger trembles more",
     "settling": "time until the tip stays within 5 % of a still target, past obstacles",
-    "step": "time of a control step, while the other cores run, too",
+    "step": "time of a control step, while the other cores run, too; median over tasks "
+    "and arms",
     "data": "samples that the entrant learns from",
     "lines": "of its own file, with docstrings",
 }

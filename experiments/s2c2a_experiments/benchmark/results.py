@@ -1,29 +1,25 @@
-"""The tables of the benchmark: all rows, and one line an entrant."""
+"""The tables of the benchmark: one line an entrant."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from s2c2a.evaluation import Row
-from s2c2a.evaluation.report import over_seeds, save_csv, save_rows
+from s2c2a.evaluation.report import save_csv
 from s2c2a.files import write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
-from s2c2a_experiments.benchmark.protocol import VERSION
+from s2c2a_experiments.benchmark.result_files import save_results
 from s2c2a_experiments.figures.planners import planners_figure
 from s2c2a_experiments.table_files import latex_table, markdown_table
 
-EXPERIMENT = f"planners, version {VERSION}"
 HELD_OUT = "held out"
-SUCCESS = ("success", "of runs")
-ERROR = ("error", "% of length")
 BESIDE = {
-    "obstacles": ("clearance", "% of length"),
-    "orientation": ("axis error", "deg"),
-    "constraint": ("axis error", "deg"),
+    "obstacles": "clearance",
+    "orientation": "axis error",
+    "constraint": "axis error",
 }
 """Second figure of a task's column."""
 
@@ -80,21 +76,21 @@ class PlannerComparison:
         names = [cell.task.name for cell in self.cells if not cell.knows_payload]
         shares = dict.fromkeys(product(arms, names or self.tasks), 0.0)
         for result in self.results:
-            cell = result.cell
-            place = cell.arm.arm.name, cell.task.name
-            if cell.entrant.name == entrant and place in shares:
-                shares[place] = float(np.mean(result.figures[SUCCESS]))
+            name, task, arm = result.cell.names
+            place = arm, task
+            if name == entrant and place in shares:
+                shares[place] = float(np.mean(result.figures["success"]))
         return float(np.mean([*shares.values()])) if shares else np.nan
 
     def values(
-        self, entrant: str, tasks: Sequence[str], key: tuple[str, str], held_out: bool
+        self, entrant: str, tasks: Sequence[str], figure: str, held_out: bool
     ) -> np.ndarray:
-        """Figures of runs of an entrant; without NaN.
+        """A figure of the runs of an entrant that have it.
 
         Args:
             entrant: its name.
             tasks: names of tasks.
-            key: name and unit of the figure.
+            figure: its name.
             held_out: whether of the arms held out, or of the others.
         """
         values: list[float] = []
@@ -104,49 +100,22 @@ class PlannerComparison:
                 continue
             is_held_out = cell.arm.group == HELD_OUT
             if is_held_out == held_out:
-                values += result.figures.get(key, [])
-        numbers = np.array(values, float)
-        is_known = np.isfinite(numbers)
-        return numbers[is_known]
+                values += result.figures.get(figure, [])
+        return np.array(values, float)
 
-    def step_times(self, entrant: str) -> np.ndarray:
-        """Times of all control steps of an entrant [ms]."""
-        ticks = [np.zeros(0)]
-        for result in self.results:
-            if result.cell.entrant.name == entrant:
-                ticks.append(result.ticks)
-        return 1e3 * np.concatenate(ticks)
-
-
-def rows_of(comparison: PlannerComparison) -> list[Row]:
-    """A row of every entrant, task, arm and figure; times of steps are in none."""
-    rows = []
-    for result in comparison.results:
-        cell = result.cell
-        for (metric, unit), values in result.figures.items():
-            known = [value for value in values if np.isfinite(value)]
-            if not known:
-                continue
-            row = Row(
-                EXPERIMENT,
-                cell.task.name,
-                cell.arm.arm.name,
-                "fast",
-                cell.entrant.name,
-                cell.entrant.recipe.name,
-                metric,
-                unit,
-                float(np.mean(known)),
-            )
-            seeds = tuple(comparison.seeds)
-            spread = over_seeds(known)
-            rows.append(replace(row, **spread, seeds=seeds))
-    return rows
+    def step_times(self, entrant: str) -> tuple[float, float] | None:
+        """Median over tasks and arms of the median and of 99 % [ms]; None without steps."""
+        steps = [
+            result.step
+            for result in self.results
+            if result.cell.entrant.name == entrant and result.step
+        ]
+        if not steps:
+            return None
+        median, slow = np.median(steps, axis=0)
+        return float(median), float(slow)
 
 
-SETTLING = ("settling", "s")  # where targets are still: in scenes with obstacles
-WAY = ("way", "of the shortest")
-JERK = ("jerk", "log")
 HEADER_END = ("way", "jerk", "settling [s]", "step, median; 99 % [ms]", "data", "lines")
 
 
@@ -183,15 +152,12 @@ def arm_table(comparison: PlannerComparison) -> tuple[list[str], list[list[str]]
 def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     name = entrant.name
     tasks = [_task_cell(comparison, name, task) for task in comparison.tasks]
-    ticks = comparison.step_times(name)
-    times = "-"
-    if len(ticks):
-        median, slow = np.percentile(ticks, (50, 99))
-        times = f"{median:.1f}; {slow:.1f}"
+    step = comparison.step_times(name)
+    times = "; ".join(f"{time:.1f}" for time in step) if step else "-"
     common = comparison.common_tasks
-    ways = comparison.values(name, common, WAY, held_out=False)
-    jerks = comparison.values(name, common, JERK, held_out=False)
-    settlings = comparison.values(name, comparison.tasks, SETTLING, held_out=False)
+    ways = comparison.values(name, common, "way", held_out=False)
+    jerks = comparison.values(name, common, "jerk", held_out=False)
+    settlings = comparison.values(name, comparison.tasks, "settling", held_out=False)
     groups = map(comparison.arms, (False, True))
     shares = [comparison.success(name, arms) for arms in groups]
     return [
@@ -209,15 +175,15 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
 
 
 def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
-    success = comparison.values(name, [task], SUCCESS, held_out=False)
+    success = comparison.values(name, [task], "success", held_out=False)
     if not len(success):
         return "-"
     parts = [_percent(success.mean())]
-    keys = [ERROR]
+    names = ["error"]
     if task in BESIDE:
-        keys.append(BESIDE[task])
-    for key in keys:
-        values = comparison.values(name, [task], key, held_out=False)
+        names.append(BESIDE[task])
+    for figure in names:
+        values = comparison.values(name, [task], figure, held_out=False)
         parts.append(_mean(values, 1))
     return "; ".join(parts)
 
@@ -253,8 +219,7 @@ def failure_lines(comparison: PlannerComparison) -> list[str]:
     """Errors that ended runs, each once an entrant."""
     texts = []
     for result in comparison.results:
-        name, task = result.cell.names
-        arm = result.cell.arm.arm.name
+        name, task, arm = result.cell.names
         for message in result.failures:
             line = " ".join(message.split())
             texts.append(f"`{name}` with {arm}, {task}: {line}")
@@ -263,7 +228,7 @@ def failure_lines(comparison: PlannerComparison) -> list[str]:
 
 def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
     """Write `planners.md`, `.csv`, `.tex`, `.json` and `by-arm.csv`; return the first."""
-    save_rows(rows_of(comparison), folder / "planners.json")
+    save_results(comparison.results, comparison.seeds, folder / "planners.json")
     head = header(comparison)
     body = lines(comparison)
     save_csv(head, body, folder / "planners.csv")
@@ -284,14 +249,15 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     errors = {}
     points = {}
     for name in names:
-        errors[name] = comparison.values(name, comparison.tasks, ERROR, held_out=False)
-        ticks = comparison.step_times(name)
-        if len(ticks):
+        errors[name] = comparison.values(
+            name, comparison.tasks, "error", held_out=False
+        )
+        step = comparison.step_times(name)
+        if step:
             success = comparison.success(name, comparison.arms(held_out=False))
-            median = float(np.median(ticks))
-            points[name] = median, success
+            points[name] = step[0], success
     runs = max(
-        len(comparison.values(name, comparison.tasks, SUCCESS, held_out=False))
+        len(comparison.values(name, comparison.tasks, "success", held_out=False))
         for name in names
     )
     return planners_figure(errors, runs, points, path)

@@ -19,8 +19,10 @@ STILL = 1e-6  # m; a goal that moves less in the whole run is still
 POSITIONS = ("position", "constraint", "end distance")
 ANGLES = ("tilt", "orientation", "azimuth")
 CLEARANCES = ("clearance of the arm",)
-Figures = dict[tuple[str, str], float]
-"""Name and unit of a figure -> value; NaN where a run has none."""
+Figures = dict[str, float]
+"""Figures of a run by name, NaN where it has none: success (share of the bounds kept),
+error and clearance [% of length], axis error [deg], way (of the shortest), jerk (log),
+settling [s]."""
 Points = Float[np.ndarray, "points 3"]
 Tips = Float[np.ndarray, "steps 3"]
 
@@ -36,13 +38,13 @@ def figures_of(run: Run) -> Figures:
     tips = run.episode.after("states")[:, -1, POSITION]
     starts = run.episode.ran("sensor.states")[:, -1, POSITION]
     return {
-        ("success", "of runs"): success_of(errors, angles, clearances),
-        ("error", "% of length"): max(errors, default=np.nan),
-        ("axis error", "deg"): max(angles, default=np.nan),
-        ("clearance", "% of length"): min(clearances, default=np.nan),
-        ("way", "of the shortest"): way_ratio(starts[:1], tips, run.job.task),
-        ("jerk", "log"): log_jerk(tips, arm.control_period),
-        ("settling", "s"): settling_time(run),
+        "success": success_of(errors, angles, clearances),
+        "error": max(errors, default=np.nan),
+        "axis error": max(angles, default=np.nan),
+        "clearance": min(clearances, default=np.nan),
+        "way": way_ratio(starts[:1], tips, run.job.task),
+        "jerk": log_jerk(tips, arm.control_period),
+        "settling": settling_time(run),
     }
 
 
