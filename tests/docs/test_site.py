@@ -46,6 +46,17 @@ def undescribed_names(site: Path) -> list[str]:
     return [name for name, names in paths.items() if not names & anchors]
 
 
+def test_links_between_pages_lead_to_a_file_of_the_documentation():
+    lost = []
+    for page in (ROOT / "docs").rglob("*.md"):
+        for address in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
+            target = (page.parent / address).resolve()
+            is_there = target.is_file() and target.is_relative_to(ROOT / "docs")
+            if ":" not in address and not is_there:
+                lost.append(f"{page.relative_to(ROOT)}: {address}")
+    assert lost == []
+
+
 @pytest.mark.slow
 def test_the_site_builds_strictly_without_dead_links_and_with_every_public_name(
     tmp_path,
