@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 
 from s2c2a.viz.charts import (
     headline,
@@ -19,7 +20,9 @@ from s2c2a.viz.charts import (
 from s2c2a.viz.colors import DESIRED, INK, MUTED
 
 LABELED = 6  # best entrants, whose profiles have colors
-LABEL_OFFSETS = ((4, 3), (4, -9))  # points; neighbors in time take turns
+LABEL_DISTANCES = (8.0, 14.0, 21.0, 30.0, 42.0)  # points, the nearest that is free
+LABEL_DIRECTIONS = (-45, 45, 135, -135, 0, 180, 90, -90)  # deg, in order of preference
+POINT = 3.0  # points, half the width that a label keeps clear of
 COLORS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#7a5230")
 
 
@@ -68,19 +71,49 @@ def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> N
 def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
     front = pareto(points)
-    for number, name in enumerate(sorted(points, key=points.__getitem__)):
-        time, share = points[name]
-        color = DESIRED if name in front else INK
-        axes.plot(time, share, "o", color=color, markersize=5)
-        offset = LABEL_OFFSETS[number % len(LABEL_OFFSETS)]
-        place: dict[str, Any] = {"xytext": offset, "textcoords": "offset points"}
-        axes.annotate(name, (time, share), color=color, fontsize=7, **place)
+    colors = {name: DESIRED if name in front else INK for name in points}
+    for name, (time, share) in points.items():
+        axes.plot(time, share, "o", color=colors[name], markersize=5)
     line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
     axes.step(line[:, 0], line[:, 1], where="post", color=DESIRED, linewidth=1.0)
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.05)
     label_log_axis(axes)
     headline(axes, "Success and time")
+    _label(axes, points, colors)
+
+
+def _label(
+    axes: Axes, points: Mapping[str, tuple[float, float]], colors: Mapping[str, str]
+) -> None:
+    """Write the names beside the points, where no other point or name is."""
+    axes.margins(x=0.2)
+    axes.figure.draw_without_rendering()  # the layout decides what overlaps
+    pixels = axes.figure.dpi / 72.0
+    centers = axes.transData.transform([*points.values()]) if points else []
+    taken = [Bbox([center, center]).padded(POINT * pixels) for center in centers]
+    angles = np.radians(LABEL_DIRECTIONS)
+    places = [
+        (distance * np.cos(angle), distance * np.sin(angle))
+        for distance in LABEL_DISTANCES
+        for angle in angles
+    ]
+    for name, point in points.items():
+        place: dict[str, Any] = {"xytext": (0, 0), "textcoords": "offset points"}
+        text = axes.annotate(
+            name, point, color=colors[name], fontsize=7, va="center", **place
+        )
+        for x, y in places:
+            text.set_position((x, y))
+            text.set_horizontalalignment("left" if x > -1.0 else "right")
+            box = text.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)
+        if np.hypot(x, y) > LABEL_DISTANCES[0] + 1.0:
+            place["xytext"] = (x, y)
+            line = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.5}
+            axes.annotate("", point, arrowprops=line, **place)
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> list[str]:
