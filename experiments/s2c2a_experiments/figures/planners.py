@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from s2c2a.viz.charts import (
@@ -46,7 +47,7 @@ def planners_figure(
     profiles = new_axes(figure, grid[0, 0], "error [% of length]", "share of runs")
     _draw_profiles(profiles, errors, runs)
     time = "time of a control step, median [ms]"
-    _draw_pareto(new_axes(figure, grid[0, 1], time, "success"), points)
+    _draw_pareto(figure, new_axes(figure, grid[0, 1], time, "success"), points)
     legend(figure)
     return save_figure(figure, path)
 
@@ -68,7 +69,9 @@ def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> N
     headline(axes, "How many runs stay below an error")
 
 
-def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+def _draw_pareto(
+    figure: Figure, axes: Axes, points: Mapping[str, tuple[float, float]]
+) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
     front = pareto(points)
     colors = {name: DESIRED if name in front else INK for name in points}
@@ -80,17 +83,20 @@ def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     axes.set_ylim(-0.03, 1.05)
     label_log_axis(axes)
     headline(axes, "Success and time")
-    _label(axes, points, colors)
+    _label(figure, axes, points, colors)
 
 
 def _label(
-    axes: Axes, points: Mapping[str, tuple[float, float]], colors: Mapping[str, str]
+    figure: Figure,
+    axes: Axes,
+    points: Mapping[str, tuple[float, float]],
+    colors: Mapping[str, str],
 ) -> None:
     """Write the names beside the points, where no other point or name is."""
     axes.margins(x=0.2)
-    axes.figure.draw_without_rendering()  # the layout decides what overlaps
-    pixels = axes.figure.dpi / 72.0
-    centers = axes.transData.transform([*points.values()]) if points else []
+    figure.draw_without_rendering()  # the layout decides what overlaps
+    pixels = figure.dpi / 72.0
+    centers = axes.transData.transform(np.reshape([*points.values()], (-1, 2)))
     taken = [Bbox([center, center]).padded(POINT * pixels) for center in centers]
     angles = np.radians(LABEL_DIRECTIONS)
     places = [
