@@ -68,38 +68,39 @@ class PlannerComparison:
         return list(dict.fromkeys(names))
 
     def success(self, entrant: str, arms: Sequence[str]) -> float:
-        """Mean over arms and tasks of the shares of successful runs; NaN without arms.
+        """Mean over arms and tasks of the shares of successful runs; NaN if it does none.
 
         An arm or a task that the entrant does not do counts as no success. A known
         payload counts where nothing else was run: it is a task with more information.
         """
         names = [cell.task.name for cell in self.cells if not cell.knows_payload]
         shares = dict.fromkeys(product(arms, names or self.tasks), 0.0)
-        for result in self.results:
-            name, task, arm = result.cell.names
-            place = arm, task
-            if name == entrant and place in shares:
-                shares[place] = float(np.mean(result.figures["success"]))
-        return float(np.mean([*shares.values()])) if shares else np.nan
+        done = {
+            (arm, task): float(np.mean(result.figures["success"]))
+            for result in self.results
+            for name, task, arm in (result.cell.names,)
+            if name == entrant and (arm, task) in shares
+        }
+        return float(np.mean([*(shares | done).values()])) if done else np.nan
 
-    def values(
-        self, entrant: str, tasks: Sequence[str], figure: str, held_out: bool
-    ) -> np.ndarray:
-        """A figure of the runs of an entrant that have it.
+    @property
+    def main_arms(self) -> list[str]:
+        """Names of the arms that are not held out, if there are some."""
+        return self.arms(held_out=False) or self.arms(held_out=True)
+
+    def values(self, entrant: str, tasks: Sequence[str], figure: str) -> np.ndarray:
+        """A figure of the runs of an entrant with the main arms, where they have it.
 
         Args:
             entrant: its name.
             tasks: names of tasks.
             figure: its name.
-            held_out: whether of the arms held out, or of the others.
         """
+        arms = self.main_arms
         values: list[float] = []
         for result in self.results:
-            cell = result.cell
-            if cell.entrant.name != entrant or cell.task.name not in tasks:
-                continue
-            is_held_out = cell.arm.group == HELD_OUT
-            if is_held_out == held_out:
+            name, task, arm = result.cell.names
+            if name == entrant and task in tasks and arm in arms:
                 values += result.figures.get(figure, [])
         return np.array(values, float)
 
@@ -131,10 +132,10 @@ def lines(comparison: PlannerComparison) -> list[list[str]]:
 
 def ranked(comparison: PlannerComparison) -> list[Entrant]:
     """The entrants, the most successful first."""
-    arms = comparison.arms(held_out=False)
+    arms = comparison.main_arms
 
     def failing(entrant: Entrant) -> float:
-        return -comparison.success(entrant.name, arms)
+        return -np.nan_to_num(comparison.success(entrant.name, arms))
 
     return sorted(comparison.entrants, key=failing)
 
@@ -155,9 +156,9 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     step = comparison.step_times(name)
     times = "; ".join(f"{time:.1f}" for time in step) if step else "-"
     common = comparison.common_tasks
-    ways = comparison.values(name, common, "way", held_out=False)
-    jerks = comparison.values(name, common, "jerk", held_out=False)
-    settlings = comparison.values(name, comparison.tasks, "settling", held_out=False)
+    ways = comparison.values(name, common, "way")
+    jerks = comparison.values(name, common, "jerk")
+    settlings = comparison.values(name, comparison.tasks, "settling")
     groups = map(comparison.arms, (False, True))
     shares = [comparison.success(name, arms) for arms in groups]
     return [
@@ -175,7 +176,7 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
 
 
 def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
-    success = comparison.values(name, [task], "success", held_out=False)
+    success = comparison.values(name, [task], "success")
     if not len(success):
         return "-"
     parts = [_percent(success.mean())]
@@ -183,7 +184,7 @@ def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
     if task in BESIDE:
         names.append(BESIDE[task])
     for figure in names:
-        values = comparison.values(name, [task], figure, held_out=False)
+        values = comparison.values(name, [task], figure)
         parts.append(_mean(values, 1))
     return "; ".join(parts)
 
@@ -249,15 +250,12 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     errors = {}
     points = {}
     for name in names:
-        errors[name] = comparison.values(
-            name, comparison.tasks, "error", held_out=False
-        )
+        errors[name] = comparison.values(name, comparison.tasks, "error")
         step = comparison.step_times(name)
         if step:
-            success = comparison.success(name, comparison.arms(held_out=False))
+            success = comparison.success(name, comparison.main_arms)
             points[name] = step[0], success
     runs = max(
-        len(comparison.values(name, comparison.tasks, "success", held_out=False))
-        for name in names
+        len(comparison.values(name, comparison.tasks, "success")) for name in names
     )
     return planners_figure(errors, runs, points, path)
