@@ -3,16 +3,17 @@
 import csv
 import json
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
+from s2c2a.arm import load_arm, save_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.tasks import Task
-from s2c2a_experiments.benchmark import protocol
-from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells
+from s2c2a_experiments.benchmark import command, protocol
+from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells, run_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
 from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
 from s2c2a_experiments.benchmark.result_files import load_results, save_results
@@ -23,6 +24,7 @@ from s2c2a_experiments.benchmark.results import (
     lines,
 )
 from s2c2a_experiments.benchmark.scores import log_jerk, success_of, way_ratio
+from s2c2a_experiments.figures import planners
 from s2c2a_experiments.figures.planners import pareto
 from s2c2a_experiments.search_space import value_at, varied_from
 
@@ -103,6 +105,24 @@ def test_names_of_the_protocol_are_checked(own):
         benchmark(entry=("pcc",), only=("pcc",))
 
 
+def test_arms_of_the_user_take_part_and_keep_their_names_apart(tmp_path):
+    mine = tmp_path / "mine.arm.toml"
+    save_arm(TWIN.model_copy(update={"name": "mine"}), mine)
+    (arm,) = command.chosen_arms((str(mine),), smoke=False)
+    assert (arm.arm.name, arm.group) == ("mine", "yours")
+    save_arm(TWIN, mine, overwrite=True)
+    with pytest.raises(S2C2AError, match="two arms are named 'twin_arm'"):
+        command.chosen_arms((str(mine), "twin_arm"), smoke=False)
+    with pytest.raises(S2C2AError, match=r"no arm 'twin' .did you mean twin_arm"):
+        command.chosen_arms(("twin",), smoke=False)
+
+
+def test_an_arm_of_two_modules_has_no_middle_to_hold():
+    arm = protocol.BenchmarkArm(load_arm("planar_finger"), "yours")
+    (cell,) = all_cells([entrant_of("pcc")], [protocol.TASKS["constraint"]], [arm])
+    assert cell.dash == "is given no arm of 3 modules"
+
+
 def test_every_entrant_takes_part_in_what_it_does_not_ignore():
     arms = [protocol.BenchmarkArm(TWIN, "preset")]
     cells = all_cells(entrants(), list(protocol.TASKS.values()), arms)
@@ -120,7 +140,7 @@ def test_a_cell_knows_the_payload_only_where_the_task_says_so():
     told = {}
     for name in ("payload", "known payload"):
         task = protocol.TASKS[name]
-        (job,) = Cell(best, task, arm).make_jobs(task.goals(arm), (0,))
+        (job,) = Cell(best, task, arm).make_jobs(task.tasks(arm), (0,))
         told[name] = job.conditions.run.estimation.known_payload
         assert float(dict(job.conditions.robot.options)["payload"]) == pytest.approx(
             0.2 * 0.24
@@ -197,48 +217,127 @@ def test_what_a_file_of_results_holds_is_not_run_again(own, file, tmp_path, caps
     )
     saved = json.loads((tmp_path / "run" / "planners.json").read_text(encoding="utf-8"))
     results = {each["entrant"]: each for each in saved["results"]}
-    assert results["pcc"]["figures"] == {"success": [0.5]}
-    assert results["mine"]["figures"]["error"]
+    assert results["pcc"]["metrics"] == {"success": [0.5]}
+    assert results["mine"]["metrics"]["error"]
     assert saved["versions"][results["pcc"]["versions"]] == {"s2c2a": "0"}
-    assert "1 of 2 entrants' tasks, made with s2c2a 0" in capsys.readouterr().out
+    assert "known.json: 1 results, made with s2c2a 0" in capsys.readouterr().out
 
 
-def test_results_count_for_the_same_options_alone(own, file):
+def test_results_count_for_the_same_options_and_arm_alone(own, file):
     pcc = next(each for each in entrants() if each.name == "pcc")
     other = pcc.with_values({"planner.solver.learning_rate": 0.02})
     arms = protocol.protocol_arms()
-    for entrant, count in ((pcc, 1), (other, 0)):
-        cells = all_cells([entrant], [protocol.TASKS["path"]], arms)
-        assert len(load_results(file, cells, (0,))) == count
+    slower = TWIN.model_copy(update={"control_rate": 5.0})
+    changed = [protocol.BenchmarkArm(slower, "preset")]
+    for entrant, its_arms, count in (
+        (pcc, arms, 1),
+        (other, arms, 0),
+        (pcc, changed, 0),
+    ):
+        cells = all_cells([entrant], [protocol.TASKS["path"]], its_arms)
+        results, others = load_results(file, cells, (0,))
+        assert (len(results), others) == (count, 1 - count)
 
 
-def test_results_change_with_the_code_of_an_entry(own, tmp_path):
-    file = tmp_path / "changing.py"
-    file.write_text(OWN)
+def test_results_of_an_entry_belong_to_its_code_wherever_it_lies(tmp_path):
+    code = tmp_path / "changing.py"
+    code.write_text(OWN)
     kept = tmp_path / "known.json"
     arm = protocol.BenchmarkArm(TWIN, "preset")
-    one = entrant_of(f"{file}:Mine")
+    one = entrant_of(f"{code}:Mine")
     save_results([result(one, "path", arm, [0.5])], (0,), kept)
-    cells = [Cell(one, protocol.TASKS["path"], arm)]
-    assert len(load_results(kept, cells, (0,))) == 1
-    file.write_text(OWN + "\nLATER = 1\n")
-    assert load_results(kept, cells, (0,)) == []
+    elsewhere = entrant_of(f"{tmp_path}/../{tmp_path.name}/changing.py:Mine")
+    cells = [Cell(elsewhere, protocol.TASKS["path"], arm)]
+    assert len(load_results(kept, cells, (0,))[0]) == 1
+    code.write_text(OWN + "\nLATER = 1\n")
+    assert load_results(kept, cells, (0,)) == ([], 1)
+
+
+def test_results_of_a_task_with_fewer_scenes_are_others(tmp_path):
+    kept = tmp_path / "known.json"
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    whole = Cell(entrant_of("pcc"), protocol.TASKS["obstacles"], arm)
+    short = replace(whole, task=replace(whole.task, scenes=1))
+    save_results([replace(FAILED, cell=short)], (0,), kept)
+    assert load_results(kept, [short], (0,)) == ([replace(FAILED, cell=short)], 0)
+    assert load_results(kept, [whole], (0,)) == ([], 1)
+
+
+FAILED = Result(
+    None, {"success": [0.0]}, ("no plan; give another",), None, {"s2c2a": "0"}
+)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
-        ({"protocol": 0}, "its protocol is 0, not 1"),
-        ({"seeds": [0, 1]}, "results of seeds .0, 1., and .0,. are asked"),
+        ({"protocol": 0}, "of protocol 0, and this is protocol 1"),
+        ({"seeds": [0, 1]}, "of seeds .0, 1., and .0. are asked for"),
         ({"versions": []}, "no versions 0"),
-        ({"results": [{"entrant": "pcc"}]}, "Field required"),
+        ({"versions": [{"s2c2a": "\x1b[2J"}]}, "s2c2a"),
+        ({"results": [{"entrant": "pcc"}]}, "results.0.task"),
+        ({"metrics": {"success": []}}, "a share from 0 to 1 for every run"),
+        ({"metrics": {"success": [2.0]}}, "a share from 0 to 1 for every run"),
+        ({"metrics": {"success": [1.0], "error": [1.0, 2.0]}}, "more values than"),
+        ({"metrics": {"success": [1.0], "eror": [1.0]}}, "eror"),
+        ({"metrics": {"success": [1.0], "error": [float("nan")]}}, "error"),
+        ({"step": [0.0, 1.0]}, "step"),
+        ({"failures": ["\x1b[2J"]}, "failures"),
     ],
 )
-def test_files_of_other_results_are_refused(file, change, said):
+def test_files_of_other_results_are_refused(file, change, message):
     content = json.loads(file.read_text(encoding="utf-8"))
-    file.write_text(json.dumps(content | change))
-    with pytest.raises(S2C2AError, match=said):
+    if change.keys() <= content.keys():
+        content |= change
+    else:
+        content["results"][0] |= change
+    file.write_text(json.dumps(content))
+    with pytest.raises(S2C2AError, match=message):
         load_results(file, [], (0,))
+
+
+def test_messages_of_runs_are_one_line_that_a_terminal_shows_as_it_is():
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    cell = Cell(entrant_of("pcc"), protocol.TASKS["path"], arm)
+    (failed,) = run_cells(
+        [cell], (0,), lambda runs: [S2C2AError("lost\n\x1b[2Jtip") for _ in runs]
+    )
+    assert failed.failures == ("lost [2Jtip",)
+    assert (failed.metrics, failed.step) == ({"success": [0.0]}, None)
+
+
+def test_main_arms_alone_count_in_times_unless_all_are_held_out():
+    one = entrant_of("pcc")
+    arms = [
+        protocol.BenchmarkArm(TWIN.model_copy(update={"name": name}), group)
+        for name, group in (("first", "preset"), ("second", "held out"))
+    ]
+    first, second = (result(one, "path", arm, [1.0]) for arm in arms)
+    second = replace(second, step=(9.0, 9.0))
+    both = PlannerComparison([one], [first, second], [], (0,))
+    assert both.step_times("pcc") == (1.0, 2.0)
+    held_out = PlannerComparison([one], [second], [], (0,))
+    assert held_out.step_times("pcc") == (9.0, 9.0)
+    assert lines(held_out)[0][2:5] == ["-", "100 %", "100 %; -"]
+
+
+def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        planners, "save_figure", lambda figure, path: drawn.append(figure)
+    )
+    random = np.random.default_rng(0)
+    places = random.uniform((1.0, 0.0), (2.0, 1.0), (7, 2))
+    points = {f"planner {number}": tuple(place) for number, place in enumerate(places)}
+    points |= {"same": (1.5, 0.9), "equal": (1.5, 0.9), "highest": (2.0, 1.0)}
+    errors = {name: np.ones(3) for name in points}
+    planners.planners_figure(errors, 3, points, tmp_path / "planners.png")
+    drawn[0].draw_without_rendering()
+    boxes = [
+        text.get_window_extent() for text in drawn[0].axes[1].texts if text.get_text()
+    ]
+    assert len(boxes) == len(points)
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
@@ -264,7 +363,7 @@ def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
     arm = protocol.BenchmarkArm(TWIN, "preset")
     names = {}
     for name in ("constraint", "orientation"):
-        (task,) = protocol.TASKS[name].goals(arm)
+        (task,) = protocol.TASKS[name].tasks(arm)
         names[name] = [score.metric for score in task.scores]
         for each in entrants():
             if each.name in ("paper", "best"):

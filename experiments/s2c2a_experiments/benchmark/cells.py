@@ -1,6 +1,6 @@
 """The cells of the benchmark: an entrant on a task with an arm, once a seed."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,10 +16,10 @@ from s2c2a.tasks import Task
 from s2c2a.versions import versions
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import BenchmarkArm, BenchmarkTask
-from s2c2a_experiments.benchmark.scores import Figures, figures_of
+from s2c2a_experiments.benchmark.scores import Metric, Metrics, metrics_of
 
-FAILED: Figures = {"success": 0.0}
-"""The figures of a run that an error ended."""
+FAILED: Metrics = {"success": 0.0}
+"""The metrics of a run that an error ended."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,8 @@ class Cell:
             return f"ignores {names}"
         if self.knows_payload and not entrant.takes_payload:
             return "has no place for a known payload"
+        if len(arm.modules) < self.task.modules:
+            return f"is given no arm of {self.task.modules} modules"
         if entrant.arms and arm.name not in entrant.arms:
             names = " and ".join(entrant.arms)
             return f"was trained for {names} alone"
@@ -95,7 +97,7 @@ class Result:
 
     Attributes:
         cell: that was run.
-        figures: by name (`Figures`), a value of every run that has one.
+        metrics: a value of every run that has one.
         failures: messages of runs that an error ended.
         step: median and 99th percentile of the times of its control steps [ms]; None
             without a step.
@@ -103,10 +105,10 @@ class Result:
     """
 
     cell: Cell
-    figures: dict[str, list[float]]
+    metrics: dict[Metric, list[float]]
     failures: tuple[str, ...]
     step: tuple[float, float] | None
-    versions: Mapping[str, str]
+    versions: dict[str, str]
 
 
 def all_cells(
@@ -123,7 +125,7 @@ def run_cells(
     cells: Sequence[Cell],
     seeds: Sequence[int],
     make: jobs.Make,
-    known: Iterable[Result] = (),
+    saved: Iterable[Result] = (),
 ) -> list[Result]:
     """Results of all cells that have no dash, in their order.
 
@@ -132,9 +134,9 @@ def run_cells(
         seeds: of data, training and start.
         make: finds or makes runs, networks and recordings; an error stands in the place
             of what failed.
-        known: results that need not be made; of those of the same cell, the last counts.
+        saved: results that need not be made; of those of the same cell, the last counts.
     """
-    results = {result.cell.names: result for result in known}
+    results = {result.cell.names: result for result in saved}
     running = [cell for cell in cells if not cell.dash and cell.names not in results]
     tasks_of_cells = _tasks_of(running)
     groups = [
@@ -154,41 +156,48 @@ def _tasks_of(cells: Sequence[Cell]) -> list[list[Task]]:
     for cell in cells:
         key = id(cell.arm), cell.task.name
         if key not in known:
-            known[key] = cell.task.goals(cell.arm)
+            known[key] = cell.task.tasks(cell.arm)
         tasks_of_cells.append(known[key])
     return tasks_of_cells
 
 
 def _result(cell: Cell, runs: Sequence[jobs.Run | S2C2AError]) -> Result:
-    figures: dict[str, list[float]] = {}
+    metrics: dict[Metric, list[float]] = {}
     failures = []
     ticks = []
     for run in runs:
         values = FAILED
         if isinstance(run, S2C2AError):
-            failures.append(str(run))
+            failures.append(_line(str(run)))
         elif "interrupted" in run.episode.options:
             message = run.episode.options["interrupted"]
-            failures.append(str(message))
+            failures.append(_line(str(message)))
         else:
-            values = figures_of(run)
+            values = metrics_of(run)
             ticks.append(run.episode.ran("tick_time"))
         for name, value in values.items():
             if np.isfinite(value):
-                figures.setdefault(name, []).append(rounded(value))
-    return Result(cell, figures, tuple(failures), _step_times(ticks), versions())
+                metrics.setdefault(name, []).append(_rounded(value))
+    return Result(cell, metrics, tuple(failures), _step_times(ticks), versions())
 
 
 def _step_times(
     ticks: Sequence[Float[np.ndarray, " steps"]],
 ) -> tuple[float, float] | None:
-    """Median and 99th percentile [ms] of times of runs [s]; None without runs."""
-    if not ticks:
+    """Median and 99th percentile [ms] of times of runs [s]; None without a step."""
+    times = np.concatenate([np.zeros(0), *ticks])
+    if not len(times):
         return None
-    median, slow = 1e3 * np.percentile(np.concatenate(ticks), (50, 99))
-    return rounded(median), rounded(slow)
+    median, slow = 1e3 * np.percentile(times, (50, 99))
+    return _rounded(median), _rounded(slow)
 
 
-def rounded(value: float) -> float:
+def _line(message: str) -> str:
+    """A message as one line that a terminal shows as it is."""
+    words = "".join(char if char.isprintable() else " " for char in message).split()
+    return " ".join(words)
+
+
+def _rounded(value: float) -> float:
     """The value with four digits, as files keep it."""
     return float(f"{value:.4g}")

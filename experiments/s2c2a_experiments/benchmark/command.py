@@ -1,5 +1,7 @@
 """Command `s2c2a benchmark`: every planner on the same arms and tasks."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -16,7 +18,6 @@ from s2c2a.errors import S2C2AError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from s2c2a_experiments.benchmark.cells import Cell, Result
     from s2c2a_experiments.benchmark.entrants import Entrant
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
+Arms = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
 Entries = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE.py:Class ...")]
 Files = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")]
 
@@ -32,7 +34,7 @@ def benchmark(
     entry: Entries = (),
     only: Names = (),
     task: Names = (),
-    arm: Names = (),
+    arm: Arms = (),
     seeds: int = 3,
     smoke: bool = False,
     tune: bool = False,
@@ -48,7 +50,7 @@ def benchmark(
         entry: your own strategies, by name or file.py:Class, with options behind commas.
         only: these of the project's entrants; "none" for your entries alone.
         task: these tasks of the protocol alone.
-        arm: these arms of the protocol alone.
+        arm: these arms of the protocol alone, or of yours, by file or preset.
         seeds: number of seeds, from zero.
         smoke: one arm, two short tasks, one seed, and of the project's entrants those
             without training, one of each file.
@@ -80,23 +82,25 @@ def benchmark(
         entrants = [each for each in entrants if each.is_own or not each.samples]
         if not only:
             entrants = one_of_each_file(entrants)
-        tasks = [protocol.smaller(each, 1) for each in tasks if each.name in SMOKE]
-    arms = _arms(arm, smoke)
+        tasks = [replace(each, scenes=1) for each in tasks if each.name in SMOKE]
+    arms = chosen_arms(arm, smoke)
     options = {
         "protocol": protocol.VERSION,
         "entrants": [(each.name, each.strategy, each.recipe.name) for each in entrants],
         "tasks": [each.name for each in tasks],
         "arms": [each.arm.name for each in arms],
         "seeds": numbers,
+        "results": [str(file) for file in results],
     }
     cells = all_cells(entrants, tasks, arms)
-    known = _known(results, cells, numbers)
+    running = [cell for cell in cells if not cell.dash]
+    saved = _saved_results(results, running, numbers)
     label = "benchmark-smoke" if smoke else "benchmark"
     with run_directory(label, options, work, resume=True, keep_errors=True) as (
         directory,
         make,
     ):
-        found = run_cells(cells, numbers, make, known)
+        found = run_cells(running, numbers, make, saved)
     dashes = [cell for cell in cells if cell.dash]
     _show(PlannerComparison(entrants, found, dashes, numbers), directory)
 
@@ -129,29 +133,33 @@ def _tune(names: "Sequence[str]", work: Work) -> None:
     print(f"tuned values: {path} (they belong to {entrants.TUNED})")
 
 
-def _known(
+def _saved_results(
     files: "Sequence[str]", cells: "Sequence[Cell]", seeds: "Sequence[int]"
 ) -> "list[Result]":
-    """Results in files, each announced with what made it."""
+    """Results in files; of each is said how many count, and what made them."""
     from s2c2a_experiments.benchmark.result_files import load_results
 
-    known = []
+    saved = []
     for file in files:
-        results = load_results(file, cells, seeds)
+        results, others = load_results(file, cells, seeds)
+        saved += results
         makers = dict.fromkeys(
             f"s2c2a {result.versions.get('s2c2a')}" for result in results
         )
         made = f", made with {' and '.join(makers)}" if results else ""
-        print(f"{file}: {len(results)} of {len(cells)} entrants' tasks{made}")
-        known += results
-    return known
+        print(f"{file}: {len(results)} results{made}")
+        if others:
+            print(
+                f"  {others} left out: not asked for, or of other options, arms or code"
+            )
+    return saved
 
 
 SMOKE = ("path", "obstacles")
 """Tasks of the smoke version."""
 
 
-def _show(comparison: "PlannerComparison", directory: "Path") -> None:
+def _show(comparison: "PlannerComparison", directory: Path) -> None:
     """Write tables, figure and page, and print the table."""
     from s2c2a_experiments.benchmark.page import write_page
     from s2c2a_experiments.benchmark.results import (
@@ -186,15 +194,17 @@ def _entrants(entry: "Sequence[str]", only: "Sequence[str]") -> "list[Entrant]":
     chosen = [] if only == ("none",) else _chosen(only, known, "entrant")
     own = [entrant_of(text) for text in entry]
     names = [each.name for each in [*chosen, *own]]
-    for name in names:
-        if names.count(name) > 1:
-            raise S2C2AError(
-                f"two entrants are named '{name}'; name your class otherwise, or choose "
-                "others with --only"
-            )
     if not names:
         raise S2C2AError("no entrant; give --entry file.py:Class")
+    _check_names(names, "entrants", "name your class otherwise, or use --only")
     return [*chosen, *own]
+
+
+def _check_names(names: "Sequence[str]", kind: str, remedy: str) -> None:
+    """Raise an error if a name occurs twice: tables tell their lines apart by it."""
+    for name in names:
+        if names.count(name) > 1:
+            raise S2C2AError(f"two {kind} are named '{name}'; {remedy}")
 
 
 def one_of_each_file(entrants: "Sequence[Entrant]") -> "list[Entrant]":
@@ -205,13 +215,26 @@ def one_of_each_file(entrants: "Sequence[Entrant]") -> "list[Entrant]":
     return [each for each in entrants if each.is_own or each.name in names]
 
 
-def _arms(names: "Sequence[str]", smoke: bool) -> "list[BenchmarkArm]":
-    from s2c2a_experiments.benchmark.protocol import protocol_arms
+def chosen_arms(names: "Sequence[str]", smoke: bool) -> "list[BenchmarkArm]":
+    """Arms of the protocol by name, the user's by file or preset; all without names.
+
+    Raises:
+        S2C2AError: there is none of this name, a file holds none, or two have one name.
+    """
+    from s2c2a.arm import load_arm, preset_names
+    from s2c2a_experiments.benchmark.protocol import BenchmarkArm, protocol_arms
 
     arms = {each.arm.name: each for each in protocol_arms()}
     if smoke and not names:
         return [next(iter(arms.values()))]
-    return _chosen(names, arms, "arm")
+    for name in names:
+        if name not in arms and (name in preset_names() or Path(name).is_file()):
+            arms[name] = BenchmarkArm(load_arm(name), "yours")
+    chosen = _chosen(names, arms, "arm")
+    _check_names(
+        [each.arm.name for each in chosen], "arms", "change the name in a file"
+    )
+    return chosen
 
 
 def _chosen(names: "Sequence[str]", known: dict, kind: str) -> list:

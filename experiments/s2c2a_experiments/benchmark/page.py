@@ -8,7 +8,6 @@ from pathlib import Path
 from string import Template
 
 from s2c2a.files import write_atomically
-from s2c2a.versions import versions
 from s2c2a_experiments.benchmark.protocol import VERSION
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -39,7 +38,6 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
     """Write the page, which needs no other file."""
     picture = base64.b64encode(figure.read_bytes()).decode()
     seeds = ", ".join(map(str, comparison.seeds))
-    used = ", ".join(f"{name} {number}" for name, number in versions().items())
     content = [
         "<h1>Planners compared</h1>",
         f"<p>Protocol version {VERSION}; seeds {seeds}. Arms: {_names(comparison)}. "
@@ -53,11 +51,21 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
         _list([f"`{name}`: {text}" for name, text in COLUMNS.items()]),
         "<h2>Why there are dashes</h2>",
         _list(dash_lines(comparison) + failure_lines(comparison)),
-        f"<p>{html.escape(used)}</p>",
+        "<h2>Versions</h2>",
+        _list(_versions(comparison)),
     ]
     template = Template(PAGE.read_text(encoding="utf-8"))
     text = template.substitute(content="\n".join(content))
     return write_atomically(text, path)
+
+
+def _versions(comparison: PlannerComparison) -> list[str]:
+    """What made the results, a line for all with the same versions."""
+    lines = [
+        ", ".join(f"{name} {number}" for name, number in result.versions.items())
+        for result in comparison.results
+    ]
+    return list(dict.fromkeys(lines))
 
 
 def _names(comparison: PlannerComparison) -> str:

@@ -35,7 +35,7 @@ TUNED_ON = (100, 0.5)
 """The arm that every entrant is tuned on; it is in no table."""
 SCENES = (0, 1, 2)
 HELD_OUT_SCENES = (1001, 1002, 1003)
-Group = Literal["preset", "randomized", "fitted", "held out"]
+Group = Literal["preset", "randomized", "fitted", "held out", "yours"]
 Condition = Literal["", "payload unknown", "payload known"]
 ARMS = resources.files("s2c2a_experiments.benchmark").joinpath("arms")
 
@@ -67,14 +67,22 @@ class BenchmarkTask:
     Attributes:
         name: of its column.
         needs: parts of goals that an entrant must not ignore.
-        goals: makes the tasks of an arm.
+        goals: makes the tasks of an arm, of which the first `scenes` count.
         condition: of the arm.
+        modules: that an arm must have.
+        scenes: number of tasks.
     """
 
     name: str
     needs: frozenset[GoalPart]
     goals: Callable[[BenchmarkArm], list[Task]]
     condition: Condition = ""
+    modules: int = 1
+    scenes: int = 1
+
+    def tasks(self, arm: BenchmarkArm) -> list[Task]:
+        """The tasks of an arm."""
+        return self.goals(arm)[: self.scenes]
 
     def conditions(self, arm: ArmSpec) -> jobs.Conditions:
         """What runs of this task are made under."""
@@ -96,7 +104,7 @@ axes, which recipes state by task, out: all entrants have the same goals."""
 
 
 def _task(name: str, arm: BenchmarkArm) -> list[Task]:
-    """The task of this name, on fitted arms within reach of ideal arcs."""
+    """The task of this name, on fitted arms and yours within reach of ideal arcs."""
     source = SOURCES[name]
     pace = PACES.get(arm.arm.name)
     if pace is not None:
@@ -105,7 +113,7 @@ def _task(name: str, arm: BenchmarkArm) -> list[Task]:
     if name == "orientation":
         # the tilt alone leaves out where the axis points
         task = replace(task, scores=(Score("position"), Score("orientation")))
-    if arm.group != "fitted":
+    if arm.group not in ("fitted", "yours"):
         return [task]
     arcs = Reachability(arm.arm, PCCForwardModel.of(arm.arm), 0.0, "tip")
     return [projected(task, arm.arm.length, arcs).task]
@@ -125,9 +133,14 @@ TASKS = {
         BenchmarkTask("path", frozenset(), partial(_task, "path")),
         BenchmarkTask("orientation", AXES, partial(_task, "orientation")),
         BenchmarkTask(
-            "constraint", AXES | {"other ends"}, partial(_task, "constraint")
+            "constraint",
+            AXES | {"other ends"},
+            partial(_task, "constraint"),
+            modules=3,
         ),
-        BenchmarkTask("obstacles", frozenset({"obstacles"}), _scenes),
+        BenchmarkTask(
+            "obstacles", frozenset({"obstacles"}), _scenes, scenes=len(SCENES)
+        ),
         BenchmarkTask("moving target", frozenset(), partial(_task, "moving target")),
         BenchmarkTask(
             "payload", frozenset(), partial(_task, "path"), "payload unknown"
@@ -173,8 +186,3 @@ def _fitted() -> list[BenchmarkArm]:
         with resources.as_file(ARMS.joinpath(f"{name}.toml")) as path:
             arms.append(BenchmarkArm(load_arm(str(path)), "fitted"))
     return arms
-
-
-def smaller(task: BenchmarkTask, scenes: int) -> BenchmarkTask:
-    """The task with its first scenes alone."""
-    return replace(task, goals=lambda arm: task.goals(arm)[:scenes])

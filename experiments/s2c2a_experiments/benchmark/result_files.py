@@ -1,148 +1,165 @@
-"""Results of a benchmark in a file: of which another one takes what it need not run."""
+"""Saved results of a benchmark, for another one that need not run them again."""
 
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from s2c2a.arm import arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.files import MAX_BYTES, read_text, write_atomically
+from s2c2a.files import LARGEST, write_atomically
+from s2c2a.json_files import load_json
 from s2c2a.user_code import code_digest
 from s2c2a_experiments.benchmark.cells import Cell, Result
-from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import VERSION
+from s2c2a_experiments.benchmark.scores import Metric
+
+ADVICE = "give the planners.json of a run directory"
+DIGITS = 16  # of digests: no two of a million are equal by chance
+Text = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+"""Text that a terminal shows as it is; the file may be a stranger's."""
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Time = Annotated[float, Field(gt=0.0, le=LARGEST)]
 
 
-@dataclass(frozen=True)
-class SavedResult:
-    """A `Result`, with its cell by names.
+class _Model(BaseModel):
+    model_config = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+    )
+
+
+class SavedResult(_Model):
+    """A `Result`, with names in the place of its cell.
 
     Attributes:
-        entrant: name.
-        options: digest of the entrant's options, and of the user's code.
-        task: name.
-        arm: name.
-        versions: place of its versions in the file's list.
-        step: as in `Result`.
-        failures: as in `Result`.
-        figures: as in `Result`.
+        entrant: its name.
+        task: its name.
+        arm: its name.
+        digest: of what the result depends on, but the code of the project.
+        versions: number of its versions in the list of the file.
+        step: median and 99th percentile of the times of its control steps [ms], if any.
+        failures: messages of runs that an error ended.
+        metrics: a value of every run that has one.
     """
 
-    entrant: str
-    options: str
-    task: str
-    arm: str
-    versions: int
-    step: tuple[float, float] | None
-    failures: tuple[str, ...]
-    figures: dict[str, list[float]]
+    entrant: Text
+    task: Text
+    arm: Text
+    digest: Text
+    versions: Annotated[int, Field(ge=0)]
+    step: Annotated[list[Time], Field(min_length=2, max_length=2)] | None
+    failures: list[Text]
+    metrics: dict[Metric, list[Number]]
 
-    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
+    @model_validator(mode="after")
+    def _check_metrics(self) -> "SavedResult":
+        shares = self.metrics.get("success", [])
+        if not shares or not all(0.0 <= share <= 1.0 for share in shares):
+            raise ValueError("'success' must have a share from 0 to 1 for every run")
+        for name, values in self.metrics.items():
+            if len(values) > len(shares):
+                raise ValueError(f"'{name}' has more values than there are runs")
+        return self
 
 
-@dataclass(frozen=True)
-class _File:
+class ResultFile(_Model):
+    """What `planners.json` holds.
+
+    Attributes:
+        protocol: version.
+        seeds: of all results.
+        versions: of the software of the results, by name.
+        results: in any order.
+    """
+
     protocol: int
-    seeds: tuple[int, ...]
-    versions: tuple[dict[str, str], ...]
-    results: tuple[SavedResult, ...]
+    seeds: list[int]
+    versions: list[dict[Text, Text]]
+    results: list[SavedResult]
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
+    @model_validator(mode="after")
+    def _check_versions(self) -> "ResultFile":
+        for result in self.results:
+            if result.versions >= len(self.versions):
+                raise ValueError(f"there are no versions {result.versions}")
+        return self
 
 
 def save_results(results: Sequence[Result], seeds: Sequence[int], path: Path) -> None:
     """Write results, each on a line; an existing file is replaced."""
-    versions = []
+    versions: list[dict[str, str]] = []
     lines = []
     for result in results:
         if result.versions not in versions:
             versions.append(result.versions)
-        saved = _saved(result, versions.index(result.versions))
-        lines.append(json.dumps(asdict(saved)))
-    text = "".join(
-        [
-            f'{{"protocol": {VERSION},\n"seeds": {json.dumps(seeds)},\n',
-            f'"versions": {json.dumps(versions)},\n"results": [\n',
-            ",\n".join(lines),
-            "\n]}\n",
-        ]
-    )
+        entrant, task, arm = result.cell.names
+        saved = SavedResult(
+            entrant=entrant,
+            task=task,
+            arm=arm,
+            digest=_digest(result.cell),
+            versions=versions.index(result.versions),
+            step=None if result.step is None else list(result.step),
+            failures=list(result.failures),
+            metrics=result.metrics,
+        )
+        lines.append(saved.model_dump_json())
+    head = {"protocol": VERSION, "seeds": list(seeds), "versions": versions}
+    body = ",\n".join(lines)
+    text = f'{json.dumps(head)[:-1]}, "results": [\n{body}\n]}}\n'
     write_atomically(text, path)
 
 
-def _saved(result: Result, versions: int) -> SavedResult:
-    entrant, task, arm = result.cell.names
-    return SavedResult(
-        entrant,
-        _digest(result.cell.entrant),
-        task,
-        arm,
-        versions,
-        result.step,
-        result.failures,
-        result.figures,
-    )
-
-
-def _digest(entrant: Entrant) -> str:
-    """Of options, and of the user's code; the project's has a version."""
+def _digest(cell: Cell) -> str:
+    """Of options, task, arm and the user's code; that of the project has a version."""
+    entrant = cell.entrant
     code = code_digest(entrant.strategy) if entrant.is_own else ""
-    content = repr((entrant.strategy, entrant.recipe, code))
-    return hashlib.sha256(content.encode()).hexdigest()[:8]
+    arm = arm_to_toml(entrant.sensed(cell.arm.arm))
+    parts = (entrant.options, entrant.recipe, code, cell.task.scenes, arm)
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:DIGITS]
 
 
 def load_results(
     path: str | Path, cells: Sequence[Cell], seeds: Sequence[int]
-) -> list[Result]:
-    """Results of these cells in a file; what else it holds is left out.
+) -> tuple[list[Result], int]:
+    """Results of these cells in a file, and how many others it holds.
 
     Args:
         path: a file of `save_results`.
-        cells: whose entrants have the same options as those of the file.
+        cells: to look up; a result counts if it was made with the same options, arm and
+            user's code.
         seeds: of all results.
 
     Raises:
-        S2C2AError: the file is not one of this protocol and these seeds.
+        S2C2AError: the file holds no results, or those of another protocol or of other
+            seeds.
     """
-    file = _read(path)
-    if file.seeds != tuple(seeds):
+    file = load_json(ResultFile, path, S2C2AError, "results of a benchmark", ADVICE)
+    if file.protocol != VERSION:
         raise S2C2AError(
-            f"{path} has results of seeds {file.seeds}, and {tuple(seeds)} are asked; "
+            f"{path} has results of protocol {file.protocol}, and this is protocol "
+            f"{VERSION}; leave the file out"
+        )
+    if file.seeds != list(seeds):
+        raise S2C2AError(
+            f"{path} has results of seeds {file.seeds}, and {list(seeds)} are asked for; "
             "give the same number to --seeds, or leave the file out"
         )
-    known = {cell.names: cell for cell in cells}
-    digests = {cell.entrant.name: _digest(cell.entrant) for cell in cells}
+    known = {(*cell.names, _digest(cell)): cell for cell in cells}
     results = []
     for saved in file.results:
-        cell = known.get((saved.entrant, saved.task, saved.arm))
-        if cell and digests[saved.entrant] == saved.options:
-            versions = file.versions[saved.versions]
-            results.append(
-                Result(cell, saved.figures, saved.failures, saved.step, versions)
-            )
-    return results
+        cell = known.get((saved.entrant, saved.task, saved.arm, saved.digest))
+        if cell:
+            results.append(_result(cell, saved, file.versions[saved.versions]))
+    return results, len(file.results) - len(results)
 
 
-def _read(path: str | Path) -> _File:
-    try:
-        file = TypeAdapter(_File).validate_json(read_text(path, most=MAX_BYTES))
-        _check(file)
-    except (S2C2AError, ValidationError) as error:
-        raise S2C2AError(
-            f"{path} does not hold results of this benchmark: {error}; take the "
-            "planners.json of a run directory"
-        ) from error
-    return file
-
-
-def _check(file: _File) -> None:
-    if file.protocol != VERSION:
-        raise S2C2AError(f"its protocol is {file.protocol}, not {VERSION}")
-    for result in file.results:
-        if not 0 <= result.versions < len(file.versions):
-            raise S2C2AError(f"there are no versions {result.versions}")
-        if not result.figures.get("success"):
-            raise S2C2AError(f"a result of {result.entrant} has no success")
+def _result(cell: Cell, saved: SavedResult, versions: dict[str, str]) -> Result:
+    step = None
+    if saved.step:
+        median, slow = saved.step
+        step = median, slow
+    return Result(cell, saved.metrics, tuple(saved.failures), step, versions)

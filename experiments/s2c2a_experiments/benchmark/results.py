@@ -11,17 +11,19 @@ from s2c2a.evaluation.report import save_csv
 from s2c2a.files import write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.protocol import TASKS
 from s2c2a_experiments.benchmark.result_files import save_results
+from s2c2a_experiments.benchmark.scores import Metric
 from s2c2a_experiments.figures.planners import planners_figure
 from s2c2a_experiments.table_files import latex_table, markdown_table
 
 HELD_OUT = "held out"
-BESIDE = {
+BESIDE: dict[str, Metric] = {
     "obstacles": "clearance",
     "orientation": "axis error",
     "constraint": "axis error",
 }
-"""Second figure of a task's column."""
+"""Second metric of a task's column."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ class PlannerComparison:
     @property
     def tasks(self) -> list[str]:
         """Names of the tasks, in the order of the protocol."""
-        names = [cell.task.name for cell in self.cells]
-        return list(dict.fromkeys(names))
+        names = {cell.task.name for cell in self.cells}
+        return [name for name in TASKS if name in names]
 
     @property
     def common_tasks(self) -> list[str]:
@@ -76,7 +78,7 @@ class PlannerComparison:
         names = [cell.task.name for cell in self.cells if not cell.knows_payload]
         shares = dict.fromkeys(product(arms, names or self.tasks), 0.0)
         done = {
-            (arm, task): float(np.mean(result.figures["success"]))
+            (arm, task): float(np.mean(result.metrics["success"]))
             for result in self.results
             for name, task, arm in (result.cell.names,)
             if name == entrant and (arm, task) in shares
@@ -88,29 +90,30 @@ class PlannerComparison:
         """Names of the arms that are not held out, if there are some."""
         return self.arms(held_out=False) or self.arms(held_out=True)
 
-    def values(self, entrant: str, tasks: Sequence[str], figure: str) -> np.ndarray:
-        """A figure of the runs of an entrant with the main arms, where they have it.
+    def values(self, entrant: str, tasks: Sequence[str], metric: Metric) -> np.ndarray:
+        """A metric of the runs of an entrant with the main arms, where they have it.
 
         Args:
             entrant: its name.
             tasks: names of tasks.
-            figure: its name.
+            metric: its name.
         """
         arms = self.main_arms
         values: list[float] = []
         for result in self.results:
             name, task, arm = result.cell.names
             if name == entrant and task in tasks and arm in arms:
-                values += result.figures.get(figure, [])
+                values += result.metrics.get(metric, [])
         return np.array(values, float)
 
     def step_times(self, entrant: str) -> tuple[float, float] | None:
-        """Median over tasks and arms of the median and of 99 % [ms]; None without steps."""
-        steps = [
-            result.step
-            for result in self.results
-            if result.cell.entrant.name == entrant and result.step
-        ]
+        """Median over tasks and main arms of the median and of 99 % [ms]; None without."""
+        arms = self.main_arms
+        steps = []
+        for result in self.results:
+            name, _, arm = result.cell.names
+            if name == entrant and arm in arms and result.step:
+                steps.append(result.step)
         if not steps:
             return None
         median, slow = np.median(steps, axis=0)
@@ -180,11 +183,11 @@ def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
     if not len(success):
         return "-"
     parts = [_percent(success.mean())]
-    names = ["error"]
+    metrics: list[Metric] = ["error"]
     if task in BESIDE:
-        names.append(BESIDE[task])
-    for figure in names:
-        values = comparison.values(name, [task], figure)
+        metrics.append(BESIDE[task])
+    for metric in metrics:
+        values = comparison.values(name, [task], metric)
         parts.append(_mean(values, 1))
     return "; ".join(parts)
 
@@ -217,13 +220,12 @@ def dash_lines(comparison: PlannerComparison) -> list[str]:
 
 
 def failure_lines(comparison: PlannerComparison) -> list[str]:
-    """Errors that ended runs, each once an entrant."""
+    """Errors that ended runs, each once an entrant, arm and task."""
     texts = []
     for result in comparison.results:
         name, task, arm = result.cell.names
         for message in result.failures:
-            line = " ".join(message.split())
-            texts.append(f"`{name}` with {arm}, {task}: {line}")
+            texts.append(f"`{name}` with {arm}, {task}: {message}")
     return list(dict.fromkeys(texts))
 
 
@@ -252,8 +254,8 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     for name in names:
         errors[name] = comparison.values(name, comparison.tasks, "error")
         step = comparison.step_times(name)
-        if step:
-            success = comparison.success(name, comparison.main_arms)
+        success = comparison.success(name, comparison.main_arms)
+        if step and np.isfinite(success):
             points[name] = step[0], success
     runs = max(
         len(comparison.values(name, comparison.tasks, "success")) for name in names

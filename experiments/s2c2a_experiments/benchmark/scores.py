@@ -1,6 +1,7 @@
-"""The figures of a run: success, error, clearance, way, smoothness, settling."""
+"""The metrics of a run: success, error, clearance, way, smoothness, settling."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -19,16 +20,19 @@ STILL = 1e-6  # m; a goal that moves less in the whole run is still
 POSITIONS = ("position", "constraint", "end distance")
 ANGLES = ("tilt", "orientation", "azimuth")
 CLEARANCES = ("clearance of the arm",)
-Figures = dict[str, float]
-"""Figures of a run by name, NaN where it has none: success (share of the bounds kept),
-error and clearance [% of length], axis error [deg], way (of the shortest), jerk (log),
-settling [s]."""
+Metric = Literal[
+    "success", "error", "axis error", "clearance", "way", "jerk", "settling"
+]
+"""Share of the bounds that a run keeps; error and clearance [% of length]; error of the
+axis [deg]; way [of the shortest]; jerk [log]; settling time [s]."""
+Metrics = dict[Metric, float]
+"""Of a run; NaN where it has none."""
 Points = Float[np.ndarray, "points 3"]
 Tips = Float[np.ndarray, "steps 3"]
 
 
-def figures_of(run: Run) -> Figures:
-    """All figures of a run that was made to its end."""
+def metrics_of(run: Run) -> Metrics:
+    """All metrics of a run that was made to its end."""
     arm = run.job.arm
     scores = {result.score.metric: result for result in run.scores}
     scale = 1.0 / arm.length  # cm of m are %
@@ -57,7 +61,7 @@ def _parts(
 def success_of(
     errors: list[float], angles: list[float], clearances: list[float]
 ) -> float:
-    """Share of the bounds that hold all figures, which NaN is never within."""
+    """Share of the bounds that hold all values, which NaN is never within."""
     if not all(value >= -TOUCH for value in clearances):
         return 0.0
     held = [

@@ -65,7 +65,7 @@ def _sweep(entrant: Entrant) -> Sweep:
     chosen = tuning_arm()
     tasks: list[Task] = []
     for name in TUNED_BY:
-        tasks += TASKS[name].goals(chosen)
+        tasks += TASKS[name].tasks(chosen)
     conditions = TASKS[TUNED_BY[0]].conditions(chosen.arm)
     varied = varied_from(entrant.tuned, entrant.recipe, entrant.strategy)
     for each in varied:

@@ -1,6 +1,7 @@
-"""Figures of the benchmark of planners: profiles of errors, and error over time."""
+"""Figures of the benchmark of planners: profiles of errors, and success over time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from s2c2a.viz.charts import (
@@ -23,7 +25,9 @@ from s2c2a.viz.colors import DESIRED, INK, MUTED
 LABELED = 6  # best entrants, whose profiles have colors
 LABEL_DISTANCES = (8.0, 14.0, 21.0, 30.0, 42.0)  # points, the nearest that is free
 LABEL_DIRECTIONS = (-45, 45, 135, -135, 0, 180, 90, -90)  # deg, in order of preference
+LABEL_MARGIN = 0.2  # of the axis, beside the points at both ends
 POINT = 3.0  # points, half the width that a label keeps clear of
+POINTS_PER_INCH = 72.0
 COLORS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#7a5230")
 
 
@@ -33,7 +37,7 @@ def planners_figure(
     points: Mapping[str, tuple[float, float]],
     path: str | Path,
 ) -> Path:
-    """Draw the shares of runs below every error, and error over time of a step.
+    """Draw the shares of runs below every error, and success over time of a step.
 
     Args:
         errors: of the runs of every entrant [% of length], the best entrant first; runs
@@ -47,8 +51,10 @@ def planners_figure(
     profiles = new_axes(figure, grid[0, 0], "error [% of length]", "share of runs")
     _draw_profiles(profiles, errors, runs)
     time = "time of a control step, median [ms]"
-    _draw_pareto(figure, new_axes(figure, grid[0, 1], time, "success"), points)
+    pareto_axes = new_axes(figure, grid[0, 1], time, "success")
+    _draw_pareto(pareto_axes, points)
     legend(figure)
+    _label(figure, pareto_axes, points)
     return save_figure(figure, path)
 
 
@@ -69,57 +75,73 @@ def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> N
     headline(axes, "How many runs stay below an error")
 
 
-def _draw_pareto(
-    figure: Figure, axes: Axes, points: Mapping[str, tuple[float, float]]
-) -> None:
+def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
-    front = pareto(points)
-    colors = {name: DESIRED if name in front else INK for name in points}
     for name, (time, share) in points.items():
-        axes.plot(time, share, "o", color=colors[name], markersize=5)
-    line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
+        axes.plot(time, share, "o", color=_color(name, points), markersize=5)
+    line = np.array(sorted(points[name] for name in pareto(points))).reshape(-1, 2)
     axes.step(line[:, 0], line[:, 1], where="post", color=DESIRED, linewidth=1.0)
     axes.set_xscale("log")
+    axes.margins(x=LABEL_MARGIN)
     axes.set_ylim(-0.03, 1.05)
     label_log_axis(axes)
     headline(axes, "Success and time")
-    _label(figure, axes, points, colors)
+
+
+def _color(name: str, points: Mapping[str, tuple[float, float]]) -> str:
+    return DESIRED if name in pareto(points) else INK
 
 
 def _label(
-    figure: Figure,
-    axes: Axes,
-    points: Mapping[str, tuple[float, float]],
-    colors: Mapping[str, str],
+    figure: Figure, axes: Axes, points: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Write the names beside the points, where no other point or name is."""
-    axes.margins(x=0.2)
+    """Write the names beside the points, if possible where no point or name is."""
     figure.draw_without_rendering()  # the layout decides what overlaps
-    pixels = figure.dpi / 72.0
     centers = axes.transData.transform(np.reshape([*points.values()], (-1, 2)))
-    taken = [Bbox([center, center]).padded(POINT * pixels) for center in centers]
-    angles = np.radians(LABEL_DIRECTIONS)
-    places = [
-        (distance * np.cos(angle), distance * np.sin(angle))
-        for distance in LABEL_DISTANCES
-        for angle in angles
-    ]
+    width = POINT * figure.dpi / POINTS_PER_INCH
+    taken = [Bbox([center, center]).padded(width) for center in centers]
     for name, point in points.items():
-        place: dict[str, Any] = {"xytext": (0, 0), "textcoords": "offset points"}
         text = axes.annotate(
-            name, point, color=colors[name], fontsize=7, va="center", **place
+            name,
+            point,
+            xytext=(0, 0),
+            textcoords="offset points",
+            color=_color(name, points),
+            fontsize=7,
+            va="center",
         )
-        for x, y in places:
-            text.set_position((x, y))
-            text.set_horizontalalignment("left" if x > -1.0 else "right")
-            box = text.get_window_extent()
-            if not any(box.overlaps(other) for other in taken):
-                break
-        taken.append(box)
-        if np.hypot(x, y) > LABEL_DISTANCES[0] + 1.0:
-            place["xytext"] = (x, y)
-            line = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.5}
-            axes.annotate("", point, arrowprops=line, **place)
+        text.set_in_layout(False)  # which would move what is placed
+        distance = _move_to_free_place(text, taken, figure.bbox.x1)
+        taken.append(text.get_window_extent())
+        if distance > LABEL_DISTANCES[0]:
+            axes.annotate(
+                "",
+                point,
+                xytext=text.get_position(),
+                textcoords="offset points",
+                arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.5},
+            ).set_in_layout(False)
+
+
+def _move_to_free_place(text: Annotation, taken: Sequence[Bbox], right: float) -> float:
+    """Move a label to the nearest free place; without one, to the farthest.
+
+    Args:
+        text: the label.
+        taken: boxes that are not free [pixels].
+        right: edge of the figure [pixels].
+
+    Returns:
+        Its distance from its point [points].
+    """
+    for distance, direction in product(LABEL_DISTANCES, LABEL_DIRECTIONS):
+        angle = np.radians(direction)
+        text.set_position((distance * np.cos(angle), distance * np.sin(angle)))
+        text.set_horizontalalignment("right" if abs(direction) > 90 else "left")
+        box = text.get_window_extent()
+        if box.x1 <= right and not any(box.overlaps(other) for other in taken):
+            break
+    return distance
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> list[str]:

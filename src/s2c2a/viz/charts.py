@@ -151,7 +151,7 @@ def headline(axes: Axes, text: str) -> None:
 
 
 def legend(figure: Figure, **options) -> None:
-    """Add one frameless legend above all axes, with each label once.
+    """Add one frameless legend above all axes, with each label once, if there is none.
 
     It has as many columns as fit into the figure.
     """
@@ -159,7 +159,7 @@ def legend(figure: Figure, **options) -> None:
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    if not handles:
+    if not handles or figure.legends:
         return
     style = {
         "frameon": False,
