@@ -281,7 +281,7 @@ FAILED = Result(
         ({"metrics": {"success": [1.0], "error": [1.0, 2.0]}}, "more values than"),
         ({"metrics": {"success": [1.0], "eror": [1.0]}}, "eror"),
         ({"metrics": {"success": [1.0], "error": [float("nan")]}}, "error"),
-        ({"step": [0.0, 1.0]}, "step"),
+        ({"step": [-1.0, 1.0]}, "step"),
         ({"failures": ["\x1b[2J"]}, "failures"),
     ],
 )

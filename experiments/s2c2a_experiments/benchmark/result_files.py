@@ -22,7 +22,7 @@ DIGITS = 16  # of digests: no two of a million are equal by chance
 Text = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 """Text that a terminal shows as it is; the file may be a stranger's."""
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Time = Annotated[float, Field(gt=0.0, le=LARGEST)]
+Time = Annotated[float, Field(ge=0.0, le=LARGEST)]  # zero by a coarse clock
 
 
 class _Model(BaseModel):
