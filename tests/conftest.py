@@ -4,6 +4,7 @@ import ctypes
 import gc
 import json
 import os
+import signal
 from contextlib import suppress
 from hashlib import blake2b
 from pathlib import Path
@@ -84,6 +85,14 @@ def delete_large(programs: Path) -> None:
 def pytest_collection_finish():
     """Keep what collection made out of the garbage collection: it stays to the end."""
     gc.freeze()
+
+
+@pytest.fixture
+def interruptible():
+    """A process that handles interrupts, even as a background job of a shell."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -25,20 +25,17 @@ main()
 
 
 @pytest.fixture
-def interrupted():
+def interrupted(interruptible):
     """Interrupt a command some seconds after its start; return exit code and errors."""
 
     def run(arguments: tuple[str, ...], after: float, started=lambda: True):
         script = SCRIPT.format(arguments=arguments)
-        # background jobs of a shell ignore interrupts
-        previous = signal.signal(signal.SIGINT, signal.default_int_handler)
         process = subprocess.Popen(
             [sys.executable, "-c", script],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        signal.signal(signal.SIGINT, previous)
         assert process.stdout.readline() == "ready\n"
         while not started():
             time.sleep(0.1)

@@ -1,6 +1,5 @@
 """Handling of Ctrl-C at any time."""
 
-import signal
 import sys
 import time
 
@@ -21,14 +20,6 @@ class Faulty:
 
     def __del__(self):
         raise ValueError("while clearing up")
-
-
-@pytest.fixture
-def interruptible():
-    """A process that handles interrupts, even as a background job of a shell."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.usefixtures("interruptible")

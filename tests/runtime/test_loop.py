@@ -270,6 +270,7 @@ def test_after_any_error_a_real_arm_moves_to_rest_within_limits_and_is_closed(
     assert np.median(np.diff(puppet.moments[-6:])) == pytest.approx(0.1)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupts_during_the_return_to_rest_do_not_leave_the_arm_bent(
     puppet, actor, clock
 ):
@@ -278,11 +279,10 @@ def test_interrupts_during_the_return_to_rest_do_not_leave_the_arm_bent(
             puppet.before_send = lambda sent: os.kill(os.getpid(), signal.SIGINT)
             raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     actor.before_step = interrupt_twice
     with pytest.raises(KeyboardInterrupt), Loop(puppet, actor, clock) as loop:
         run_steps(loop, 20)
-    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert at_rest(puppet)
     assert puppet.notes == ["open", "close"]
 

@@ -220,6 +220,7 @@ def test_an_emergency_stop_at_a_question_releases_the_modules_homed_before(
 
 
 @needs_signals
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize("verb", ["jog", "home", "check"])
 def test_a_request_to_end_releases_the_servos_in_every_verb(make_bench, verb, name):
