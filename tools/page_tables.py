@@ -853,7 +853,7 @@ def planners_table() -> str:
 def planners_motion_table() -> str:
     """How planners move the arm, and what they cost."""
     step = "step, median; 99 % [ms]"
-    columns = ["entrant", "way", "jerk", "settling [s]", step, "data", "lines"]
+    columns = ["entrant", "path length", "jerk", "settling [s]", step, "data", "lines"]
     return _csv_table("planners.csv", columns)
 
 

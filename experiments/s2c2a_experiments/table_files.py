@@ -12,8 +12,15 @@ from s2c2a.files import read_text, write_atomically
 
 MAX_BYTES = 20_000_000  # of a table; the largest of the project has a thousandth
 _LATEX_ESCAPES = str.maketrans(
-    {"&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "±": r"$\pm$"}
+    {
+        **{char: f"\\{char}" for char in "&%#_${}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "±": r"$\pm$",
+    }
 )
+_MARKDOWN_ESCAPES = str.maketrans({char: f"\\{char}" for char in r"\*_[]<>|"})
 HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper")
 
 
@@ -128,18 +135,34 @@ def _markdown(
 def markdown_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """A Markdown table of cells."""
     separator = ["---"] * len(header)
-    return "".join(
-        f"| {' | '.join(cells)} |\n" for cells in (header, separator, *lines)
-    )
+    rows = [
+        [cell.replace("|", r"\|") for cell in cells]
+        for cells in (header, separator, *lines)
+    ]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+
+
+def markdown_escaped(text: str) -> str:
+    """Text as Markdown shows it as it is, but code between backquotes."""
+    parts = text.split("`")
+    parts[::2] = [part.translate(_MARKDOWN_ESCAPES) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def latex_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """A LaTeX table of cells; names on the left, figures on the right."""
     rows = []
     for cells in (header, *lines):
-        escaped = [cell.translate(_LATEX_ESCAPES) for cell in cells]
+        escaped = [_latex(cell) for cell in cells]
         rows.append(" & ".join(escaped) + r" \\")
     rows[0] += r" \hline"
     columns = "lll" + "r" * (len(header) - 3)
     begin = rf"\begin{{tabular}}{{{columns}}}"
     return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"
+
+
+def _latex(cell: str) -> str:
+    """A cell, escaped; what is between backquotes is code."""
+    parts = cell.translate(_LATEX_ESCAPES).split("`")
+    parts[1::2] = [rf"\texttt{{{part}}}" for part in parts[1::2]]
+    return "".join(parts)

@@ -8,7 +8,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, write_atomically
+from s2c2a.files import MAX_TEXT, read_text, write_atomically
 from s2c2a.validation import explained
 
 Value = TypeVar("Value", bound=BaseModel)
@@ -39,6 +39,7 @@ def load_json(
     fault: type[S2C2AError],
     name: str,
     advice: str,
+    most: int = MAX_TEXT,
 ) -> Value:
     """Read and validate a value.
 
@@ -48,6 +49,7 @@ def load_json(
         fault: class of the exception.
         name: of the content, such as "calibration", for messages.
         advice: how to make such a file.
+        most: maximum size [bytes].
 
     Raises:
         S2C2AError: there is no such file, or it is damaged.
@@ -55,7 +57,7 @@ def load_json(
     if not Path(path).is_file():
         raise fault(f"there is no {name} {path}; {advice}")
     try:
-        return kind.model_validate(json.loads(read_text(path, fault)))
+        return kind.model_validate(json.loads(read_text(path, fault, most)))
     except ValidationError as error:
         heading = f"{path}: {{count}} fault(s) in the {name}; {advice}"
         raise fault(explained(error, heading, kind.model_fields)) from error

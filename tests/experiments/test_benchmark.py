@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm, save_arm
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.goals import Goal
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark import command, protocol
@@ -23,7 +23,12 @@ from s2c2a_experiments.benchmark.results import (
     draw,
     lines,
 )
-from s2c2a_experiments.benchmark.scores import log_jerk, success_of, way_ratio
+from s2c2a_experiments.benchmark.scores import (
+    keeps_clear,
+    log_jerk,
+    path_length_ratio,
+    success_of,
+)
 from s2c2a_experiments.figures import planners
 from s2c2a_experiments.figures.planners import pareto
 from s2c2a_experiments.search_space import value_at, varied_from
@@ -137,15 +142,15 @@ def test_every_entrant_takes_part_in_what_it_does_not_ignore():
 def test_a_cell_knows_the_payload_only_where_the_task_says_so():
     best = next(each for each in untuned() if each.name == "best")
     arm = protocol.BenchmarkArm(TWIN, "preset")
-    told = {}
+    known = {}
     for name in ("payload", "known payload"):
         task = protocol.TASKS[name]
         (job,) = Cell(best, task, arm).make_jobs(task.tasks(arm), (0,))
-        told[name] = job.conditions.run.estimation.known_payload
+        known[name] = job.conditions.run.estimation.known_payload
         assert float(dict(job.conditions.robot.options)["payload"]) == pytest.approx(
             0.2 * 0.24
         )
-    assert told == {"payload": 0.0, "known payload": pytest.approx(0.048)}
+    assert known == {"payload": 0.0, "known payload": pytest.approx(0.048)}
 
 
 def test_every_entrant_is_tuned_in_places_that_exist_and_at_most_four():
@@ -155,7 +160,7 @@ def test_every_entrant_is_tuned_in_places_that_exist_and_at_most_four():
             varied_from(each.tuned, each.recipe, each.strategy)
 
 
-def test_the_files_of_the_protocol_hold_arms_that_steer():
+def test_the_arms_of_the_protocol_are_distinct():
     arms = protocol.protocol_arms()
     groups = [each.group for each in arms]
     assert [groups.count(name) for name in ("preset", "randomized", "held out")] == [
@@ -167,9 +172,10 @@ def test_the_files_of_the_protocol_hold_arms_that_steer():
     assert protocol.tuning_arm().arm.name not in {each.arm.name for each in arms}
 
 
-def result(entrant, task, arm, success):
+def result(entrant, task, arm, success, **metrics):
     cell = Cell(entrant, protocol.TASKS[task], arm)
-    return Result(cell, {"success": success}, (), (1.0, 2.0), {"s2c2a": "0"})
+    values = {"success": success, **metrics}
+    return Result(cell, values, (), (1.0, 2.0), {"s2c2a": "0"})
 
 
 def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
@@ -185,10 +191,10 @@ def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
     ]
     comparison = PlannerComparison([one, other], results, [], (0, 1))
     names = comparison.arms(held_out=False)
-    assert comparison.success("pcc", names) == 0.75
-    assert comparison.success("online-jacobian", names) == 0.5
-    assert np.isnan(comparison.success("pcc", comparison.arms(held_out=True)))
-    assert lines(comparison)[0][2:4] == ["75 %", "-"]
+    assert comparison.success("pcc", names).tolist() == [0.5, 1.0]
+    assert comparison.success("online-jacobian", names).tolist() == [0.5, 0.5]
+    assert np.isnan(comparison.success("pcc", comparison.arms(held_out=True))).all()
+    assert lines(comparison)[0][2:4] == ["75 ± 35 %", "-"]
     assert arm_table(comparison) == (
         ["entrant", "first", "second"],
         [["`pcc`", "100 %", "50 %"], ["`online-jacobian`", "100 %", "-"]],
@@ -271,7 +277,7 @@ FAILED = Result(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"protocol": 0}, "of protocol 0, and this is protocol 1"),
+        ({"protocol": 0}, "of protocol 0, and this is protocol 2"),
         ({"seeds": [0, 1]}, "of seeds .0, 1., and .0. are asked for"),
         ({"versions": []}, "no versions 0"),
         ({"versions": [{"s2c2a": "\x1b[2J"}]}, "s2c2a"),
@@ -281,8 +287,12 @@ FAILED = Result(
         ({"metrics": {"success": [1.0], "error": [1.0, 2.0]}}, "more values than"),
         ({"metrics": {"success": [1.0], "eror": [1.0]}}, "eror"),
         ({"metrics": {"success": [1.0], "error": [float("nan")]}}, "error"),
+        ({"metrics": {"success": [1.0], "error": [-1.0]}}, "'error' has a negative"),
         ({"step": [-1.0, 1.0]}, "step"),
         ({"failures": ["\x1b[2J"]}, "failures"),
+        ({"failures": ["\u202egnp.exe"]}, "failures"),
+        ({"failures": ["lost", "lost"]}, "more failures than runs"),
+        ({"entrant": "a`b"}, "without backquotes"),
     ],
 )
 def test_files_of_other_results_are_refused(file, change, message):
@@ -377,26 +387,110 @@ def test_tuning_starts_from_the_entrant_as_it_is_and_refuses_what_it_ignores(own
             varied_from(each.tuned, each.recipe, each.strategy) if each.tuned else ()
         ):
             assert varied.holds(value_at(each.recipe, varied.place, each.strategy))
-    with pytest.raises(S2C2AError, match="leave out"):
-        benchmark(tune=True, entry=(own,))
+    for ignored in ({"entry": (own,)}, {"seeds": 7}):
+        with pytest.raises(S2C2AError, match="leave out"):
+            benchmark(tune=True, **ignored)
+    with pytest.raises(S2C2AError, match="none of these entrants is tuned"):
+        benchmark(tune=True, only=("ppo",))
 
 
-def test_success_is_graded_and_a_touch_or_a_missing_figure_ends_it():
-    assert success_of([2.4], [4.9], [0.0]) == 1.0
-    assert success_of([2.4], [9.9], [-0.3]) == pytest.approx(2 / 3)
-    assert success_of([9.9, 1.0], [], []) == pytest.approx(1 / 3)
-    assert success_of([2.4], [], [-0.4]) == 0.0
-    assert success_of([np.nan], [], []) == 0.0
+def test_a_smoke_version_with_nothing_left_is_refused():
+    for arguments, message in (
+        ({"only": ("best",)}, "leaves out entrants with training"),
+        ({"only": ("pcc",), "task": ("orientation",)}, "tasks path and obstacles"),
+        ({"only": ("pcc",), "seeds": 0}, "at least one"),
+    ):
+        with pytest.raises(S2C2AError, match=message):
+            benchmark(smoke=True, **arguments)
 
 
-def test_the_way_counts_from_where_the_tip_was():
+FAULTY = (
+    OWN
+    + """
+class Sometimes(Mine):
+    def build(self, arm, recipe, trained, run):
+        raise ValueError("no\\nplan | for `this`")
+"""
+)
+
+
+def test_an_entry_that_cannot_be_built_fails_alone(short, tmp_path):
+    code = tmp_path / "faulty.py"
+    code.write_text(FAULTY)
+    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
+    benchmark(
+        entry=(f"{code}:Sometimes",), only=("pcc",), task=("path",), seeds=1, work=work
+    )
+    notes = (tmp_path / "run" / "planners.md").read_text(encoding="utf-8")
+    assert r"ValueError: no plan \| for 'this'" in notes
+    table = list(csv.reader((tmp_path / "run" / "planners.csv").open(encoding="utf-8")))
+    assert [line[0] for line in table[1:]] == ["`pcc`", "`mine`"]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("name = 5", "name = 5 in Mine .*: write text of one line"),
+        (r'name = "a\nb"', "write text of one line"),
+        ("name = 'a`b'", "without backquotes"),
+        ('ignores = "obstacles"', "ignores = 'obstacles' in Mine: write a frozenset"),
+        ('ignores = frozenset({"obstacle"})', "a frozenset of axes, obstacles, other"),
+    ],
+)
+def test_what_an_entry_states_about_itself_is_checked(tmp_path, line, message):
+    file = tmp_path / f"{tmp_path.name}.py"  # a module name of its own
+    file.write_text(f"{OWN}\n    {line}\n")
+    with pytest.raises(StrategyError, match=message):
+        entrant_of(f"{file}:Mine")
+
+
+def test_touches_are_counted_and_a_failed_run_never_settles():
+    one = entrant_of("pcc")
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    runs = result(
+        one,
+        "obstacles",
+        arm,
+        [1.0, 0.0, 0.0],
+        error=[1.0, 2.0],
+        clearance=[3.0, -3.0],
+        settling=[2.0, 15.0],
+    )
+    comparison = PlannerComparison([one], [runs], [], (0,))
+    assert lines(comparison)[0][4] == "33 %; 1.5; 50 %"
+    assert comparison.settling("pcc") == 15.0
+    failed = replace(runs, metrics={"success": [0.0, 0.0, 0.0]})
+    assert np.isinf(PlannerComparison([one], [failed], [], (0,)).settling("pcc"))
+
+
+def test_results_of_an_arm_of_the_protocol_are_not_those_of_a_users_copy(tmp_path):
+    kept = tmp_path / "known.json"
+    held_out = protocol.held_out()[0]
+    cell = Cell(entrant_of("pcc"), protocol.TASKS["obstacles"], held_out)
+    save_results([replace(FAILED, cell=cell)], (0,), kept)
+    copied = replace(cell, arm=replace(held_out, group="yours"))
+    assert load_results(kept, [copied], (0,)) == ([], 1)
+    with pytest.raises(S2C2AError, match=r"1 runs of pcc .* 3 a seed"):
+        load_results(kept, [cell], (0,))
+
+
+def test_success_is_graded_and_a_missing_figure_is_none():
+    assert success_of([2.4], [4.9]) == 1.0
+    assert success_of([2.4], [9.9]) == pytest.approx(2 / 3)
+    assert success_of([9.9, 1.0], []) == pytest.approx(1 / 3)
+    assert success_of([np.nan], []) == 0.0
+    clear = [[], [0.0, -0.3], [0.0, -0.4], [np.nan]]
+    assert list(map(keeps_clear, clear)) == [True, True, False, False]
+
+
+def test_the_path_length_counts_from_where_the_tip_was():
     goals = [Goal.of(3).with_position([0.1 * step, 0.0, 0.5]) for step in (1, 2)]
     task = Task("line", tuple(goals))
     start = np.array([[0.0, 0.0, 0.5]])
     straight = np.array([[0.1, 0.0, 0.5], [0.2, 0.0, 0.5]])
-    assert way_ratio(start, straight, task) == pytest.approx(1.0)
+    assert path_length_ratio(start, straight, task) == pytest.approx(1.0)
     detour = np.array([[0.1, 0.1, 0.5], [0.2, 0.0, 0.5]])
-    assert way_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
+    assert path_length_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
 
 
 def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():

@@ -22,8 +22,11 @@ from s2c2a.tasks import TASKS
 from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
+    latex_table,
     load_comparison,
     load_rows,
+    markdown_escaped,
+    markdown_table,
     save_table,
     table_lines,
 )
@@ -245,6 +248,22 @@ def test_latex_escapes_what_would_break_it_and_keeps_its_columns(tmp_path):
     assert [line.replace(r"\&", "").count("&") for line in lines[1:4]] == [6, 6, 6]
     assert all(line.endswith(r"\\") for line in lines[2:4])
     assert lines[-1] == r"\end{tabular}"
+
+
+def test_names_show_as_they_are_in_every_kind_of_table():
+    name = r"`a|b` $x^2$ {\~} <i>"
+    assert markdown_table(["x"], [[name]]).splitlines()[2] == (
+        r"| `a\|b` $x^2$ {\~} <i> |"
+    )
+    assert markdown_escaped(name) == r"`a|b` $x^2$ {\\~} \<i\>"
+    assert (
+        latex_table(["x"] * 3, [[name, "", ""]])
+        .splitlines()[2]
+        .startswith(
+            r"\texttt{a|b} \$x\textasciicircum{}2\$ "
+            r"\{\textbackslash{}\textasciitilde{}\} <i>"
+        )
+    )
 
 
 def test_what_never_recovers_comes_back_from_strict_json(tmp_path):

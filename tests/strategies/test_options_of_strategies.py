@@ -145,3 +145,32 @@ def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
         strategy_named(f"{own},count=many")
     offered = strategies_of(TWIN, (), "tip", (own, f"{own},gain=0.25"))
     assert {"Own", "Own,gain=0.25"} <= set(offered)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("def __post_init__(self): 1 / 0", "cannot be made: ZeroDivisionError"),
+        ("build = StrategyOptions.build", "cannot be made: TypeError: .*abstract"),
+    ],
+)
+def test_a_class_that_cannot_be_made_is_named(tmp_path, line, message):
+    file = tmp_path / f"{tmp_path.name}.py"  # a module name of its own
+    file.write_text(
+        "from dataclasses import dataclass\n"
+        "from s2c2a.strategies import StrategyOptions\n"
+        "@dataclass(frozen=True)\n"
+        "class Own(StrategyOptions):\n"
+        "    def build(self, arm, recipe, trained, run):\n"
+        "        raise NotImplementedError\n"
+        f"    {line}\n"
+    )
+    with pytest.raises(StrategyError, match=message):
+        strategy_named(f"{file}:Own")
+
+
+def test_what_a_strategy_needs_is_asked_before_anything_is_made(monkeypatch):
+    (job,) = jobs_for(["circle"], TWIN, ["pcc-fitted"], [0], BEST)
+    monkeypatch.setattr(pcc.FittedPCC, "collect_options", lambda *_: 1 / 0)
+    with pytest.raises(StrategyError, match="cannot state what it needs: ZeroDiv"):
+        _ = job.needs

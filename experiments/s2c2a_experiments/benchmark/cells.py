@@ -193,8 +193,9 @@ def _step_times(
 
 
 def _line(message: str) -> str:
-    """A message as one line that a terminal shows as it is."""
-    words = "".join(char if char.isprintable() else " " for char in message).split()
+    """A message as one line that terminals and tables show as it is."""
+    plain = message.replace("`", "'")
+    words = "".join(char if char.isprintable() else " " for char in plain).split()
     return " ".join(words)
 
 

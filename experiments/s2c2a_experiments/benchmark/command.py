@@ -1,6 +1,6 @@
 """Command `s2c2a benchmark`: every planner on the same arms and tasks."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,13 +21,17 @@ if TYPE_CHECKING:
 
     from s2c2a_experiments.benchmark.cells import Cell, Result
     from s2c2a_experiments.benchmark.entrants import Entrant
-    from s2c2a_experiments.benchmark.protocol import BenchmarkArm
+    from s2c2a_experiments.benchmark.protocol import BenchmarkArm, BenchmarkTask
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 Arms = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
 Entries = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE.py:Class ...")]
 Files = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")]
+SEEDS = 3
+SMOKE_SEEDS = 1
+SMOKE = ("path", "obstacles")
+"""Tasks of the smoke version."""
 
 
 def benchmark(
@@ -35,7 +39,7 @@ def benchmark(
     only: Names = (),
     task: Names = (),
     arm: Arms = (),
-    seeds: int = 3,
+    seeds: int | None = None,
     smoke: bool = False,
     tune: bool = False,
     results: Files = (),
@@ -51,7 +55,7 @@ def benchmark(
         only: these of the project's entrants; "none" for your entries alone.
         task: these tasks of the protocol alone.
         arm: these arms of the protocol alone, or of yours, by file or preset.
-        seeds: number of seeds, from zero.
+        seeds: number of seeds, from zero; 3 by default, 1 with --smoke.
         smoke: one arm, two short tasks, one seed, and of the project's entrants those
             without training, one of each file.
         tune: tune the entrants instead, each by the same number of trials, and write
@@ -60,52 +64,101 @@ def benchmark(
             hold is not run again.
         work: run directory (runs/benchmark by default) and parallel execution.
     """
-    from s2c2a import jobs
-    from s2c2a_experiments.benchmark import protocol
-    from s2c2a_experiments.benchmark.cells import all_cells, run_cells
-    from s2c2a_experiments.benchmark.results import PlannerComparison
-
     if tune:
-        if entry or task or arm or smoke or results:
+        if entry or task or arm or seeds is not None or smoke or results:
             raise S2C2AError(
-                "--tune tunes the project's entrants by its own tasks and arm; leave out "
-                "--entry, --task, --arm, --smoke and --results"
+                "--tune tunes the project's entrants by its own tasks, arm and seed; "
+                "leave out --entry, --task, --arm, --seeds, --smoke and --results"
             )
-        _tune([each.name for each in _entrants((), only)], work)
+        _tune(_entrants((), only), work)
         return
     if smoke and results:
         raise S2C2AError("--smoke has shorter tasks than other results; leave out one")
-    numbers = tuple(jobs.checked_seeds(0, 1 if smoke else seeds))
+    chosen = _choice(entry, only, task, arm, seeds, smoke)
+    label = "benchmark-smoke" if smoke else "benchmark"
+    _show(*_compare(chosen, results, label, work))
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """What is compared: entrants on tasks with arms, once a seed."""
+
+    entrants: "list[Entrant]"
+    tasks: "list[BenchmarkTask]"
+    arms: "list[BenchmarkArm]"
+    seeds: tuple[int, ...]
+
+    @property
+    def options(self) -> dict:
+        """As the run directory keeps them."""
+        from s2c2a_experiments.benchmark.protocol import VERSION
+
+        entrants = [
+            (each.name, each.strategy, each.recipe.name) for each in self.entrants
+        ]
+        return {
+            "protocol": VERSION,
+            "entrants": entrants,
+            "tasks": [each.name for each in self.tasks],
+            "arms": [each.arm.name for each in self.arms],
+            "seeds": self.seeds,
+        }
+
+
+def _choice(
+    entry: "Sequence[str]",
+    only: "Sequence[str]",
+    task: "Sequence[str]",
+    arm: "Sequence[str]",
+    seeds: int | None,
+    smoke: bool,
+) -> _Choice:
+    """What the user asks for.
+
+    Raises:
+        S2C2AError: a name is not known or appears twice, or nothing is left.
+    """
+    from s2c2a import jobs
+    from s2c2a_experiments.benchmark import protocol
+
     entrants = _entrants(entry, only)
     tasks = _chosen(task, protocol.TASKS, "task")
+    arms = chosen_arms(arm, smoke)
+    count = seeds
+    if count is None:
+        count = SMOKE_SEEDS if smoke else SEEDS
     if smoke:
         entrants = [each for each in entrants if each.is_own or not each.samples]
         if not only:
             entrants = one_of_each_file(entrants)
         tasks = [replace(each, scenes=1) for each in tasks if each.name in SMOKE]
-    arms = chosen_arms(arm, smoke)
-    options = {
-        "protocol": protocol.VERSION,
-        "entrants": [(each.name, each.strategy, each.recipe.name) for each in entrants],
-        "tasks": [each.name for each in tasks],
-        "arms": [each.arm.name for each in arms],
-        "seeds": numbers,
-        "results": [str(file) for file in results],
-    }
-    cells = all_cells(entrants, tasks, arms)
+    if not entrants:
+        raise S2C2AError("--smoke leaves out entrants with training; give others")
+    if not tasks:
+        raise S2C2AError(f"--smoke has the tasks {' and '.join(SMOKE)}; give these")
+    return _Choice(entrants, tasks, arms, tuple(jobs.checked_seeds(0, count)))
+
+
+def _compare(
+    chosen: _Choice, results: "Sequence[str]", label: str, work: Work
+) -> "tuple[PlannerComparison, Path]":
+    """Make what no file of results holds; return the comparison and its directory."""
+    from s2c2a_experiments.benchmark.cells import all_cells, run_cells
+    from s2c2a_experiments.benchmark.results import PlannerComparison
+
+    cells = all_cells(chosen.entrants, chosen.tasks, chosen.arms)
+    dashes = [cell for cell in cells if cell.dash]
     running = [cell for cell in cells if not cell.dash]
-    saved = _saved_results(results, running, numbers)
-    label = "benchmark-smoke" if smoke else "benchmark"
-    with run_directory(label, options, work, resume=True, keep_errors=True) as (
+    saved = _saved_results(results, running, chosen.seeds)
+    with run_directory(label, chosen.options, work, resume=True, keep_errors=True) as (
         directory,
         make,
     ):
-        found = run_cells(running, numbers, make, saved)
-    dashes = [cell for cell in cells if cell.dash]
-    _show(PlannerComparison(entrants, found, dashes, numbers), directory)
+        found = run_cells(running, chosen.seeds, make, saved)
+    return PlannerComparison(chosen.entrants, found, dashes, chosen.seeds), directory
 
 
-def _tune(names: "Sequence[str]", work: Work) -> None:
+def _tune(named: "Sequence[Entrant]", work: Work) -> None:
     """Tune entrants as their files have them, and write the values found."""
     require("sweep", "optuna")
     from s2c2a import jobs
@@ -113,7 +166,10 @@ def _tune(names: "Sequence[str]", work: Work) -> None:
     from s2c2a_experiments.benchmark import entrants, tune
     from s2c2a_experiments.benchmark.protocol import VERSION
 
-    chosen = [each for each in entrants.untuned() if each.name in names and each.tuned]
+    names = {each.name for each in named if each.tuned}
+    if not names:
+        raise S2C2AError("none of these entrants is tuned; give others to --only")
+    chosen = [each for each in entrants.untuned() if each.name in names]
     options = {
         "protocol": VERSION,
         "trials": tune.TRIALS,
@@ -136,7 +192,7 @@ def _tune(names: "Sequence[str]", work: Work) -> None:
 def _saved_results(
     files: "Sequence[str]", cells: "Sequence[Cell]", seeds: "Sequence[int]"
 ) -> "list[Result]":
-    """Results in files; of each is said how many count, and what made them."""
+    """Results in files; prints how many of each count, and what made them."""
     from s2c2a_experiments.benchmark.result_files import load_results
 
     saved = []
@@ -153,10 +209,6 @@ def _saved_results(
                 f"  {others} left out: not asked for, or of other options, arms or code"
             )
     return saved
-
-
-SMOKE = ("path", "obstacles")
-"""Tasks of the smoke version."""
 
 
 def _show(comparison: "PlannerComparison", directory: Path) -> None:

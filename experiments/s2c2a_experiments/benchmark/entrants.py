@@ -5,11 +5,12 @@ Every strategy can take part, also one in a file of its own: `--entry my.py:Mine
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from types import ModuleType
+from typing import get_args
 
 import equinox as eqx
 import jax
@@ -17,6 +18,7 @@ from pydantic import TypeAdapter
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
+from s2c2a.errors import StrategyError
 from s2c2a.files import parse_toml
 from s2c2a.strategies import (
     Recipe,
@@ -25,6 +27,7 @@ from s2c2a.strategies import (
     shown_name,
     strategy_named,
 )
+from s2c2a.strategies.options import GoalPart
 from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
 from s2c2a_experiments.tables import VARIANTS
 
@@ -152,13 +155,30 @@ def code_lines(module: ModuleType | None) -> int:
     return len(_CODE.findall(source))
 
 
+def is_plain(text: str) -> bool:
+    """Whether terminals and tables show a text as it is, also as code in backquotes."""
+    return text.isprintable() and "`" not in text
+
+
 def entrant_of(strategy: str) -> Entrant:
     """An entrant by the name of a strategy, for `--entry`; it is not tuned.
 
     Raises:
         S2C2AError: there is no such strategy.
+        StrategyError: no table can show its name, or it ignores what is no part of goals.
     """
-    name = shown_name(strategy)
+    kind = type(strategy_named(strategy))
+    if not isinstance(kind.name, str) or not is_plain(name := shown_name(strategy)):
+        raise StrategyError(
+            f"name = {kind.name!r} in {kind.__name__} ({strategy!r}): write text of one "
+            "line without backquotes"
+        )
+    parts = frozenset(get_args(GoalPart))
+    if not (isinstance(kind.ignores, Set) and kind.ignores <= parts):
+        raise StrategyError(
+            f"ignores = {kind.ignores!r} in {kind.__name__}: write a frozenset of "
+            f"{', '.join(sorted(parts))}"
+        )
     return Entrant(name, "yours", strategy, recipe_named("best"), is_own=True)
 
 
@@ -178,18 +198,16 @@ def entrants() -> list[Entrant]:
 
 def untuned() -> list[Entrant]:
     """All entrants of the project, as their files have them."""
-    best = recipe_named("best")
-    paper = recipe_named("paper")
-    one_step = replace(VARIANTS["best, one step"], name="best-one-step")
-    solver = "planner.solver.iterations=1:60:log"
-    evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
-    change = "planner.terms.BendChange.weight=0.005:0.3:log"
-    weight = "planner.terms.Change.weight=0.3:3:log"
-    rate = "planner.solver.learning_rate=0.005:0.1:log"
+    return [*_of_own_files(), *_by_recipes()]
 
-    def own(name: str, family: str) -> Entrant:
-        places = tuple(f"{STRATEGY}{text}" for text in OWN[name])
-        return Entrant(name, family, name, best, places)
+
+def _of_own_files() -> list[Entrant]:
+    """Those with a file in `planners/`."""
+    best = recipe_named("best")
+
+    def own(name: str, family: str, **more) -> Entrant:
+        places = tuple(f"{STRATEGY}{text}" for text in OWN.get(name, ()))
+        return Entrant(name, family, name, best, places, **more)
 
     return [
         own("apf", "potential field"),
@@ -203,24 +221,40 @@ def untuned() -> list[Entrant]:
         own("biarc", "two arcs"),
         own("pcc-one-step", "forward model: arcs"),
         own("pseudo-rigid", "forward model: rigid links"),
-        Entrant("pcc", "forward model: arcs (paper)", "pcc", paper, (rate, weight)),
-        Entrant("pcc-horizon", "horizon, arcs", "pcc", best, (solver, evenness)),
-        Entrant("paper", "forward model: biLSTM", "s2c2a", paper, (rate, weight)),
+        own("diff-ik", "differential inverse kinematics"),
+        own("online-jacobian", "estimated Jacobian, tip seen"),
+        own(
+            "ppo",
+            "reinforcement learning, tip seen",
+            arms=("twin_arm",),
+            simulated=60_800,
+        ),
+        own("still", "none: the arm keeps its bends"),
+    ]
+
+
+def _by_recipes() -> list[Entrant]:
+    """Those that a recipe of the package describes."""
+    best = recipe_named("best")
+    paper = recipe_named("paper")
+    one_step = replace(VARIANTS["best, one step"], name="best-one-step")
+    evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
+    change = "planner.terms.BendChange.weight=0.005:0.3:log"
+    horizon = ("planner.solver.iterations=1:60:log", evenness)
+    adam = (
+        "planner.solver.learning_rate=0.005:0.1:log",
+        "planner.terms.Change.weight=0.3:3:log",
+    )
+    return [
+        Entrant("pcc", "forward model: arcs (paper)", "pcc", paper, adam),
+        Entrant("pcc-horizon", "horizon, arcs", "pcc", best, horizon),
+        Entrant("pcc-fitted", "horizon, fitted arcs", "pcc-fitted", best, horizon),
+        Entrant("paper", "forward model: biLSTM", "s2c2a", paper, adam),
         Entrant(
             "one-step", "forward model: gray box", "s2c2a", one_step, (evenness, change)
         ),
-        Entrant("best", "horizon, gray box", "s2c2a", best, (solver, evenness)),
+        Entrant("best", "horizon, gray box", "s2c2a", best, horizon),
         Entrant(
-            "best-camera", "horizon, tip seen", "s2c2a", best, (solver, evenness), True
-        ),
-        own("diff-ik", "differential inverse kinematics"),
-        own("online-jacobian", "estimated Jacobian, tip seen"),
-        Entrant(
-            "ppo",
-            "reinforcement learning, tip seen",
-            "ppo",
-            best,
-            arms=("twin_arm",),
-            simulated=60_800,
+            "best-camera", "horizon, tip seen", "s2c2a", best, horizon, camera=True
         ),
     ]

@@ -20,12 +20,15 @@ from s2c2a_experiments.benchmark.results import (
 
 COLUMNS = {
     "success, held out": "mean over arms and tasks, but known payload, of the success of "
-    "runs: how many of three bounds they keep; what an entrant does not do counts as none",
-    "a task": "success; mean error [% of the arm's length]; for some, "
-    "clearance [% of length] or error of the axis [deg]",
-    "way": "of the tip, over that of its goals; in tasks that all entrants do",
+    "runs: how many of three bounds they keep; what an entrant does not do counts as none; "
+    "± standard deviation between seeds",
+    "a task": "success; mean error of the runs that did not fail [% of the arm's length]; "
+    "for some, share of runs that touch an obstacle, or error of the axis [deg]",
+    "path length": "of the tip, over that of its goals; in tasks that all entrants do; "
+    "less than 1 cuts corners",
     "jerk": "log dimensionless jerk of the tip, in the same tasks; larger trembles more",
-    "settling": "time until the tip stays within 5 % of a still target, past obstacles",
+    "settling": "median time until the tip stays within 5 % of a still target, past "
+    "obstacles; the whole run where it does not, or touches",
     "step": "time of a control step, while the other cores run, too; median over tasks "
     "and arms",
     "data": "samples that the entrant learns from",

@@ -20,13 +20,13 @@ from s2c2a.tasks import Score, Task, load_task
 from s2c2a.tasks.projection import projected
 from s2c2a_experiments.scenes import drawn_task
 
-VERSION = 1
+VERSION = 2
 AGED = 1.0
 """Arms are older than their recordings: no user drives an arm on the day of its data."""
 PAYLOAD = 0.2  # of the arm's mass
-PACES = {"opencr_v4": 0.25}
-"""Pace of tasks by arm, where it is not 1: this one takes 1.7 steps a second."""
-FITTED = ("opencr_v4", "stanford_trunk")
+FITTED = {"opencr_v4": 0.25, "stanford_trunk": 1.0}
+"""Arms fitted to recordings, with the pace of their tasks: the first one takes 1.7 steps
+a second."""
 RANDOMIZED = ((0, 0.5), (1, 0.5), (2, 1.0), (3, 1.0))
 """Seed and strength of the mismatch; nothing is tuned on them."""
 HELD_OUT = ((1001, 0.5), (1002, 1.0))
@@ -47,14 +47,16 @@ class BenchmarkArm:
     Attributes:
         arm: with its mismatch, which no entrant knows.
         group: of the results.
+        pace: of its tasks, in parts of theirs.
     """
 
     arm: ArmSpec
     group: Group
+    pace: float = 1.0
 
     @property
     def scenes(self) -> tuple[int, ...]:
-        """Seeds of its drawn scenes."""
+        """Seeds of its random scenes."""
         if self.group == "held out":
             return HELD_OUT_SCENES
         return SCENES
@@ -106,9 +108,8 @@ axes, which recipes state by task, out: all entrants have the same goals."""
 def _task(name: str, arm: BenchmarkArm) -> list[Task]:
     """The task of this name, on fitted arms and yours within reach of ideal arcs."""
     source = SOURCES[name]
-    pace = PACES.get(arm.arm.name)
-    if pace is not None:
-        source = f"{source}@{pace:g}"
+    if arm.pace != 1.0:
+        source = f"{source}@{arm.pace:g}"
     task = replace(load_task(source, arm.arm), name=name)
     if name == "orientation":
         # the tilt alone leaves out where the axis points
@@ -120,8 +121,7 @@ def _task(name: str, arm: BenchmarkArm) -> list[Task]:
 
 
 def _scenes(arm: BenchmarkArm) -> list[Task]:
-    pace = PACES.get(arm.arm.name, 1.0)
-    rate = arm.arm.control_rate / pace
+    rate = arm.arm.control_rate / arm.pace
     slower = arm.arm.model_copy(update={"control_rate": rate})
     return [drawn_task(slower, seed) for seed in arm.scenes]
 
@@ -171,18 +171,18 @@ def tuning_arm() -> BenchmarkArm:
 
 
 def _randomized(
-    drawn: tuple[tuple[int, float], ...], group: Group
+    mismatches: tuple[tuple[int, float], ...], group: Group
 ) -> list[BenchmarkArm]:
     base = load_arm("twin_arm")
     return [
         BenchmarkArm(randomized_arm(base, seed, strength), group)
-        for seed, strength in drawn
+        for seed, strength in mismatches
     ]
 
 
 def _fitted() -> list[BenchmarkArm]:
     arms = []
-    for name in FITTED:
+    for name, pace in FITTED.items():
         with resources.as_file(ARMS.joinpath(f"{name}.toml")) as path:
-            arms.append(BenchmarkArm(load_arm(str(path)), "fitted"))
+            arms.append(BenchmarkArm(load_arm(str(path)), "fitted", pace))
     return arms

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.errors import S2C2AError
@@ -14,13 +14,25 @@ from s2c2a.files import LARGEST, write_atomically
 from s2c2a.json_files import load_json
 from s2c2a.user_code import code_digest
 from s2c2a_experiments.benchmark.cells import Cell, Result
+from s2c2a_experiments.benchmark.entrants import is_plain
 from s2c2a_experiments.benchmark.protocol import VERSION
 from s2c2a_experiments.benchmark.scores import Metric
 
 ADVICE = "give the planners.json of a run directory"
 DIGITS = 16  # of digests: no two of a million are equal by chance
-Text = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
-"""Text that a terminal shows as it is; the file may be a stranger's."""
+MAX_BYTES = 20_000_000  # of a file: hundreds of entrants on dozens of arms
+SIGNED = {"clearance", "jerk"}
+"""Metrics that may be negative."""
+
+
+def _plain(text: str) -> str:
+    if not is_plain(text):
+        raise ValueError("write text of one line without backquotes")
+    return text
+
+
+Text = Annotated[str, AfterValidator(_plain)]
+"""Text that terminals and tables show as it is; the file may be a stranger's."""
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Time = Annotated[float, Field(ge=0.0, le=LARGEST)]  # zero by a coarse clock
 
@@ -62,6 +74,10 @@ class SavedResult(_Model):
         for name, values in self.metrics.items():
             if len(values) > len(shares):
                 raise ValueError(f"'{name}' has more values than there are runs")
+            if name not in SIGNED and not all(value >= 0.0 for value in values):
+                raise ValueError(f"'{name}' has a negative value")
+        if len(self.failures) > len(shares):
+            raise ValueError("there are more failures than runs")
         return self
 
 
@@ -118,7 +134,9 @@ def _digest(cell: Cell) -> str:
     entrant = cell.entrant
     code = code_digest(entrant.strategy) if entrant.is_own else ""
     arm = arm_to_toml(entrant.sensed(cell.arm.arm))
-    parts = (entrant.options, entrant.recipe, code, cell.task.scenes, arm)
+    # tasks follow from group and pace
+    tasks = cell.task.scenes, cell.arm.group, cell.arm.pace
+    parts = (entrant.options, entrant.recipe, code, *tasks, arm)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:DIGITS]
 
 
@@ -134,10 +152,12 @@ def load_results(
         seeds: of all results.
 
     Raises:
-        S2C2AError: the file holds no results, or those of another protocol or of other
-            seeds.
+        S2C2AError: the file holds no results, those of another protocol or of other
+            seeds, or another number of runs than the task has.
     """
-    file = load_json(ResultFile, path, S2C2AError, "results of a benchmark", ADVICE)
+    file = load_json(
+        ResultFile, path, S2C2AError, "results of a benchmark", ADVICE, MAX_BYTES
+    )
     if file.protocol != VERSION:
         raise S2C2AError(
             f"{path} has results of protocol {file.protocol}, and this is protocol "
@@ -152,8 +172,15 @@ def load_results(
     results = []
     for saved in file.results:
         cell = known.get((saved.entrant, saved.task, saved.arm, saved.digest))
-        if cell:
-            results.append(_result(cell, saved, file.versions[saved.versions]))
+        if not cell:
+            continue
+        runs = len(saved.metrics["success"])
+        if runs != len(seeds) * cell.task.scenes:
+            raise S2C2AError(
+                f"{path} has {runs} runs of {saved.entrant} with {saved.arm}, "
+                f"{saved.task}, and {cell.task.scenes} a seed are asked for; {ADVICE}"
+            )
+        results.append(_result(cell, saved, file.versions[saved.versions]))
     return results, len(file.results) - len(results)
 
 

@@ -6,6 +6,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.evaluation.report import save_csv
 from s2c2a.files import write_atomically
@@ -13,17 +14,16 @@ from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS
 from s2c2a_experiments.benchmark.result_files import save_results
-from s2c2a_experiments.benchmark.scores import Metric
+from s2c2a_experiments.benchmark.scores import Metric, keeps_clear
 from s2c2a_experiments.figures.planners import planners_figure
-from s2c2a_experiments.table_files import latex_table, markdown_table
+from s2c2a_experiments.table_files import (
+    latex_table,
+    markdown_escaped,
+    markdown_table,
+)
 
 HELD_OUT = "held out"
-BESIDE: dict[str, Metric] = {
-    "obstacles": "clearance",
-    "orientation": "axis error",
-    "constraint": "axis error",
-}
-"""Second metric of a task's column."""
+OBSTACLES = "obstacles"
 
 
 @dataclass(frozen=True)
@@ -69,21 +69,24 @@ class PlannerComparison:
         ]
         return list(dict.fromkeys(names))
 
-    def success(self, entrant: str, arms: Sequence[str]) -> float:
-        """Mean over arms and tasks of the shares of successful runs; NaN if it does none.
+    def success(self, entrant: str, arms: Sequence[str]) -> Float[np.ndarray, " seeds"]:
+        """Success of every seed, the mean over arms and tasks; NaN if it does none.
 
         An arm or a task that the entrant does not do counts as no success. A known
         payload counts where nothing else was run: it is a task with more information.
         """
         names = [cell.task.name for cell in self.cells if not cell.knows_payload]
-        shares = dict.fromkeys(product(arms, names or self.tasks), 0.0)
+        none = np.zeros(len(self.seeds))
+        shares = dict.fromkeys(product(arms, names or self.tasks), none)
         done = {
-            (arm, task): float(np.mean(result.metrics["success"]))
+            (arm, task): _by_seed(result.metrics["success"], len(self.seeds))
             for result in self.results
             for name, task, arm in (result.cell.names,)
             if name == entrant and (arm, task) in shares
         }
-        return float(np.mean([*(shares | done).values()])) if done else np.nan
+        if not done:
+            return np.full(len(self.seeds), np.nan)
+        return np.mean([*(shares | done).values()], axis=0)
 
     @property
     def main_arms(self) -> list[str]:
@@ -106,6 +109,15 @@ class PlannerComparison:
                 values += result.metrics.get(metric, [])
         return np.array(values, float)
 
+    def settling(self, entrant: str) -> float:
+        """Median settling time past obstacles [s]; infinite if half the runs failed."""
+        runs = len(self.values(entrant, [OBSTACLES], "success"))
+        if not runs:
+            return np.nan
+        times = self.values(entrant, [OBSTACLES], "settling")
+        failed = np.full(runs - len(times), np.inf)
+        return float(np.median([*times, *failed]))
+
     def step_times(self, entrant: str) -> tuple[float, float] | None:
         """Median over tasks and main arms of the median and of 99 % [ms]; None without."""
         arms = self.main_arms
@@ -120,7 +132,14 @@ class PlannerComparison:
         return float(median), float(slow)
 
 
-HEADER_END = ("way", "jerk", "settling [s]", "step, median; 99 % [ms]", "data", "lines")
+HEADER_END = (
+    "path length",
+    "jerk",
+    "settling [s]",
+    "step, median; 99 % [ms]",
+    "data",
+    "lines",
+)
 
 
 def header(comparison: PlannerComparison) -> list[str]:
@@ -138,7 +157,7 @@ def ranked(comparison: PlannerComparison) -> list[Entrant]:
     arms = comparison.main_arms
 
     def failing(entrant: Entrant) -> float:
-        return -np.nan_to_num(comparison.success(entrant.name, arms))
+        return -np.nan_to_num(comparison.success(entrant.name, arms).mean())
 
     return sorted(comparison.entrants, key=failing)
 
@@ -148,7 +167,7 @@ def arm_table(comparison: PlannerComparison) -> tuple[list[str], list[list[str]]
     arms = comparison.arms(held_out=False) + comparison.arms(held_out=True)
     body = []
     for entrant in ranked(comparison):
-        shares = [comparison.success(entrant.name, [arm]) for arm in arms]
+        shares = [comparison.success(entrant.name, [arm]).mean() for arm in arms]
         body.append([f"`{entrant.name}`", *map(_percent, shares)])
     return ["entrant", *arms], body
 
@@ -159,19 +178,19 @@ def _line(comparison: PlannerComparison, entrant: Entrant) -> list[str]:
     step = comparison.step_times(name)
     times = "; ".join(f"{time:.1f}" for time in step) if step else "-"
     common = comparison.common_tasks
-    ways = comparison.values(name, common, "way")
+    lengths = comparison.values(name, common, "path length")
     jerks = comparison.values(name, common, "jerk")
-    settlings = comparison.values(name, comparison.tasks, "settling")
+    settling = comparison.settling(name)
     groups = map(comparison.arms, (False, True))
     shares = [comparison.success(name, arms) for arms in groups]
     return [
         f"`{name}`",
         entrant.family,
-        *map(_percent, shares),
+        *map(_with_spread, shares),
         *tasks,
-        _mean(ways, 2),
+        _mean(lengths, 2),
         _mean(jerks, 1),
-        _mean(settlings, 1),
+        f"{settling:.1f}" if np.isfinite(settling) else "-",
         times,
         str(entrant.samples or "-"),
         str(entrant.lines),
@@ -182,18 +201,32 @@ def _task_cell(comparison: PlannerComparison, name: str, task: str) -> str:
     success = comparison.values(name, [task], "success")
     if not len(success):
         return "-"
-    parts = [_percent(success.mean())]
-    metrics: list[Metric] = ["error"]
-    if task in BESIDE:
-        metrics.append(BESIDE[task])
-    for metric in metrics:
-        values = comparison.values(name, [task], metric)
-        parts.append(_mean(values, 1))
+    errors = comparison.values(name, [task], "error")
+    parts = [_percent(success.mean()), _mean(errors, 1)]
+    if task == OBSTACLES:
+        clearances = comparison.values(name, [task], "clearance")
+        touching = [not keeps_clear([clearance]) for clearance in clearances]
+        parts.append(_percent(float(np.mean(touching))) if touching else "-")
+    elif "axes" in TASKS[task].needs:
+        parts.append(_mean(comparison.values(name, [task], "axis error"), 1))
     return "; ".join(parts)
+
+
+def _by_seed(values: Sequence[float], seeds: int) -> Float[np.ndarray, " seeds"]:
+    """Means over the scenes of every seed; `jobs_for` has all scenes of a seed in a row."""
+    return np.reshape(values, (seeds, -1)).mean(axis=1)
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if np.isfinite(share) else "-"
+
+
+def _with_spread(shares: Float[np.ndarray, " seeds"]) -> str:
+    """Mean and standard deviation between seeds."""
+    mean = shares.mean()
+    if len(shares) < 2 or not np.isfinite(mean):
+        return _percent(mean)
+    return f"{100 * mean:.0f} ± {100 * shares.std(ddof=1):.0f} %"
 
 
 def _mean(values: np.ndarray, digits: int) -> str:
@@ -240,7 +273,7 @@ def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
     latex = latex_table(head, body)
     write_atomically(latex, folder / "planners.tex")
     reasons = dash_lines(comparison) + failure_lines(comparison)
-    notes = "\n".join(f"- {text}" for text in reasons)
+    notes = "\n".join(f"- {markdown_escaped(text)}" for text in reasons)
     table = markdown_table(head, body)
     arms = markdown_table(*by_arm)
     return write_atomically(f"{table}\n{arms}\n{notes}\n", folder / "planners.md")
@@ -254,7 +287,7 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     for name in names:
         errors[name] = comparison.values(name, comparison.tasks, "error")
         step = comparison.step_times(name)
-        success = comparison.success(name, comparison.main_arms)
+        success = float(comparison.success(name, comparison.main_arms).mean())
         if step and np.isfinite(success):
             points[name] = step[0], success
     runs = max(

@@ -1,6 +1,6 @@
-"""The metrics of a run: success, error, clearance, way, smoothness, settling."""
+"""The metrics of a run: success, error, clearance, path length, jerk, settling."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -21,10 +21,10 @@ POSITIONS = ("position", "constraint", "end distance")
 ANGLES = ("tilt", "orientation", "azimuth")
 CLEARANCES = ("clearance of the arm",)
 Metric = Literal[
-    "success", "error", "axis error", "clearance", "way", "jerk", "settling"
+    "success", "error", "axis error", "clearance", "path length", "jerk", "settling"
 ]
 """Share of the bounds that a run keeps; error and clearance [% of length]; error of the
-axis [deg]; way [of the shortest]; jerk [log]; settling time [s]."""
+axis [deg]; path length [of the shortest]; jerk [log]; settling time [s]."""
 Metrics = dict[Metric, float]
 """Of a run; NaN where it has none."""
 Points = Float[np.ndarray, "points 3"]
@@ -41,14 +41,15 @@ def metrics_of(run: Run) -> Metrics:
     clearances = _parts(scores, CLEARANCES, scale)
     tips = run.episode.after("states")[:, -1, POSITION]
     starts = run.episode.ran("sensor.states")[:, -1, POSITION]
+    is_clear = keeps_clear(clearances)
     return {
-        "success": success_of(errors, angles, clearances),
+        "success": success_of(errors, angles) if is_clear else 0.0,
         "error": max(errors, default=np.nan),
         "axis error": max(angles, default=np.nan),
         "clearance": min(clearances, default=np.nan),
-        "way": way_ratio(starts[:1], tips, run.job.task),
+        "path length": path_length_ratio(starts[:1], tips, run.job.task),
         "jerk": log_jerk(tips, arm.control_period),
-        "settling": settling_time(run),
+        "settling": settling_time(run, is_clear),
     }
 
 
@@ -58,12 +59,13 @@ def _parts(
     return [scale * scores[name].value for name in names if name in scores]
 
 
-def success_of(
-    errors: list[float], angles: list[float], clearances: list[float]
-) -> float:
+def keeps_clear(clearances: Sequence[float]) -> bool:
+    """Whether clearances [% of length] show no touch, which NaN does not."""
+    return all(value >= -TOUCH for value in clearances)
+
+
+def success_of(errors: list[float], angles: list[float]) -> float:
     """Share of the bounds that hold all values, which NaN is never within."""
-    if not all(value >= -TOUCH for value in clearances):
-        return 0.0
     held = [
         all(value <= factor * POSITION_BOUND for value in errors)
         and all(value <= factor * ANGLE_BOUND for value in angles)
@@ -72,20 +74,19 @@ def success_of(
     return float(np.mean(held))
 
 
-def way_ratio(start: Points, tips: Tips, task: Task) -> float:
-    """Way of the tip over the shortest: that of its goals, from where the tip was."""
+def path_length_ratio(start: Points, tips: Tips, task: Task) -> float:
+    """Path length of the tip over that of its goals, both from where the tip was."""
     goals = task.desired_positions()[:, -1]
     is_known = np.isfinite(goals).all(axis=-1)
     if not is_known.any():
         return np.nan
-    shortest = _way(np.concatenate([start, goals[is_known]]))
+    shortest = _path_length(np.concatenate([start, goals[is_known]]))
     if shortest == 0.0:
         return np.nan
-    way = _way(np.concatenate([start, tips]))
-    return way / shortest
+    return _path_length(np.concatenate([start, tips])) / shortest
 
 
-def _way(points: Points) -> float:
+def _path_length(points: Points) -> float:
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=-1)
     return float(lengths.sum())
@@ -111,10 +112,11 @@ def log_jerk(tips: Tips, period: float) -> float:
     return float(np.log(unit * integral))
 
 
-def settling_time(run: Run) -> float:
+def settling_time(run: Run, is_clear: bool) -> float:
     """Time after which the tip stays within the bound of a still target [s].
 
-    The whole run where it does not; NaN where the target moves.
+    The whole run where it does not, or where the arm touches an obstacle; NaN where the
+    target moves.
     """
     goals = run.job.task.desired_positions()[:, -1]
     ranges = np.ptp(goals, axis=0)
@@ -124,7 +126,7 @@ def settling_time(run: Run) -> float:
     tips = run.episode.after("states")[:, -1, POSITION]
     distances = np.linalg.norm(tips - goals, axis=-1)
     errors = distances / arm.length
-    is_outside = errors > POSITION_BOUND / 100.0
+    is_outside = (errors > POSITION_BOUND / 100.0) | (not is_clear)
     if not is_outside.any():
         return 0.0
     outside = np.flatnonzero(is_outside)

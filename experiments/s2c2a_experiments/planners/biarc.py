@@ -8,6 +8,7 @@ modules are their bends. Without an axis the arcs meet at the end of a module, s
 bends are exact; with one, the target is shifted by what the modules miss.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -42,6 +43,14 @@ CLOSE = 1e-3  # of the arm's length; a curve that differs by less is as long
 BEYOND = 100.0  # cost of a radian beyond the limits
 UP = jnp.array([0.0, 0.0, 1.0])
 SIDE = jnp.array([1.0, 0.0])
+Point = Float[Array, "3"]
+ArmBends = Float[Array, "modules 2"]
+CurveBends = Float[Array, "curves modules 2"]
+Costs = Float[Array, " curves"]
+EndAxes = Float[Array, "axes 3"]
+Cells = Float[Array, "rows cells"]
+"""Of a free parameter; every row has its own root."""
+CellVectors = Float[Array, "rows cells 3"]
 
 
 @dataclass(frozen=True)
@@ -141,13 +150,13 @@ class _Curves(NamedTuple):
         limits = geometry.planned_bends.astype(np.float32)
         return cls(lengths, limits, options)
 
-    def free(self, target, last):
+    def free(self, target: Point, last: ArmBends) -> ArmBends:
         """Bends of the modules [rad] whose tip is at the target."""
         arcs = self._planar(target, last)
         bends, _ = self._best(arcs, last)
         return bends
 
-    def bound(self, target, axis, last):
+    def bound(self, target: Point, axis: Point, last: ArmBends) -> ArmBends:
         """Bends of the modules [rad] whose tip is at the target, along an axis."""
         planar = self._planar(target, last)
         without, free_axis = self._best(planar, last)
@@ -183,7 +192,9 @@ class _Curves(NamedTuple):
             return ends / 2.0
         return ends[:-1]
 
-    def _best(self, arcs: _Arcs, last, cost=0.0):
+    def _best(
+        self, arcs: _Arcs, last: ArmBends, cost: Costs | float = 0.0
+    ) -> tuple[ArmBends, Point]:
         """Bends [rad] and end axis of the curve of least cost."""
         bends = self._modules(arcs)
         cost = cost + self._bend_costs(bends, last)
@@ -193,7 +204,7 @@ class _Curves(NamedTuple):
         best = jnp.argmin(cost)
         return bends[best], arcs.axis[best]
 
-    def _bend_costs(self, bends, last):
+    def _bend_costs(self, bends: CurveBends, last: ArmBends) -> Costs:
         """Of bends, of what they are beyond their limits, and of their changes."""
         excess = norm(bends) - self.limits
         beyond = jnp.maximum(excess, 0.0).sum(axis=-1)
@@ -201,14 +212,14 @@ class _Curves(NamedTuple):
         change = _squares(bends - last)
         return cost + self.options.change_weight * change
 
-    def _length_costs(self, arcs: _Arcs):
+    def _length_costs(self, arcs: _Arcs) -> Costs:
         """None for curves as long as the arm."""
         miss = jnp.abs(arcs.excess) / self.total
         never = NEVER * (1.0 + miss)
         return jnp.where(miss < CLOSE, 0.0, never)
 
-    def _modules(self, arcs: _Arcs):
-        """Integrals of the curvature over the modules [rad], (curves, modules, 2)."""
+    def _modules(self, arcs: _Arcs) -> CurveBends:
+        """Integrals of the curvature over the modules [rad]."""
         ends = np.cumsum(self.lengths)
         total = ends[-1]
         shortest = 1e-6 * total
@@ -224,7 +235,7 @@ class _Curves(NamedTuple):
         second_bends = second_share[..., None] * arcs.second[:, None]
         return first_bends + second_bends
 
-    def _planar(self, target, last) -> _Arcs:
+    def _planar(self, target: Point, last: ArmBends) -> _Arcs:
         """Curves in the plane of base axis and target that meet at ends of modules."""
         direction = self._direction(target, last)
         aside = target[:2] @ direction
@@ -251,7 +262,7 @@ class _Curves(NamedTuple):
             _rows(axis),
         )
 
-    def _direction(self, target, last):
+    def _direction(self, target: Point, last: ArmBends) -> Float[Array, "2"]:
         """Unit vector from the base axis to the target, or as the arm is bent."""
         lateral = target[:2]
         bend = last.sum(axis=0)
@@ -262,7 +273,9 @@ class _Curves(NamedTuple):
         direction = jnp.where(is_aside, lateral, bent)
         return direction / norm(direction)
 
-    def _second_turn(self, aside, above, half):
+    def _second_turn(
+        self, aside: Float[Array, ""], above: Float[Array, ""], half: Cells
+    ) -> tuple[Cells, Cells]:
         """Half the second arc's angle [rad], and the excess of the curve [m].
 
         Args:
@@ -282,8 +295,8 @@ class _Curves(NamedTuple):
         length = jnp.hypot(left, up) / shortening
         return turn, length + joints - self.total
 
-    def _spatial(self, target, axes) -> _Arcs:
-        """Curves that end along axes, shape (axes, 3)."""
+    def _spatial(self, target: Point, axes: EndAxes) -> _Arcs:
+        """Curves that end along axes."""
         arcs = partial(self._tangent_arcs, target, axes)
 
         def excess_of(first):
@@ -304,12 +317,14 @@ class _Curves(NamedTuple):
             _rows(ends),
         )
 
-    def _tangent_arcs(self, target, axes, first):
+    def _tangent_arcs(
+        self, target: Point, axes: EndAxes, first: Cells
+    ) -> tuple[Cells, Cells, CellVectors]:
         """Length of the first arc, excess of the curve [m], and axis at the joint.
 
         Args:
             target: [m].
-            axes: at the end, shape (axes, 3).
+            axes: at the end.
             first: length of the first arc's tangents [m].
         """
         ends = axes[:, None]
@@ -325,7 +340,7 @@ class _Curves(NamedTuple):
         whole = jnp.where(second > 0.0, whole, jnp.nan)
         return first_length, whole - self.total, middle
 
-    def _second_tangent(self, target, axes, first):
+    def _second_tangent(self, target: Point, axes: EndAxes, first: Cells) -> Cells:
         """Length of the second arc's tangents that join those of the first [m]."""
         half_square = target @ target / 2.0
         chord = half_square - first * target[2]
@@ -337,8 +352,8 @@ class _Curves(NamedTuple):
         return chord / slope
 
 
-def _between(axis, other):
-    """Axes from one to another, shape (axes, 3)."""
+def _between(axis: Point, other: Point) -> EndAxes:
+    """Axes from one to another."""
     shares = jnp.linspace(0.0, 1.0, AXES)[:, None]
     change = other - axis
     ways = axis + shares * change
@@ -346,8 +361,17 @@ def _between(axis, other):
     return ways / sizes[:, None]
 
 
-def _root(function, low: float, high: float, count: int):
-    """Where a function is zero in cells, or where it is nearest to it, (count, cells)."""
+def _root(
+    function: Callable[[Cells], Cells], low: float, high: float, count: int
+) -> Cells:
+    """Where a function is zero in cells of rows, or where it is nearest to it.
+
+    Args:
+        function: of all cells at once.
+        low: where the cells begin.
+        high: where they end.
+        count: number of rows.
+    """
     edges = jnp.linspace(low, high, CELLS + 1)
     rows = jnp.tile(edges, (count, 1))
     before = rows[:, :-1]
@@ -368,7 +392,9 @@ def _root(function, low: float, high: float, count: int):
     return (left + right) / 2.0
 
 
-def _arc(tangent, start, end):
+def _arc(
+    tangent: Cells, start: Float[Array, "*cells 3"], end: Float[Array, "*cells 3"]
+) -> Cells:
     """Length of an arc between two axes whose tangents are so long [m]."""
     cosine = (start * end).sum(axis=-1)
     cosine = jnp.clip(cosine, -1.0, 1.0)
@@ -378,15 +404,15 @@ def _arc(tangent, start, end):
     return 2.0 * tangent * ratio
 
 
-def _squares(bends):
+def _squares(bends: Float[Array, "*curves modules 2"]) -> Float[Array, "*curves"]:
     """Sum of squares over the modules [rad2]."""
     squares = bends**2
     return squares.sum(axis=(-1, -2))
 
 
-def _in_a_row(values):
+def _in_a_row(values: Float[Array, "..."]) -> Float[Array, " values"]:
     return values.reshape(-1)
 
 
-def _rows(values):
+def _rows(values: Float[Array, "... width"]) -> Float[Array, "rows width"]:
     return values.reshape(-1, values.shape[-1])

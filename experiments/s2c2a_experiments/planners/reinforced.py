@@ -24,6 +24,17 @@ ARMS = 8
 BATCH = 512
 FITS = 1000  # gradient steps after every lesson
 
+LEARNING: dict[str, Any] = {
+    "learning_rate": 1e-4,
+    "n_steps": 200,
+    "batch_size": 400,
+    "n_epochs": 5,
+    "gamma": 0.9,  # a second ahead is enough where the reward is the distance
+    "clip_range": 0.1,
+    "device": "cpu",
+}
+"""Arguments of PPO."""
+
 
 @dataclass(frozen=True)
 class ReinforcedPolicy(PolicyStrategy):
@@ -68,23 +79,12 @@ class ReinforcedPolicy(PolicyStrategy):
         torch.set_num_threads(1)  # the arms have the other cores
         arm = recording.arm
         envs = [ArmVecEnv(task, ARMS, seed, arm=arm) for task in TASKS]
-        model = PPO(
-            "MlpPolicy",
-            envs[-1],
-            learning_rate=1e-4,
-            n_steps=200,
-            batch_size=400,
-            n_epochs=5,
-            gamma=0.9,  # a second ahead is enough where the reward is the distance
-            clip_range=0.1,
-            policy_kwargs={
-                "net_arch": [self.width] * self.depth,
-                "log_std_init": -2.0,
-                "activation_fn": torch.nn.ReLU,
-            },
-            seed=seed,
-            device="cpu",
-        )
+        network = {
+            "net_arch": [self.width] * self.depth,
+            "log_std_init": -2.0,
+            "activation_fn": torch.nn.ReLU,
+        }
+        model = PPO("MlpPolicy", envs[-1], policy_kwargs=network, seed=seed, **LEARNING)
         self._imitate(model, envs, torch, progress)
         model.learn(self.steps)
         for env in envs:

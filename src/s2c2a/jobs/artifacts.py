@@ -17,10 +17,11 @@ from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.cache import cache_folder
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import DamagedRecordingError, S2C2AError
+from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
 from s2c2a.files import write_atomically
 from s2c2a.progress import Progress
 from s2c2a.robots import RobotFactory
+from s2c2a.runtime.border import named_errors
 from s2c2a.strategies import (
     S2C2A,
     STRATEGIES,
@@ -245,9 +246,12 @@ class NetworksArtifact(Networks):
 
     def make(self, cache: Cache, progress: Progress) -> None:
         recording = self.needs[0].load(cache)
-        networks = self.strategy.train(
-            recording, self.recipe, self.seed, self.training_progress(progress)
-        )
+        with named_errors(
+            StrategyError, f"strategy '{self.strategy.name}' cannot be trained"
+        ):
+            networks = self.strategy.train(
+                recording, self.recipe, self.seed, self.training_progress(progress)
+            )
         labeled = strategies.labeled(networks, self.strategy)
         strategies.save_networks(labeled, self.path(cache))
 

@@ -14,12 +14,13 @@ import numpy as np
 from s2c2a import episodes, evaluation, versions
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.evaluation.rollout import OnStep, ignore_step
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, NetworksArtifact, digest_of
 from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver, StepRecord
+from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.step_writer import StepWriter
 from s2c2a.strategies import (
     STRATEGIES,
@@ -141,10 +142,13 @@ class Job(Artifact[Run]):
         name = STRATEGIES.name_of(type(self.options))
         if self.weights is not None and self.weights.are_of(name):
             return (self.weights,)
-        recipe = self.options.recipe(self.recipe)
-        if self.options.collect_options(recipe, self.seed) is None:
-            return ()
-        arm = self.options.training_arm(self.arm, recipe)
+        with named_errors(
+            StrategyError, f"strategy '{self.strategy}' cannot state what it needs"
+        ):
+            recipe = self.options.recipe(self.recipe)
+            if self.options.collect_options(recipe, self.seed) is None:
+                return ()
+            arm = self.options.training_arm(self.arm, recipe)
         return (NetworksArtifact(arm, recipe, self.seed, self.options),)
 
     @cached_property
@@ -177,7 +181,8 @@ class Job(Artifact[Run]):
             # a file's networks may have other options than the defaults
             options = type(options)(**trained.strategy_options)
         recipe = options.recipe(self.recipe)
-        strategy = options.build(self.arm, recipe, trained, self.conditions.run)
+        with named_errors(StrategyError, f"strategy '{self.strategy}' cannot be built"):
+            strategy = options.build(self.arm, recipe, trained, self.conditions.run)
         report = partial(progress, str(self))
         robot = self.robot()
         kept: list[episodes.Episode] = []

@@ -5,8 +5,10 @@ from dataclasses import asdict, replace
 
 from s2c2a.components import Registry
 from s2c2a.data import Recording
+from s2c2a.errors import StrategyError
 from s2c2a.options import convert_option, named_parameters, options_from
 from s2c2a.runtime import Driver
+from s2c2a.runtime.border import named_errors
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.pcc import FittedPCC, PlainPCC
 from s2c2a.strategies.recipe import Recipe
@@ -31,6 +33,7 @@ def strategy_named(text: str) -> StrategyOptions:
 
     Raises:
         S2C2AError: no such strategy or option, or a value that it does not take.
+        StrategyError: its class is incomplete, or fails.
     """
     name, *given = OPTION.split(text)
     kind = STRATEGIES.named(name)
@@ -39,7 +42,8 @@ def strategy_named(text: str) -> StrategyOptions:
         key: convert_option(kind, parameters, key, value)
         for key, value in options_from(given)
     }
-    return kind(**options)
+    with named_errors(StrategyError, f"strategy '{name}' cannot be made"):
+        return kind(**options)
 
 
 def shown_name(text: str) -> str:

@@ -1,0 +1,34 @@
+"""No planner: the arm keeps its bends. What it achieves, a task gives for nothing."""
+
+from dataclasses import dataclass
+
+from s2c2a.arm import ArmSpec
+from s2c2a.goals import Goal
+from s2c2a.planning import Guard
+from s2c2a_experiments.planners.arc_driver import (
+    BendPlanner,
+    BendPlanning,
+    Bends,
+    Moment,
+)
+
+
+@dataclass(frozen=True)
+class Still(BendPlanning):
+    """The bends of the start, whatever the goals."""
+
+    name = "still"
+
+    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+        return SameBends()
+
+
+class SameBends:
+    """The last bends once more."""
+
+    def start(self, moment: Moment) -> None:
+        """Nothing to remember."""
+
+    def next_bends(self, moment: Moment, goal: Goal) -> Bends:
+        """The last bends."""
+        return moment.bends
