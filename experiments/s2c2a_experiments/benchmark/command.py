@@ -226,13 +226,13 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
     figure = draw(comparison, directory / "planners.png")
     page = write_page(comparison, figure, directory / "planners.html")
     head = header(comparison)
-    shown = [number for number, name in enumerate(head) if name not in comparison.tasks]
+    left_out = {"family", *comparison.tasks}  # for want of width
+    shown = [number for number, name in enumerate(head) if name not in left_out]
 
-    def without_tasks(cells: list[str]) -> tuple[str, ...]:
+    def narrow(cells: list[str]) -> tuple[str, ...]:
         return tuple(cells[number] for number in shown)
 
-    body = [without_tasks(cells) for cells in lines(comparison)]
-    print_table("planners", without_tasks(head), body)
+    print_table("planners", narrow(head), map(narrow, lines(comparison)))
     for text in failure_lines(comparison):
         print(text)
     print(f"table: {table} (.csv, .tex, .json next to it)")
