@@ -86,8 +86,20 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
     assert "<code>mine</code>" in page
     saved = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
     assert {each["entrant"] for each in json.loads(saved)["results"]} == {"mine", "pcc"}
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "run/runs").iterdir()}
+    benchmark(only=("pcc",), smoke=True, work=work)  # others in the same directory
     benchmark(**arguments, smoke=True, work=work)  # again, from what is kept
     assert (tmp_path / "run" / "planners.json").read_text(encoding="utf-8") == saved
+    assert kept.items() <= {
+        (file, file.stat().st_mtime_ns) for file in (tmp_path / "run/runs").iterdir()
+    }
+    with (tmp_path / "run" / "cells.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["entrant"], row["task"], row["runs"]) for row in rows] == [
+        ("pcc", "path", "1"),
+        ("pcc", "obstacles", "1"),
+        ("mine", "path", "1"),
+    ]
 
 
 def protocol_work():
@@ -120,6 +132,8 @@ def test_arms_of_the_user_take_part_and_keep_their_names_apart(tmp_path):
         command.chosen_arms((str(mine), "twin_arm"), smoke=False)
     with pytest.raises(S2C2AError, match=r"no arm 'twin' .did you mean twin_arm"):
         command.chosen_arms(("twin",), smoke=False)
+    with pytest.raises(S2C2AError, match=r"no arm 'other.toml': .* nor a file"):
+        command.chosen_arms(("other.toml",), smoke=False)
 
 
 def test_an_arm_of_two_modules_has_no_middle_to_hold():
@@ -348,6 +362,28 @@ def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
     ]
     assert len(boxes) == len(points)
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_equal_success_is_ranked_by_error_and_the_users_own_is_in_color(
+    own, tmp_path, monkeypatch
+):
+    arm = protocol.BenchmarkArm(TWIN, "preset")
+    entered = [*(each for each in entrants() if each.name != "ppo"), entrant_of(own)]
+    results = [
+        result(each, "path", arm, [1.0], error=[1.0 + number])
+        for number, each in enumerate(entered)
+    ]
+    comparison = PlannerComparison(entered[::-1], results, [], (0,))
+    names = [each.name for each in entered]
+    assert [line[0] for line in lines(comparison)] == [f"`{name}`" for name in names]
+    figures = []
+    monkeypatch.setattr(
+        planners, "save_figure", lambda figure, _: figures.append(figure)
+    )
+    draw(comparison, tmp_path / "planners.png")
+    colored = {line.get_label() for line in figures[0].axes[0].lines}
+    assert {"mine", *names[:5], "others"} <= colored
+    assert not {*names[5:-1]} & colored
 
 
 def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():

@@ -1,5 +1,6 @@
 """Robots and controllers cannot change what the loop remembers; their errors are ours."""
 
+import json
 from copy import deepcopy
 from pickle import dumps, loads
 
@@ -13,10 +14,17 @@ from puppets import (  # type: ignore[import-not-found]
     Puppet,
 )
 
-from s2c2a.errors import ControllerError, ReadingError, RobotError, S2C2AError
+from s2c2a.errors import (
+    ControllerError,
+    ReadingError,
+    RobotError,
+    S2C2AError,
+    StrategyError,
+)
 from s2c2a.goals import Goal
 from s2c2a.immutable import immutable
 from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
+from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.record import OWN_COLUMNS
 from s2c2a.spaces import Reading, Sensor, Stage
 
@@ -367,3 +375,17 @@ def test_cables_of_another_shape_in_every_step_are_recorded_as_missing(
     recorded = build_episode(steps, puppet.arm).sensor("cables")
     assert recorded.shape == (3, 3, 3)
     assert np.isnan(recorded).all()
+
+
+def fail_in_a_library():
+    json.loads("{")
+
+
+def test_an_error_names_the_line_of_the_users_code_that_led_to_it():
+    line = fail_in_a_library.__code__.co_firstlineno + 1
+    expected = rf"mine failed: JSONDecodeError: .* \(test_borders\.py, line {line}\)$"
+    with (
+        pytest.raises(StrategyError, match=expected),
+        named_errors(StrategyError, "mine failed"),
+    ):
+        fail_in_a_library()

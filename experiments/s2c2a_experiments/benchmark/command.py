@@ -1,5 +1,6 @@
 """Command `s2c2a benchmark`: every planner on the same arms and tasks."""
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ from s2c2a.cli.execution import (
     run_directory,
 )
 from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +34,7 @@ SEEDS = 3
 SMOKE_SEEDS = 1
 SMOKE = ("path", "obstacles")
 """Tasks of the smoke version."""
+MAX_TASKS = 2  # that a table in the terminal has columns for
 
 
 def benchmark(
@@ -47,8 +50,9 @@ def benchmark(
 ) -> None:
     """Compare planners: all of the paper's Table I, and your own.
 
-    Repeat the command to continue an interrupted run. The whole benchmark takes hours;
-    --smoke shows in minutes that an entry runs.
+    Repeat the command to continue an interrupted run. A run directory keeps all finished
+    runs, and the tables of the last command; of the next one, what is finished is not run
+    again. The whole benchmark takes hours; --smoke shows in minutes that an entry runs.
 
     Args:
         entry: your own strategies, by name or file.py:Class, with options behind commas.
@@ -75,8 +79,7 @@ def benchmark(
     if smoke and results:
         raise S2C2AError("--smoke has shorter tasks than other results; leave out one")
     chosen = _choice(entry, only, task, arm, seeds, smoke)
-    label = "benchmark-smoke" if smoke else "benchmark"
-    _show(*_compare(chosen, results, label, work))
+    _show(*_compare(chosen, results, work))
 
 
 @dataclass(frozen=True)
@@ -87,22 +90,20 @@ class _Choice:
     tasks: "list[BenchmarkTask]"
     arms: "list[BenchmarkArm]"
     seeds: tuple[int, ...]
+    smoke: bool
 
-    @property
-    def options(self) -> dict:
-        """As the run directory keeps them."""
-        from s2c2a_experiments.benchmark.protocol import VERSION
-
+    def described(self) -> str:
+        """All of it as JSON."""
         entrants = [
             (each.name, each.strategy, each.recipe.name) for each in self.entrants
         ]
-        return {
-            "protocol": VERSION,
+        content = {
             "entrants": entrants,
             "tasks": [each.name for each in self.tasks],
             "arms": [each.arm.name for each in self.arms],
             "seeds": self.seeds,
         }
+        return json.dumps(content, indent=1) + "\n"
 
 
 def _choice(
@@ -136,25 +137,34 @@ def _choice(
         raise S2C2AError("--smoke leaves out entrants with training; give others")
     if not tasks:
         raise S2C2AError(f"--smoke has the tasks {' and '.join(SMOKE)}; give these")
-    return _Choice(entrants, tasks, arms, tuple(jobs.checked_seeds(0, count)))
+    return _Choice(entrants, tasks, arms, tuple(jobs.checked_seeds(0, count)), smoke)
 
 
 def _compare(
-    chosen: _Choice, results: "Sequence[str]", label: str, work: Work
+    chosen: _Choice, results: "Sequence[str]", work: Work
 ) -> "tuple[PlannerComparison, Path]":
     """Make what no file of results holds; return the comparison and its directory."""
     from s2c2a_experiments.benchmark.cells import all_cells, run_cells
+    from s2c2a_experiments.benchmark.protocol import VERSION
     from s2c2a_experiments.benchmark.results import PlannerComparison
 
     cells = all_cells(chosen.entrants, chosen.tasks, chosen.arms)
     dashes = [cell for cell in cells if cell.dash]
     running = [cell for cell in cells if not cell.dash]
     saved = _saved_results(results, running, chosen.seeds)
-    with run_directory(label, chosen.options, work, resume=True, keep_errors=True) as (
-        directory,
-        make,
-    ):
-        found = run_cells(running, chosen.seeds, make, saved)
+    label = "benchmark-smoke" if chosen.smoke else "benchmark"
+    # runs are found by all that they depend on: other commands may use the same directory
+    with run_directory(
+        label, {"protocol": VERSION}, work, resume=True, keep_errors=True
+    ) as (directory, make):
+        write_atomically(chosen.described(), directory / "compared.json")
+        try:
+            found = run_cells(running, chosen.seeds, make, saved)
+        except KeyboardInterrupt:
+            print(
+                f"finished runs are kept in {directory}; repeat the command to continue"
+            )
+            raise
     return PlannerComparison(chosen.entrants, found, dashes, chosen.seeds), directory
 
 
@@ -206,7 +216,8 @@ def _saved_results(
         print(f"{file}: {len(results)} results{made}")
         if others:
             print(
-                f"  {others} left out: not asked for, or of other options, arms or code"
+                f"  {others} left out: not asked for, or made with other options, arms, "
+                "tasks or code of an entry"
             )
     return saved
 
@@ -226,7 +237,9 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
     figure = draw(comparison, directory / "planners.png")
     page = write_page(comparison, figure, directory / "planners.html")
     head = header(comparison)
-    left_out = {"family", *comparison.tasks}  # for want of width
+    left_out = {"family"}  # for want of width
+    if len(comparison.tasks) > MAX_TASKS:
+        left_out |= set(comparison.tasks)
     shown = [number for number, name in enumerate(head) if name not in left_out]
 
     def narrow(cells: list[str]) -> tuple[str, ...]:
@@ -235,7 +248,7 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
     print_table("planners", narrow(head), map(narrow, lines(comparison)))
     for text in failure_lines(comparison):
         print(text)
-    print(f"table: {table} (.csv, .tex, .json next to it)")
+    print(f"table: {table} (.csv, .tex, .json next to it; by task: cells.csv)")
     print(f"figure: {figure}\npage: {page}")
 
 
@@ -248,7 +261,7 @@ def _entrants(entry: "Sequence[str]", only: "Sequence[str]") -> "list[Entrant]":
     names = [each.name for each in [*chosen, *own]]
     if not names:
         raise S2C2AError("no entrant; give --entry file.py:Class")
-    _check_names(names, "entrants", "name your class otherwise, or use --only")
+    _check_names(names, "entrants", "name your class otherwise, or leave one out")
     return [*chosen, *own]
 
 
@@ -279,10 +292,14 @@ def chosen_arms(names: "Sequence[str]", smoke: bool) -> "list[BenchmarkArm]":
     arms = {each.arm.name: each for each in protocol_arms()}
     if smoke and not names:
         return [next(iter(arms.values()))]
+    presets = [name for name in preset_names() if name not in arms]
     for name in names:
-        if name not in arms and (name in preset_names() or Path(name).is_file()):
+        is_file = name not in arms and (Path(name).suffix or Path(name).is_file())
+        if is_file or name in presets:
             arms[name] = BenchmarkArm(load_arm(name), "yours")
-    chosen = _chosen(names, arms, "arm")
+    if not names:
+        return list(arms.values())
+    chosen = _chosen(names, dict.fromkeys(presets) | arms, "arm")
     _check_names(
         [each.arm.name for each in chosen], "arms", "change the name in a file"
     )

@@ -17,11 +17,20 @@ from s2c2a_experiments.benchmark.results import (
     header,
     lines,
 )
+from s2c2a_experiments.benchmark.scores import (
+    ANGLE_BOUND,
+    POSITION_BOUND,
+    STRICTNESS,
+)
 
+BOUNDS = ", ".join(
+    f"{factor * POSITION_BOUND:g} % (axes: {factor * ANGLE_BOUND:g} deg)"
+    for factor in STRICTNESS
+)
 COLUMNS = {
     "success, held out": "mean over arms and tasks, but known payload, of the success of "
-    "runs: how many of three bounds they keep; what an entrant does not do counts as none; "
-    "± standard deviation between seeds",
+    f"runs: how many of three bounds they keep, {BOUNDS} of the arm's length; none with a "
+    "touch; what an entrant does not do counts as none; ± standard deviation between seeds",
     "a task": "success; mean error of the runs that did not fail [% of the arm's length]; "
     "for some, share of runs that touch an obstacle, or error of the axis [deg]",
     "path length": "of the tip, over that of its goals; in tasks that all entrants do; "

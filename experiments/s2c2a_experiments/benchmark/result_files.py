@@ -156,7 +156,7 @@ def load_results(
             seeds, or another number of runs than the task has.
     """
     file = load_json(
-        ResultFile, path, S2C2AError, "results of a benchmark", ADVICE, MAX_BYTES
+        ResultFile, path, S2C2AError, "file of benchmark results", ADVICE, MAX_BYTES
     )
     if file.protocol != VERSION:
         raise S2C2AError(

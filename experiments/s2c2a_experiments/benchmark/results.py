@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,7 @@ from s2c2a_experiments.table_files import (
 
 HELD_OUT = "held out"
 OBSTACLES = "obstacles"
+DIGITS = 9  # of success, beyond which differences are rounding errors
 
 
 @dataclass(frozen=True)
@@ -153,13 +155,16 @@ def lines(comparison: PlannerComparison) -> list[list[str]]:
 
 
 def ranked(comparison: PlannerComparison) -> list[Entrant]:
-    """The entrants, the most successful first."""
+    """The entrants, the most successful first; of equal ones, that of the least error."""
     arms = comparison.main_arms
 
-    def failing(entrant: Entrant) -> float:
-        return -np.nan_to_num(comparison.success(entrant.name, arms).mean())
+    def place(entrant: Entrant) -> tuple[float, float]:
+        success = comparison.success(entrant.name, arms).mean()
+        errors = comparison.values(entrant.name, comparison.tasks, "error")
+        error = errors.mean() if len(errors) else np.inf
+        return -round(np.nan_to_num(success), DIGITS), error
 
-    return sorted(comparison.entrants, key=failing)
+    return sorted(comparison.entrants, key=place)
 
 
 def arm_table(comparison: PlannerComparison) -> tuple[list[str], list[list[str]]]:
@@ -262,14 +267,34 @@ def failure_lines(comparison: PlannerComparison) -> list[str]:
     return list(dict.fromkeys(texts))
 
 
+CELLS = ("entrant", "task", "arm", "group", "runs", "failed", *get_args(Metric))
+"""Columns of `cell_rows`."""
+
+
+def cell_rows(comparison: PlannerComparison) -> list[list[str]]:
+    """An entrant on a task with an arm a row: numbers of runs, and means of metrics."""
+    rows = []
+    for result in comparison.results:
+        metrics = result.metrics
+        means = [
+            f"{np.mean(metrics[name]):.4g}" if metrics.get(name) else ""
+            for name in get_args(Metric)
+        ]
+        runs = str(len(metrics["success"]))
+        failed = str(len(result.failures))
+        rows.append([*result.cell.names, result.cell.arm.group, runs, failed, *means])
+    return rows
+
+
 def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
-    """Write `planners.md`, `.csv`, `.tex`, `.json` and `by-arm.csv`; return the first."""
+    """Write the tables, `planners.json` and `cells.csv`; return the first, Markdown."""
     save_results(comparison.results, comparison.seeds, folder / "planners.json")
     head = header(comparison)
     body = lines(comparison)
     save_csv(head, body, folder / "planners.csv")
     by_arm = arm_table(comparison)
     save_csv(*by_arm, folder / "by-arm.csv")
+    save_csv(CELLS, cell_rows(comparison), folder / "cells.csv")
     latex = latex_table(head, body)
     write_atomically(latex, folder / "planners.tex")
     reasons = dash_lines(comparison) + failure_lines(comparison)
@@ -281,6 +306,7 @@ def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
 
 def draw(comparison: PlannerComparison, path: Path) -> Path:
     """Draw the profiles of errors, and success over time of a step."""
+    own = [entrant.name for entrant in comparison.entrants if entrant.is_own]
     names = [entrant.name for entrant in ranked(comparison)]
     errors = {}
     points = {}
@@ -293,4 +319,4 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     runs = max(
         len(comparison.values(name, comparison.tasks, "success")) for name in names
     )
-    return planners_figure(errors, runs, points, path)
+    return planners_figure(errors, runs, points, path, own)

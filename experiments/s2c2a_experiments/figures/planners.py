@@ -22,7 +22,7 @@ from s2c2a.viz.charts import (
 )
 from s2c2a.viz.colors import DESIRED, INK, MUTED
 
-LABELED = 6  # best entrants, whose profiles have colors
+LABELED = 6  # entrants whose profiles have colors: the user's, and the best
 LABEL_DISTANCES = (8.0, 14.0, 21.0, 30.0, 42.0)  # points, the nearest that is free
 LABEL_DIRECTIONS = (-45, 45, 135, -135, 0, 180, 90, -90)  # deg, in order of preference
 LABEL_MARGIN = 0.2  # of the axis, beside the points at both ends
@@ -36,6 +36,7 @@ def planners_figure(
     runs: int,
     points: Mapping[str, tuple[float, float]],
     path: str | Path,
+    own: Sequence[str] = (),
 ) -> Path:
     """Draw the shares of runs below every error, and success over time of a step.
 
@@ -45,11 +46,13 @@ def planners_figure(
         runs: number of runs of an entrant that does all tasks.
         points: time of a step [ms] and success, by entrant.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
+        own: names of the user's entrants, which have colors like the best.
     """
     figure = new_figure(11.0, 4.6)
     grid = figure.add_gridspec(1, 2)
     profiles = new_axes(figure, grid[0, 0], "error [% of length]", "share of runs")
-    _draw_profiles(profiles, errors, runs)
+    colored = [*own, *(name for name in errors if name not in own)][:LABELED]
+    _draw_profiles(profiles, errors, runs, colored)
     time = "time of a control step, median [ms]"
     pareto_axes = new_axes(figure, grid[0, 1], time, "success")
     _draw_pareto(pareto_axes, points)
@@ -58,17 +61,21 @@ def planners_figure(
     return save_figure(figure, path)
 
 
-def _draw_profiles(axes: Axes, errors: Mapping[str, np.ndarray], runs: int) -> None:
+def _draw_profiles(
+    axes: Axes, errors: Mapping[str, np.ndarray], runs: int, colored: Sequence[str]
+) -> None:
     """Performance profiles (Dolan and More, Mathematical Programming 91, 2002)."""
-    for number, (name, values) in enumerate(errors.items()):
+    colors = dict(zip(colored, COLORS, strict=False))
+    for name, values in errors.items():
         if not len(values):
             continue
         shares = np.arange(len(values) + 1) / runs
         style: dict[str, Any] = {"color": MUTED, "linewidth": 0.6, "alpha": 0.5}
-        if number < LABELED:
-            style = {"color": COLORS[number], "linewidth": 1.6, "label": name}
+        if name in colors:
+            style = {"color": colors[name], "linewidth": 1.6, "label": name}
         places = np.sort(np.append(values, values.min()))
         axes.step(places, shares, where="post", **style)
+    axes.plot([], [], color=MUTED, linewidth=0.6, alpha=0.5, label="others")
     axes.set_xscale("log")
     axes.set_ylim(0.0, 1.02)
     label_log_axis(axes)
@@ -80,7 +87,14 @@ def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     for name, (time, share) in points.items():
         axes.plot(time, share, "o", color=_color(name, points), markersize=5)
     line = np.array(sorted(points[name] for name in pareto(points))).reshape(-1, 2)
-    axes.step(line[:, 0], line[:, 1], where="post", color=DESIRED, linewidth=1.0)
+    axes.step(
+        line[:, 0],
+        line[:, 1],
+        where="post",
+        color=DESIRED,
+        linewidth=1.0,
+        label="beaten by none in both",
+    )
     axes.set_xscale("log")
     axes.margins(x=LABEL_MARGIN)
     axes.set_ylim(-0.03, 1.05)

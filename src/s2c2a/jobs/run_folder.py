@@ -83,7 +83,8 @@ def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not overwrite:
-        fault = "is of other options or versions" if resume else "is not empty"
+        is_run = resume and (folder / MARKER).is_file()
+        fault = "is of other options or versions" if is_run else "is not empty"
         raise S2C2AError(
             f"{folder} exists and {fault}; add --overwrite or choose another --out"
         )

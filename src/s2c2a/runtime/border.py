@@ -1,9 +1,18 @@
 """Border to robots and controllers, which may be a user's own: errors name them."""
 
+import sysconfig
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from s2c2a.errors import S2C2AError
+
+LIBRARIES = (
+    Path(__file__).parents[1],
+    *(Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")),
+)
+"""Folders of code that is not the user's: the package, Python and what is installed."""
 
 
 @contextmanager
@@ -22,5 +31,14 @@ def named_errors(error_type: type[S2C2AError], action: str) -> Iterator[None]:
     except S2C2AError:
         raise
     except Exception as error:
-        text = f"{type(error).__name__}: {error}"
+        text = f"{type(error).__name__}: {error}{_place(error)}"
         raise error_type(f"{action}: {text}") from error
+
+
+def _place(error: Exception) -> str:
+    """Where a user's own code raised an error, in parentheses; empty if there is none."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        if file.is_file() and not any(map(file.is_relative_to, LIBRARIES)):
+            return f" ({file.name}, line {frame.lineno})"
+    return ""
