@@ -157,7 +157,6 @@ def _compare(
     with run_directory(
         label, {"protocol": VERSION}, work, resume=True, keep_errors=True
     ) as (directory, make):
-        write_atomically(chosen.described(), directory / "compared.json")
         try:
             found = run_cells(running, chosen.seeds, make, saved)
         except KeyboardInterrupt:
@@ -165,6 +164,7 @@ def _compare(
                 f"finished runs are kept in {directory}; repeat the command to continue"
             )
             raise
+        write_atomically(chosen.described(), directory / "compared.json")
     return PlannerComparison(chosen.entrants, found, dashes, chosen.seeds), directory
 
 
