@@ -75,7 +75,8 @@ def _draw_profiles(
             style = {"color": colors[name], "linewidth": 1.6, "label": name}
         places = np.sort(np.append(values, values.min()))
         axes.step(places, shares, where="post", **style)
-    axes.plot([], [], color=MUTED, linewidth=0.6, alpha=0.5, label="others")
+    if len(errors) > len(colored):
+        axes.plot([], [], color=MUTED, linewidth=0.6, alpha=0.5, label="others")
     axes.set_xscale("log")
     axes.set_ylim(0.0, 1.02)
     label_log_axis(axes)
