@@ -190,7 +190,7 @@ def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(
             plan = planner.plan(plan, Estimate(plan.configurations), goal)
         ends.append(
             (
-                float(planner.expectation(plan).extrapolation),
+                float(plan.expectation.extrapolation),
                 float(np.min(plan.configurations[:, 2])),
             )
         )

@@ -35,7 +35,7 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     clearances = []
     for goal in list(task.shown_goals(TWIN))[:60]:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
-        points = np.asarray(points_of(planner.expectation(plan).states))
+        points = np.asarray(points_of(plan.expectation.states))
         distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)
         used = goal.thresholds > 0.0
         clearances.append((distances - goal.thresholds)[:, used].min())

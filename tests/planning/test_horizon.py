@@ -181,7 +181,7 @@ def drive(arm, goals):
     for goal in goals:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
         bends.append(np.asarray(bends_from_configurations(plan.configurations)))
-    tip = planner.expectation(plan).states[-1, :3]
+    tip = plan.expectation.states[-1, :3]
     return np.array(bends), np.asarray(tip)
 
 
@@ -280,7 +280,7 @@ def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
         plan = planner.start(Estimate(STRAIGHT))
         for _ in range(5):
             plan = planner.plan(plan, Estimate(STRAIGHT), goal)
-        shown.append(planner.expectation(plan))
+        shown.append(plan.expectation)
     ahead, none = shown
     # the first moment is the plan itself
     np.testing.assert_allclose(ahead.horizon[0], ahead.states[-1, :3], atol=1e-6)

@@ -8,7 +8,6 @@ do not have.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -25,7 +24,7 @@ from s2c2a.models.disturbances import (
     moments_of_weights,
 )
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.models.statics import Equilibrium, StaticState
+from s2c2a.models.statics import SWEEPS, Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
 LENGTH_UNIT = 0.4  # of the arm's length: scale of position errors
@@ -249,17 +248,33 @@ class ChainC2S(ForwardModel):
         transmitted = self.hysteresis.transmitted(inputs)
         if not self.statics:
             return self._linear_rest(transmitted, moments)
-        solve = partial(
-            self.equilibrium.solve,
-            transmitted,
-            matrices=self.body.matrices,
-            engaged=self.engaged,
-        )
         relaxation = self._relaxation(inputs)
-        unloaded = solve(relaxation, before=None)
-        features = jnp.concatenate([unloaded.bends, transmitted], axis=-1)
-        corrections = self._network(features)
-        rest = solve(relaxation + corrections[..., :2] + moments, before=unloaded)
+
+        def sweep(state: tuple[StaticState, Array], number: Array):
+            rest, corrections = state
+            is_loaded = number >= SWEEPS
+            load = corrections[..., :2] + jnp.where(is_loaded, moments, 0.0)
+            rest = self.equilibrium.sweep(
+                transmitted,
+                relaxation + load,
+                self.body.matrices,
+                rest,
+                self.engaged,
+                is_first=number == 0,
+            )
+            # the network sees the arm without payload
+            corrections = jax.lax.cond(
+                number == SWEEPS - 1,
+                lambda: self._network(
+                    jnp.concatenate([rest.bends, transmitted], axis=-1)
+                ),
+                lambda: corrections,
+            )
+            return (rest, corrections), None
+
+        none = jnp.zeros((*transmitted.shape[:-1], OUTPUTS))
+        start = StaticState.straight(transmitted), none
+        (rest, corrections), _ = jax.lax.scan(sweep, start, jnp.arange(2 * SWEEPS))
         lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
 

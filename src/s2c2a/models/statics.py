@@ -24,7 +24,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from s2c2a.models.cables import Viscoelasticity
 
@@ -32,7 +32,7 @@ NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
 WARM_ITERATIONS = 2  # from bends near the equilibrium
 # line search; with five cables and more, full Newton steps can cycle
 STEP_LENGTHS = (1.0, 0.6, 0.35, 0.2)
-SWEEPS = 2  # of the fixed-point iteration between modules, in one call
+SWEEPS = 2  # of the fixed-point iteration between modules, for the same moments
 INITIAL_STIFFNESS = 4.0  # kappa
 INITIAL_AXIAL_COMPLIANCE = 0.1  # shortening over cable radius, for a pull of one
 # of the logarithm of the shortening: on some arms it is a hundred times smaller, and
@@ -63,6 +63,13 @@ class StaticState(NamedTuple):
     inner_bends: Float[Array, "*batch modules 2"]
     pulled: Float[Array, "*batch modules 2"]
     pulls: Float[Array, "*batch modules cables"]
+
+    @classmethod
+    def straight(cls, like: Float[Array, "*batch modules cables"]) -> "StaticState":
+        """A straight arm without tension, for as many modules and cables as `like`."""
+        none = jnp.zeros((*like.shape[:-1], 2))
+        no_slack = none[..., :1]
+        return cls(none, none[..., 0], no_slack, none, none, jnp.zeros_like(like))
 
 
 class Equilibrium(eqx.Module):
@@ -100,40 +107,26 @@ class Equilibrium(eqx.Module):
             relaxation=Viscoelasticity.none(modules, times, 1),
         )
 
-    def solve(
+    def sweep(
         self,
         transmitted: Float[Array, "*batch modules cables"],
         moments: Float[Array, "*batch modules 2"],
         matrices: Float[Array, "modules cables 2"],
-        before: StaticState | None,
+        rest: StaticState,
         engaged: bool,
+        is_first: Bool[Array, ""] | bool,
     ) -> StaticState:
-        """Advance the fixed-point iteration towards the equilibrium.
+        """Advance the fixed-point iteration between modules by one step.
 
         Args:
             transmitted: displacements at the modules, over the cable radius [rad].
             moments: of everything else, over the bending stiffness [rad].
             matrices: B.
-            before: an earlier result to start from, if there is one.
+            rest: the result of the last step.
             engaged: see `bend_at_rest`. The couplings then have no gradient: together
                 with gradients that are not the true ones, it would have the wrong sign.
+            is_first: whether there was none, so that its bends are no start.
         """
-        start = None
-        if before is None:
-            none = jnp.zeros((*transmitted.shape[:-1], 2))
-            no_pulls = jnp.zeros_like(transmitted)
-            rest = StaticState(none, none[..., 0], none[..., :1], none, none, no_pulls)
-        else:
-            rest = before
-            start = rest.bends
-        for _ in range(SWEEPS):
-            rest = self._sweep(transmitted, moments, matrices, rest, engaged, start)
-            start = rest.bends
-        return rest
-
-    def _sweep(
-        self, transmitted, moments, matrices, rest: StaticState, engaged: bool, start
-    ) -> StaticState:
         stiffness = jnp.exp(self.log_stiffness)
         compliance = jnp.exp(self.log_axial_compliance * AXIAL_COMPLIANCE_UNIT)
         path_change = jnp.einsum("mnk,...mk->...mn", matrices, rest.inner_bends)
@@ -145,7 +138,8 @@ class Equilibrium(eqx.Module):
             stiffness,
             self.tautness,
             engaged,
-            start,
+            rest.bends,
+            is_first,
         )
         needed = jnp.einsum("mnk,...mk->...mn", matrices, bends)
         stretch = needed - displacements + self.tautness[:, None]
@@ -176,7 +170,8 @@ def bend_at_rest(
     stiffness: Float[Array, " modules"],
     tautness: Float[Array, " modules"],
     engaged: bool = False,
-    start: Float[Array, "*batch modules 2"] | None = None,
+    start: Float[Array, "*batch modules 2"] | float = 0.0,
+    is_first: Bool[Array, ""] | bool = True,
 ) -> Float[Array, "*batch modules 2"]:
     """Bend vectors at static equilibrium [rad].
 
@@ -189,15 +184,16 @@ def bend_at_rest(
         engaged: use gradients as if every cable were taut. Where one cable alone holds
             a module, the others move without effect, and a planner with true gradients
             would not see that they matter later.
-        start: bends near the equilibrium, if known.
+        start: bends near the equilibrium.
+        is_first: whether none are known, and `start` means nothing.
     """
     desired = displacements - tautness[:, None]
     all_taut = jnp.broadcast_to(stiffness[:, None], desired.shape)
     if engaged:
         matrices, stiffness = jax.lax.stop_gradient((matrices, stiffness))
     linear = _solve_bends(all_taut, desired, moments, matrices)
-    iterations = NEWTON_ITERATIONS if start is None else WARM_ITERATIONS
-    initial = linear if start is None else start
+    iterations = jnp.where(is_first, NEWTON_ITERATIONS, WARM_ITERATIONS)
+    initial = jnp.where(is_first, linear, start)
     constants = jax.lax.stop_gradient((initial, desired, moments, matrices, stiffness))
     taut = _find_taut_cables(*constants, iterations)
     bends = _solve_bends(taut * stiffness[:, None], desired, moments, matrices)
@@ -207,7 +203,7 @@ def bend_at_rest(
 
 
 def _find_taut_cables(
-    bends, desired, moments, matrices, stiffness, iterations: int
+    bends, desired, moments, matrices, stiffness, iterations: Array
 ) -> Array:
     """Which cables are taut at equilibrium, by Newton's method with a line search."""
 

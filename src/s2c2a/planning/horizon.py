@@ -9,31 +9,40 @@ Every iteration takes its damped step, also where it costs more than before: the
 are those of taut cables, which can point uphill inside a backlash, and a plan that waits
 for a slope that points downhill stands still. Beside obstacles, such a step is shortened,
 since iterations would go to and fro across their edges, beyond which the curvature is
-another one (a line search with all steps side by side). Far from a goal the damping is
+another one. Far from a goal the damping is
 larger, since Gauss-Newton leaves out the curvature of what stays of the residual (Fan and
 Yuan, Computing 74, 2005). The cheapest of the iterates is taken.
+
+The forward model stands in the program once: each pass of one loop evaluates it, with its
+slopes, at the last plan and all knots. The last pass predicts what was planned.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from s2c2a.goals import PREVIEW, Goal
-from s2c2a.kinematics import configurations_from_bends, limit_lengths
+from s2c2a.kinematics import (
+    bends_from_configurations,
+    configurations_from_bends,
+    limit_lengths,
+)
 from s2c2a.models.forward_model import Memory
-from s2c2a.planning.solvers import Problem, Solver, linearize
-from s2c2a.planning.terms import Bends, Configurations
+from s2c2a.planning.motion import GoalMotion
+from s2c2a.planning.solvers import Problem, Solution, Solver
+from s2c2a.planning.terms import Bends, Candidate, Configurations
+from s2c2a.spaces import POSITION
 
 Knots = Float[Array, "knots modules 2"]
 # measured in docs/results/failed-experiments.md#a-horizon
 DAMPING = 1e-2  # of squared slopes near one, since residuals are scaled
 FAR_DAMPING = 0.1  # further damping, of the squared residual
-SHARES = 0.5 ** np.arange(1.0, 4.0, dtype=np.float32)  # of a step beside obstacles
+SHARES = 0.5 ** np.arange(4.0, dtype=np.float32)  # of a step beside obstacles
 
 
 class HorizonMemory(NamedTuple):
@@ -46,6 +55,58 @@ class HorizonMemory(NamedTuple):
 
     knots: Knots
     before: Bends
+
+
+class _Expansion(NamedTuple):
+    """The cost of knots, to second order.
+
+    Attributes:
+        knots: where it is expanded [rad].
+        cost: the sum of squares of all terms, and of changes.
+        gradients: half of its gradient at every knot, shape (knots, bends).
+        blocks: half of its damped curvature there, without changes, shape (knots,
+            bends, bends).
+    """
+
+    knots: Knots
+    cost: Float[Array, ""]
+    gradients: Float[Array, "knots bends"]
+    blocks: Float[Array, "knots bends bends"]
+
+
+class _Search(NamedTuple):
+    """The state of the loop before a pass.
+
+    Attributes:
+        accepted: number of knots that were accepted; those at the start are the first.
+        rejected: number of steps that were rejected since then.
+        here: bends that are evaluated beside the knots: of the last plan, and in the
+            last pass of the next one [rad].
+        knots: that are evaluated [rad].
+        memories: of the forward model before every knot.
+        base: knots that were accepted last.
+        full: knots after the full step from there [rad].
+        cheapest: of the shortened steps.
+        best: the cheapest knots that were accepted after the start.
+        last: the last plan, known after the first pass.
+        motion: of the goals, known after the first pass.
+        planned: evaluated beside the knots in this pass.
+        tips: positions of the tip at the knots of this pass [m].
+    """
+
+    accepted: Int[Array, ""]
+    rejected: Int[Array, ""]
+    here: Bends
+    knots: Knots
+    memories: Memory
+    base: _Expansion
+    full: Knots
+    cheapest: _Expansion
+    best: _Expansion
+    last: Candidate
+    motion: GoalMotion
+    planned: Candidate
+    tips: Float[Array, "knots 3"]
 
 
 @dataclass(frozen=True)
@@ -64,18 +125,16 @@ class Horizon(Solver):
     change: float = 0.03
     acceleration: float = 0.5
 
+    looks_ahead = True
+
     def start(self, bends: Bends) -> HorizonMemory:
         return HorizonMemory(jnp.tile(bends, (PREVIEW, 1, 1)), bends)
 
-    def planned(self, memory: HorizonMemory) -> Knots:
-        return memory.knots
-
     def solve(self, problem: Problem) -> Configurations:
-        return self.next(problem, self.start(problem.situation.last.bends))[0]
+        start = self.start(problem.situation.last.bends)
+        return self.next(problem, start).planned.configurations
 
-    def next(
-        self, problem: Problem, memory: HorizonMemory
-    ) -> tuple[Configurations, HorizonMemory]:
+    def next(self, problem: Problem, memory: HorizonMemory) -> Solution:
         last = problem.situation.last.bends
         has_target = problem.situation.goal.has_target
         following = jnp.concatenate([memory.knots[1:], memory.knots[-1:]])
@@ -83,18 +142,167 @@ class Horizon(Solver):
         # an arm that has lost its target stops: it neither coasts nor ends its plan
         moved = jnp.where(has_target, problem.stride * (last - memory.before), 0.0)
         start = _within_steps(problem, jnp.where(has_target, shifted, last))
-        memories = memories_along(
-            problem.observe, problem.memory, last, start, problem.stride
+        found = jax.lax.while_loop(
+            lambda search: search.accepted < self.iterations + 2,
+            lambda search: self._pass(problem, moved, search),
+            self._begun(problem, start),
         )
-        course = _Course(problem, memories, moved, self)
-        final, (iterates, costs) = jax.lax.scan(
-            lambda knots, _: course.improved(knots), start, length=self.iterations
+        knots = HorizonMemory(found.best.knots, last)
+        return Solution(found.planned, found.motion, knots, found.tips)
+
+    def _begun(self, problem: Problem, knots: Knots) -> _Search:
+        """Before the first pass; nothing is known but the shapes of all arrays."""
+        last = problem.situation.last
+        size = last.bends.size
+        none = _Expansion(
+            jnp.full_like(knots, jnp.nan),
+            jnp.asarray(jnp.inf),
+            jnp.zeros((len(knots), size)),
+            jnp.zeros((len(knots), size, size)),
         )
-        # each iteration but the first begins at an iterate, and knows its cost
-        costs = jnp.append(costs[1:], course.cost(final))
-        knots = iterates[jnp.argmin(costs)]
-        bends = last + (knots[0] - last) / problem.stride
-        return configurations_from_bends(bends), HorizonMemory(knots, last)
+        memories = jax.tree.map(
+            lambda part: jnp.broadcast_to(part, (len(knots), *part.shape)),
+            problem.memory,
+        )
+        unknown = Candidate(
+            configurations_from_bends(last.bends),
+            last.bends,
+            jnp.zeros((len(last.bends), 6)),
+            jnp.zeros((len(problem.situation.radii), 3)),
+            jnp.zeros(()),
+        )
+        tips = jnp.zeros((len(knots), 3))
+        count = jnp.zeros((), jnp.int32)
+        return _Search(
+            accepted=count,
+            rejected=count,
+            here=last.bends,
+            knots=knots,
+            memories=memories,
+            base=none,
+            full=knots,
+            cheapest=none,
+            best=none,
+            last=unknown,
+            motion=problem.motion,
+            planned=unknown,
+            tips=tips,
+        )
+
+    def _pass(self, problem: Problem, moved: Bends, search: _Search) -> _Search:
+        """Evaluate the knots, and accept them or a shorter step."""
+        is_first = search.accepted == 0
+        is_last = search.accepted == self.iterations + 1
+        bends = problem.situation.last.bends
+        memories = jax.lax.cond(
+            is_first | is_last,
+            lambda: memories_along(
+                problem.observe, problem.memory, bends, search.knots, problem.stride
+            ),
+            lambda: search.memories,
+        )
+        candidates, slopes = jax.vmap(problem.expanded_at)(
+            jnp.concatenate([search.here[None], search.knots]),
+            jax.tree.map(_prepended, problem.memory, memories),
+        )
+        here, _ = _split(candidates)
+        last = _select(is_first, here, search.last)
+        known = problem.complete(last)
+        expansion = self._expansion(known, moved, search.knots, candidates, slopes)
+
+        beside_obstacles = (known.situation.goal.thresholds > 0.0).any()
+        is_uphill = beside_obstacles & (expansion.cost > search.base.cost)
+        is_full = search.rejected == 0
+        is_cheaper = (expansion.cost < search.cheapest.cost) | (search.rejected == 1)
+        cheapest = _select(is_cheaper, expansion, search.cheapest)
+        fits = is_first | is_last | (is_full & ~is_uphill)
+        accepts = fits | (search.rejected == len(SHARES) - 1)
+        chosen = _select(fits, expansion, cheapest)
+        base = _select(accepts, chosen, search.base)
+        is_better = accepts & ~is_first & ~is_last & (chosen.cost < search.best.cost)
+        best = _select(is_better, chosen, search.best)
+
+        accepted = search.accepted + accepts
+        rejected = jnp.where(accepts, 0, search.rejected + 1)
+        full = jax.lax.cond(
+            accepts & (accepted <= self.iterations),
+            lambda: self._stepped(known, base),
+            lambda: search.full,
+        )
+        tried = base.knots + jnp.asarray(SHARES)[rejected] * (full - base.knots)
+        next_bends = bends + (best.knots[0] - bends) / problem.stride
+        planned = problem.within_limits(configurations_from_bends(next_bends))
+        ends = accepted == self.iterations + 1
+        return _Search(
+            accepted=accepted,
+            rejected=rejected,
+            here=jnp.where(ends, bends_from_configurations(planned), bends),
+            knots=jnp.where(ends, best.knots, tried),
+            memories=memories,
+            base=base,
+            full=full,
+            cheapest=cheapest,
+            best=best,
+            last=last,
+            motion=known.motion,
+            planned=here,
+            tips=candidates.states[1:, -1, POSITION],
+        )
+
+    def _expansion(
+        self,
+        problem: Problem,
+        moved: Bends,
+        knots: Knots,
+        candidates: Candidate,
+        slopes: Candidate,
+    ) -> _Expansion:
+        """The cost of knots with these predictions, the first of which is beside them."""
+
+        def terms(candidate: Candidate, slopes: Candidate, goal: Goal):
+            later = problem.later(goal)
+            directional = jax.vmap(
+                lambda slope: jax.jvp(later.residuals, (candidate,), (slope,)),
+                out_axes=(None, 1),
+            )
+            return directional(slopes)
+
+        _, at_knots = _split(candidates)
+        _, along = _split(slopes)
+        values, jacobians = jax.vmap(terms)(at_knots, along, problem.ahead)
+        roughness, rough = jax.value_and_grad(self._roughness)(knots, problem, moved)
+        gradients = jnp.einsum("kri,kr->ki", jacobians, values)
+        blocks = jnp.einsum("kri,krj->kij", jacobians, jacobians)
+        damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
+        return _Expansion(
+            knots,
+            jnp.sum(values**2) + roughness,
+            gradients + rough.reshape(gradients.shape) / 2.0,
+            blocks + damping[:, None, None] * jnp.eye(moved.size),
+        )
+
+    def _stepped(self, problem: Problem, base: _Expansion) -> Knots:
+        """Knots after a full step, within the step limits."""
+        change_weight = jnp.asarray(problem.situation.goal.change_weight)
+        coupling = change_weight * self.coupling(base.gradients.shape[-1])
+        step = minimum(base.blocks, base.gradients, coupling)
+        return _within_steps(problem, base.knots + step.reshape(base.knots.shape))
+
+    def _roughness(
+        self, knots: Knots, problem: Problem, moved: Bends
+    ) -> Float[Array, ""]:
+        """Cost of changes of bends, and of changes of these changes.
+
+        Args:
+            knots: [rad].
+            problem: of the control step.
+            moved: by which the bends moved in the last interval [rad].
+        """
+        last = problem.situation.last.bends
+        changes = jnp.diff(knots, axis=0, prepend=last[None])
+        turns = jnp.diff(changes, axis=0, prepend=moved[None])
+        squares = (self.change * changes) ** 2 + (self.acceleration * turns) ** 2
+        return jnp.asarray(problem.situation.goal.change_weight) * jnp.sum(squares)
 
     def coupling(self, size: int) -> Float[Array, "triple triple"]:
         """Curvature of the costs of changes, of a knot and the two before it."""
@@ -104,73 +312,19 @@ class Horizon(Solver):
         return jnp.asarray(np.kron(curvature, np.eye(size)), dtype=jnp.float32)
 
 
-class _Course(NamedTuple):
-    """The cost of the knots, and an iteration that lowers it.
+def _select(condition: Array, new: Any, old: Any) -> Any:
+    """One of two pytrees."""
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
-    Attributes:
-        problem: of the control step.
-        memories: of the forward model before every knot.
-        moved: by which the bends moved in the last interval [rad].
-        weights: of changes.
-    """
 
-    problem: Problem
-    memories: Memory
-    moved: Bends
-    weights: Horizon
+def _prepended(first: Array, others: Array) -> Array:
+    return jnp.concatenate([first[None], others])
 
-    def cost(self, knots: Knots) -> Float[Array, ""]:
-        """The sum of squares of all terms, and of changes."""
-        terms = jax.vmap(self._terms)(knots, self.problem.ahead, self.memories)
-        return jnp.sum(terms**2) + self._roughness(knots)
 
-    def improved(self, knots: Knots) -> tuple[Knots, tuple[Knots, Float[Array, ""]]]:
-        """The knots after an iteration, the same again, and the cost before it."""
-        size = self.moved.size
-        values, slopes = jax.vmap(
-            lambda bends, goal, memory: linearize(
-                lambda at: self._terms(at, goal, memory), bends
-            )
-        )(knots, self.problem.ahead, self.memories)
-        before = jnp.sum(values**2) + self._roughness(knots)
-        gradients = jnp.einsum("kri,kr->ki", slopes, values)
-        rough = jax.grad(self._roughness)(knots).reshape(gradients.shape)
-        blocks = jnp.einsum("kri,krj->kij", slopes, slopes)
-        damping = DAMPING + FAR_DAMPING * jnp.sum(values**2, axis=-1)
-        damped = blocks + damping[:, None, None] * jnp.eye(size)
-        coupling = self._change_weight * self.weights.coupling(size)
-        step = minimum(damped, gradients + rough / 2.0, coupling)
-        full = _within_steps(self.problem, knots + step.reshape(knots.shape))
-        beside_obstacles = (self.problem.situation.goal.thresholds > 0.0).any()
-        next_knots = jax.lax.cond(
-            beside_obstacles & (self.cost(full) > before),
-            lambda: self._shortened(knots, full),
-            lambda: full,
-        )
-        return next_knots, (next_knots, before)
-
-    def _shortened(self, knots: Knots, full: Knots) -> Knots:
-        """The cheapest of several shares of a step."""
-        tried = jax.vmap(lambda share: knots + share * (full - knots))(SHARES)
-        return tried[jnp.argmin(jax.vmap(self.cost)(tried))]
-
-    @property
-    def _change_weight(self) -> Array:
-        return jnp.asarray(self.problem.situation.goal.change_weight)
-
-    def _terms(
-        self, bends: Bends, goal: Goal, memory: Memory
-    ) -> Float[Array, " residuals"]:
-        return self.problem.later(goal, memory).stacked(bends)
-
-    def _roughness(self, knots: Knots) -> Float[Array, ""]:
-        """Cost of changes of bends, and of changes of these changes."""
-        last = self.problem.situation.last.bends
-        changes = jnp.diff(knots, axis=0, prepend=last[None])
-        turns = jnp.diff(changes, axis=0, prepend=self.moved[None])
-        squares = (self.weights.change * changes) ** 2
-        squares += (self.weights.acceleration * turns) ** 2
-        return self._change_weight * jnp.sum(squares)
+def _split(rows: Any) -> tuple[Any, Any]:
+    """The first row of every array, and the others."""
+    first = jax.tree.map(lambda part: part[0], rows)
+    return first, jax.tree.map(lambda part: part[1:], rows)
 
 
 def _within_steps(problem: Problem, knots: Knots) -> Knots:

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import jax
@@ -18,7 +19,7 @@ from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate, ModalFactors
-from s2c2a.goals import Goal
+from s2c2a.goals import PREVIEW, Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
     commanded_configurations,
@@ -31,7 +32,7 @@ from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
-from s2c2a.planning.horizon import Horizon, memories_along
+from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
@@ -136,32 +137,6 @@ BEST = PlannerOptions(
 """Planner options of the recipe `best`."""
 
 
-class Plan(NamedTuple):
-    """State of the planner after a control step.
-
-    Attributes:
-        configurations: planned, C_0 of the next step, shape (modules, 3), module
-            frames.
-        memory: hysteresis of the forward model, from the estimate.
-        disturbances: that the plan counts on, with payload moments; None for none.
-        solver: memory of the solver.
-        motion: of the goals.
-        judged: the outcome of the last step, as an integer.
-    """
-
-    configurations: Configurations
-    memory: Memory
-    disturbances: Disturbances | None
-    solver: Any
-    motion: GoalMotion
-    judged: Int[Array, ""]
-
-    @property
-    def outcome(self) -> Outcome:
-        """How the last step was planned; for a single plan, outside compiled code."""
-        return Outcome(int(self.judged))  # type: ignore[call-arg]
-
-
 class Expectation(NamedTuple):
     """Prediction of the forward model for a plan.
 
@@ -178,6 +153,41 @@ class Expectation(NamedTuple):
     predictive_std: Float[Array, " modules"]
     extrapolation: Float[Array, ""]
     horizon: Float[Array, "moments 3"] | None
+
+    @classmethod
+    def unknown(cls, modules: int, looks_ahead: bool) -> "Expectation":
+        """Before the first step."""
+        nothing = partial(jnp.full, fill_value=jnp.nan, dtype=jnp.float32)
+        ahead = nothing((PREVIEW, 3)) if looks_ahead else None
+        return cls(nothing((modules, 6)), nothing(modules), nothing(()), ahead)
+
+
+class Plan(NamedTuple):
+    """State of the planner after a control step.
+
+    Attributes:
+        configurations: planned, C_0 of the next step, shape (modules, 3), module
+            frames.
+        memory: hysteresis of the forward model, from the estimate.
+        disturbances: that the plan counts on, with payload moments; None for none.
+        solver: memory of the solver.
+        motion: of the goals.
+        judged: the outcome of the last step, as an integer.
+        expectation: what the forward model predicts; NaN before the first step.
+    """
+
+    configurations: Configurations
+    memory: Memory
+    disturbances: Disturbances | None
+    solver: Any
+    motion: GoalMotion
+    judged: Int[Array, ""]
+    expectation: Expectation
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the last step was planned; for a single plan, outside compiled code."""
+        return Outcome(int(self.judged))  # type: ignore[call-arg]
 
 
 class Step(NamedTuple):
@@ -239,30 +249,8 @@ class Step(NamedTuple):
             self.solver.start(bends_from_configurations(sensed)),
             GoalMotion.of(len(sensed)),
             jnp.asarray(Outcome.SOLVED, jnp.int32),
+            Expectation.unknown(len(sensed), self.solver.looks_ahead),
         )
-
-    def expectation(self, plan: Plan) -> Expectation:
-        """What the forward model predicts for a plan."""
-        return Expectation(
-            self.model.predict(plan.configurations, plan.memory, plan.disturbances),
-            self.model.predictive_std(plan.configurations, plan.memory),
-            self.model.extrapolation(plan.configurations),
-            self._tips_ahead(plan),
-        )
-
-    def _tips_ahead(self, plan: Plan) -> Float[Array, "moments 3"] | None:
-        bends = self.solver.planned(plan.solver)
-        if bends is None:
-            return None
-
-        start = bends_from_configurations(plan.configurations)
-        memories = memories_along(
-            self.model.observe, plan.memory, start, bends, self.approach.stride
-        )
-        predict = jax.vmap(self.model.predict, in_axes=(0, 0, None))
-        configurations = configurations_from_bends(bends)
-        states = predict(configurations, memories, plan.disturbances)
-        return states[:, -1, POSITION]
 
     def next_plan(
         self,
@@ -297,23 +285,24 @@ class Step(NamedTuple):
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
         last = plan._replace(memory=memory, disturbances=disturbances)
-        problem = self.problem(last, goal, lead)
-        desired, solver = self.solver.next(problem, plan.solver)
-        planned = problem.within_limits(desired)
-        true = problem._replace(predict=self._predictor(last, engaged=False))
-        candidate = true.candidate_at(bends_from_configurations(planned))
-        situation = problem.situation._replace(goal=goal)
-        judged = judge(candidate, situation, ArmGeometry.of(self.arm).lengths)
-        planned, solver, motion, judged = select_if_finite(
-            (planned, solver, problem.motion, judged),
-            (plan.configurations, plan.solver, plan.motion, plan.judged),
+        problem = self._begun(last, goal, lead)
+        planned, motion, solver, tips = self.solver.next(problem, plan.solver)
+        lengths = ArmGeometry.of(self.arm).lengths
+        expectation = Expectation(
+            planned.states,
+            self.model.predictive_std(planned.configurations, memory),
+            planned.extrapolation,
+            tips,
         )
-        return last._replace(
-            configurations=planned,
+        new = last._replace(
+            configurations=planned.configurations,
             solver=solver,
             motion=motion,
-            judged=judged,
+            judged=judge(planned, problem.situation, lengths),
+            expectation=expectation,
         )
+        kept = last._replace(expectation=plan.expectation)
+        return select_if_finite(new, kept)
 
     def _with_moments(
         self,
@@ -329,17 +318,19 @@ class Step(NamedTuple):
 
     def problem(self, last: Plan, goal: Goal, lead: Lead | None = None) -> Problem:
         """The problem of the solver: the goals to which a guide leads."""
-        predict = self._predictor(last, self.options.engaged_slopes)
+        return self._begun(last, goal, lead).started()
+
+    def _begun(self, last: Plan, goal: Goal, lead: Lead | None) -> Problem:
+        """The problem before the last plan is predicted."""
         geometry = ArmGeometry.of(self.arm)
         bends = bends_from_configurations(last.configurations)
         configurations = last.configurations
         if geometry.steerable is not None:
             bends = commanded_part(bends, geometry.steerable)
             configurations = configurations_from_bends(bends)
-        candidate = predict(configurations, bends, last.memory)
         situation = Situation(
             goal,
-            candidate,
+            Candidate.unpredicted(configurations, bends),
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
             geometry.step_limit,
@@ -347,9 +338,27 @@ class Step(NamedTuple):
             self._guarded.radii,
             steerable=geometry.steerable,
         )
+        begun = Problem(
+            situation,
+            self.terms,
+            self._predictor(last),
+            self.model.observe,
+            last.memory,
+            self.approach.stride,
+            last.motion,
+            lambda candidate: self._completed(begun, candidate, last, lead),
+        )
+        return begun
+
+    def _completed(
+        self, begun: Problem, candidate: Candidate, last: Plan, lead: Lead | None
+    ) -> Problem:
+        """The problem once the last plan is predicted."""
+        situation = begun.situation._replace(last=candidate)
+        goal = situation.goal
         load = last.disturbances.payload if last.disturbances else 0.0
         # from targets far beyond the arm, a plan would swing from side to side
-        reach = np.cumsum(geometry.lengths)
+        reach = np.cumsum(ArmGeometry.of(self.arm).lengths)
         told, axes = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
         preview = jnp.concatenate([limit_lengths(told, reach), axes], axis=-1)
         positions = limit_lengths(goal.positions, reach)
@@ -361,24 +370,16 @@ class Step(NamedTuple):
             first = jax.tree.map(lambda values: values[0], ahead)
             goal = jax.tree.map(lambda a, b: jnp.where(is_led, a, b), first, goal)
             situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
-        return Problem(
-            situation,
-            self.terms,
-            predict,
-            self.model.observe,
-            last.memory,
-            motion,
-            ahead,
-            self.approach.stride,
-        )
+        return begun._replace(situation=situation, motion=motion, ahead=ahead)
 
     @property
     def _guarded(self) -> GuardedPoints:
         return GuardedPoints.of(self.arm, self.options.guard)
 
     def _predictor(
-        self, last: Plan, engaged: bool
+        self, last: Plan
     ) -> Callable[[Configurations, Bends, Memory], Candidate]:
+        engaged = self.options.engaged_slopes
         model = self.model.for_planning() if engaged else self.model
         model = model.near(last.configurations, last.memory)
         points_of = self._guarded
@@ -430,7 +431,6 @@ class Planner:
         self._leaders = [guide.leader(arm, model, options.guard) for guide in guides]
         self._no_lead = Lead.none(arm.module_count)
         self._start = compiled(Step.started, step)
-        self._expectation = compiled(Step.expectation, step)
         self._next = compiled(Step.next_plan, step)
 
     def start(self, estimate: Estimate) -> Plan:
@@ -487,10 +487,6 @@ class Planner:
             if lead is not None:
                 return lead
         return self._no_lead
-
-    def expectation(self, plan: Plan) -> Expectation:
-        """Prediction of the forward model for a plan; compiles when first called."""
-        return self._expectation(plan)
 
 
 def _with_slopes(values: Numbers, slopes: Array) -> Array:

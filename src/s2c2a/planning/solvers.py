@@ -8,7 +8,7 @@ nearer to the optimum in a few iterations than gradient descent does in dozens.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -119,13 +119,24 @@ def solve_least_squares(
 def linearize(
     residuals: Residuals, point: Float[Array, "*variables"]
 ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals variables"]]:
-    """Residuals at a point, and their Jacobian, all directions side by side."""
+    """Residuals at a point, and their Jacobian."""
+    return along_axes(residuals, point, 1)
+
+
+def along_axes(function: Callable[..., Any], point: Array, axis: int) -> Any:
+    """Values at a point, and their slopes along all directions, side by side.
+
+    Args:
+        function: from the point to a pytree of arrays.
+        point: of any shape.
+        axis: of the directions in the slopes.
+    """
 
     def directional_derivative(direction):
-        return jax.jvp(residuals, (point,), (direction.reshape(point.shape),))
+        return jax.jvp(function, (point,), (direction.reshape(point.shape),))
 
     directions = jnp.eye(point.size)
-    return jax.vmap(directional_derivative, out_axes=(None, 1))(directions)
+    return jax.vmap(directional_derivative, out_axes=(None, axis))(directions)
 
 
 class Problem(NamedTuple):
@@ -138,9 +149,11 @@ class Problem(NamedTuple):
             prediction.
         observe: (configurations, memory) -> memory after the arm has been there.
         memory: of the forward model, before the next step.
+        stride: control steps between two moments of a preview.
         motion: of the goals so far.
-        ahead: goals of the next moments (`goals.Goal.preview`), with these as first axis.
-        stride: control steps between two of these moments.
+        complete: last plan with its prediction -> the whole problem.
+        ahead: goals of the next moments (`goals.Goal.preview`), with these as first axis;
+            None before the last plan is predicted.
     """
 
     situation: Situation
@@ -148,9 +161,15 @@ class Problem(NamedTuple):
     predict: Callable[[Configurations, Bends, Memory], Candidate]
     observe: Callable[[Configurations, Memory], Memory]
     memory: Memory
-    motion: GoalMotion
-    ahead: Goal
     stride: int
+    motion: GoalMotion
+    complete: Callable[[Candidate], "Problem"]
+    ahead: Goal | None = None
+
+    def started(self) -> "Problem":
+        """The whole problem, after a prediction of the last plan."""
+        last = self.situation.last
+        return self.complete(self.predict(last.configurations, last.bends, self.memory))
 
     def sum_of_norms(self, configurations: Configurations) -> Float[Array, ""]:
         """The sum over all groups of mu |r| (Chen et al. 2025, eq. (7))."""
@@ -162,9 +181,13 @@ class Problem(NamedTuple):
         return total
 
     def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
+        """The residuals of these bends."""
+        return self.residuals(self.candidate_at(bends))
+
+    def residuals(self, candidate: Candidate) -> Float[Array, " residuals"]:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
         rows = []
-        for weights, residuals in self._weighted(self.candidate_at(bends)):
+        for weights, residuals in self._weighted(candidate):
             scale = jnp.sqrt(jnp.asarray(weights))[..., None]
             rows.append((scale * residuals).reshape(-1))
         return jnp.concatenate(rows)
@@ -173,10 +196,17 @@ class Problem(NamedTuple):
         """The candidate with these bends."""
         return self.predict(configurations_from_bends(bends), bends, self.memory)
 
-    def later(self, goal: Goal, memory: Memory) -> "Problem":
-        """The problem of a later moment: its goal, and the memory before it."""
-        situation = self.situation._replace(goal=goal)
-        return self._replace(situation=situation, memory=memory)
+    def expanded_at(self, bends: Bends, memory: Memory) -> tuple[Candidate, Candidate]:
+        """The candidate with these bends, and its slopes; their first axis are the bends."""
+
+        def predicted(bends: Bends) -> Candidate:
+            return self.predict(configurations_from_bends(bends), bends, memory)
+
+        return along_axes(predicted, bends, 0)
+
+    def later(self, goal: Goal) -> "Problem":
+        """The problem of a later moment: its goal."""
+        return self._replace(situation=self.situation._replace(goal=goal))
 
     def within_limits(self, desired: Configurations) -> Configurations:
         """Configurations within the bend limits and one step limit from the last ones.
@@ -220,12 +250,34 @@ class Problem(NamedTuple):
         return [term.residual(candidate, self.situation) for term in self.terms]
 
 
+class Solution(NamedTuple):
+    """What a solver plans in a control step.
+
+    Attributes:
+        planned: the next configurations within the limits, and their prediction.
+        motion: of the goals, after this step.
+        memory: of the solver, for the next control step.
+        tips: positions of the tip in the next moments [m], base frame; None unless the
+            solver looks ahead.
+    """
+
+    planned: Candidate
+    motion: GoalMotion
+    memory: Any
+    tips: Float[Array, "moments 3"] | None
+
+
 @dataclass(frozen=True)
 class Solver(Component, ABC):
     """Finds the next configurations; traced by JAX, so no branches on values.
 
     A solver with a memory also overrides `start` and `next`.
+
+    Attributes:
+        looks_ahead: whether its solutions have the tips of the next moments.
     """
+
+    looks_ahead: ClassVar[bool] = False
 
     @abstractmethod
     def solve(self, problem: Problem) -> Configurations:
@@ -239,13 +291,18 @@ class Solver(Component, ABC):
         """
         return None
 
-    def next(self, problem: Problem, memory: Any) -> tuple[Configurations, Any]:
-        """Configurations as of `solve`, and the memory for the next control step."""
-        return self.solve(problem), memory
+    def next(self, problem: Problem, memory: Any) -> Solution:
+        """The configurations of `solve` within the limits.
 
-    def planned(self, memory: Any) -> Float[Array, "knots modules 2"] | None:
-        """Bends that are planned for the next moments [rad]; None unless it looks ahead."""
-        return None
+        Args:
+            problem: before the last plan is predicted (`Problem.started`).
+            memory: of the last control step.
+        """
+        whole = problem.started()
+        planned = whole.within_limits(self.solve(whole))
+        bends = bends_from_configurations(planned)
+        predicted = whole.predict(planned, bends, whole.memory)
+        return Solution(predicted, whole.motion, memory, None)
 
 
 @dataclass(frozen=True)

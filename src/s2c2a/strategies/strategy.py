@@ -146,7 +146,7 @@ class Strategy:
             StrategyError: the strategy was not started.
         """
         plan = self._check_started()
-        expectation = self.planner.expectation(plan)
+        expectation = plan.expectation
         ahead = {}
         if expectation.horizon is not None:
             ahead["horizon"] = np.asarray(expectation.horizon, dtype=float)
