@@ -19,6 +19,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
+    from s2c2a.progress import Progress
     from s2c2a.strategies import Recipe, TrainedNetworks
 
 
@@ -62,13 +63,15 @@ def train(
         seed: of everything random.
         overwrite: replace the weight file if it exists.
     """
-    from s2c2a import strategies, viz
+    with progress_bar() as progress:
+        progress("reading the data", 0, 1)  # before slow imports
+        from s2c2a import strategies, viz
 
-    limit_jax_to_one_thread()
-    strategies.check_new_networks(out, overwrite)
-    chosen = strategies.recipe_from(recipe)
-    begun = strategies.load_networks(start) if start else None
-    networks = _trained(recording, arm, strategy, chosen, seed, begun)
+        limit_jax_to_one_thread()
+        strategies.check_new_networks(out, overwrite)
+        chosen = strategies.recipe_from(recipe)
+        begun = strategies.load_networks(start) if start else None
+        networks = _trained(recording, arm, strategy, chosen, seed, begun, progress)
     strategies.save_networks(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
@@ -107,6 +110,7 @@ def _trained(
     recipe: "Recipe",
     seed: int,
     start: "TrainedNetworks | None",
+    progress: "Progress",
 ) -> "TrainedNetworks":
     """Train on a recording, on other networks, or on both.
 
@@ -131,20 +135,15 @@ def _trained(
             f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
             "file that it was recorded with"
         )
-    with progress_bar() as progress:
 
-        def training_progress(
-            network: str, epoch: int, epochs: int, loss: float
-        ) -> None:
-            progress(f"training {network}", epoch, epochs)
+    def on_epoch(network: str, epoch: int, epochs: int, loss: float) -> None:
+        progress("reading the data", 1, 1)
+        progress(f"training {network}", epoch, epochs)
 
-        if data is not None and start is not None:
-            return strategies.train_s2c2a(data, recipe, seed, training_progress, start)
-        if data is not None:
-            return strategies.train_networks(
-                data, recipe, strategy, seed, training_progress
-            )
-        assert start is not None
-        assert spec is not None
-        progress("transferring networks", 0, 1)
-        return strategies.transferred(start, spec, seed)
+    if data is not None and start is not None:
+        return strategies.train_s2c2a(data, recipe, seed, on_epoch, start)
+    if data is not None:
+        return strategies.train_networks(data, recipe, strategy, seed, on_epoch)
+    assert start is not None
+    assert spec is not None
+    return strategies.transferred(start, spec, seed)
