@@ -156,18 +156,18 @@ def kept(folders) -> list[str]:
 def test_files_that_were_used_longest_ago_go_first(folders):
     oldest = folders[1] / "5-cache"
     os.utime(oldest, (time.time(), oldest.stat().st_mtime))  # read since
-    trim_daily(folders, 35)
+    trim_daily(*folders, max_bytes=35)
     assert kept(folders) == ["0-cache", "1-cache", "5-cache"]
 
 
 def test_files_are_trimmed_once_a_day(folders):
-    trim_daily(folders, 25)
+    trim_daily(*folders, max_bytes=25)
     (folders[0] / "new-cache").write_bytes(bytes(30))
-    trim_daily(folders, 25)
+    trim_daily(*folders, max_bytes=25)
     assert kept(folders) == ["0-cache", "1-cache", "new-cache"]
     (today,) = folders[0].glob(".trimmed*")
     today.rename(today.with_name(".trimmed-2001-01-01"))
-    trim_daily(folders, 35)
+    trim_daily(*folders, max_bytes=35)
     assert kept(folders) == ["new-cache"]
     assert [path.name for path in folders[0].glob(".trimmed*")] == [today.name]
 
@@ -175,12 +175,12 @@ def test_files_are_trimmed_once_a_day(folders):
 def test_what_killed_processes_and_the_bound_of_jax_left_goes(folders):
     for name in ("0-atime", ".lockfile", ".9-cache.17.part"):
         (folders[0] / name).touch()
-    trim_daily(folders)
+    trim_daily(*folders)
     assert kept(folders) == [f"{age}-cache" for age in range(6)]
     assert len(list(folders[0].glob(".*"))) == 1
 
 
 def test_a_file_that_another_process_deletes_is_no_error(folders, monkeypatch):
     monkeypatch.setattr("pathlib.Path.unlink", lambda path: path.rename(path / "none"))
-    trim_daily(folders, 0)
-    trim_daily([folders[0] / "missing"], 0)
+    trim_daily(*folders, max_bytes=0)
+    trim_daily(folders[0] / "missing", max_bytes=0)

@@ -3,7 +3,6 @@
 import os
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import platformdirs
 from s2c2a.after_import import import_after
 
 MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the last start of a day
-PROGRAM_FOLDERS = ("programs", "executables")  # of JAX, of this package
 
 
 def cache_folder() -> Path:
@@ -28,8 +26,8 @@ def enable_compilation_cache() -> None:
     configured JAX's cache, by environment variables or before in JAX, or if the folder
     cannot be written.
     """
-    folders = [cache_folder().absolute() / name for name in PROGRAM_FOLDERS]
-    programs = str(folders[0])
+    folder = cache_folder().absolute() / "programs"
+    programs = str(folder)
     settings = {
         "JAX_COMPILATION_CACHE_DIR": programs,
         "JAX_COMPILATION_CACHE_MAX_SIZE": "-1",
@@ -43,7 +41,7 @@ def enable_compilation_cache() -> None:
     if config and config.jax_compilation_cache_dir not in (None, programs):
         return
     with suppress(OSError):
-        folders[0].mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     if not os.access(programs, os.W_OK | os.X_OK):
         return
     os.environ.update(settings)
@@ -51,10 +49,10 @@ def enable_compilation_cache() -> None:
         config.update("jax_compilation_cache_dir", programs)
         config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
     import_after("jax", "s2c2a.program_files")
-    trim_daily(folders)
+    trim_daily(folder, folder.with_name("executables"))
 
 
-def trim_daily(folders: Sequence[Path], max_bytes: int = MAX_PROGRAM_BYTES) -> None:
+def trim_daily(*folders: Path, max_bytes: int = MAX_PROGRAM_BYTES) -> None:
     """Once a day, delete the files that were used longest ago until the rest fits.
 
     Most file systems note a file's use once a day; on the others, age counts from

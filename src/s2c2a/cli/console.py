@@ -69,12 +69,8 @@ def progress_bar() -> Iterator["Progress"]:
             now = time.monotonic()
             shown = last_lines.get(work, -math.inf)
             if not screen.is_terminal and now > shown + LINE_INTERVAL:
-                text = (
-                    f"{work}: {done} of {total}"
-                    if work in last_lines
-                    else f"{work} ..."
-                )
-                screen.print(text, highlight=False)
+                state = f": {done} of {total}" if work in last_lines else " ..."
+                screen.print(f"{work}{state}", highlight=False)
                 last_lines[work] = now
 
         yield on_progress

@@ -81,7 +81,12 @@ def reach(
 
     spec = load_arm(arm)
     path = _path(csv, spec) if csv else None
-    _check_one_of(target, csv)
+    if (target is None) == (csv is None):
+        given = "none was given" if target is None else "both were given"
+        raise S2C2AError(
+            "a target is needed: a position with --target X Y Z, or a file of waypoints "
+            f"with --csv; {given}"
+        )
     plain = path.goals if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
     rows = _obstacle_rows(obstacle, scene)
     goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
@@ -107,20 +112,6 @@ def reach(
 
         states = np.asarray(reachability.shapes.states)
         print(f"figure: {reach_figure(spec, states, goals, reached, figure)}")
-
-
-def _check_one_of(target: Vector, csv: Path | None) -> None:
-    """Refuse neither or both.
-
-    Raises:
-        S2C2AError: not one of them is given.
-    """
-    if (target is None) == (csv is None):
-        given = "none was given" if target is None else "both were given"
-        raise S2C2AError(
-            "a target is needed: a position with --target X Y Z, or a file of waypoints "
-            f"with --csv; {given}"
-        )
 
 
 def _goal(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from s2c2a.strategies import Recipe, TrainedNetworks
 
 
+READING = "reading the data"
 Recorded = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]
@@ -64,7 +65,7 @@ def train(
         overwrite: replace the weight file if it exists.
     """
     with progress_bar() as progress:
-        progress("reading the data", 0, 1)  # before slow imports
+        progress(READING, 0, 1)  # before slow imports
         from s2c2a import strategies, viz
 
         limit_jax_to_one_thread()
@@ -121,15 +122,18 @@ def _trained(
     from s2c2a.data import load_recording
 
     options = strategies.strategy_named(strategy)
-    if recording is None and (arm is None or start is None):
-        raise StrategyError(
-            "give a recording, or --arm and --from for an arm without a recording"
-        )
     if start is not None and type(options) is not strategies.S2C2A:
         raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None
-    if spec is not None and data is not None and not spec.same_mechanics(data.arm):
+    progress(READING, 1, 1)
+    if data is None:
+        if spec is None or start is None:
+            raise StrategyError(
+                "give a recording, or --arm and --from for an arm without a recording"
+            )
+        return strategies.transferred(start, spec, seed)
+    if spec is not None and not spec.same_mechanics(data.arm):
         raise StrategyError(
             f"{recording} is of '{data.arm.name}', which differs from {arm} in "
             f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
@@ -137,13 +141,8 @@ def _trained(
         )
 
     def on_epoch(network: str, epoch: int, epochs: int, loss: float) -> None:
-        progress("reading the data", 1, 1)
         progress(f"training {network}", epoch, epochs)
 
-    if data is not None and start is not None:
+    if start is not None:
         return strategies.train_s2c2a(data, recipe, seed, on_epoch, start)
-    if data is not None:
-        return strategies.train_networks(data, recipe, strategy, seed, on_epoch)
-    assert start is not None
-    assert spec is not None
-    return strategies.transferred(start, spec, seed)
+    return strategies.train_networks(data, recipe, strategy, seed, on_epoch)
