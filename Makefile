@@ -35,7 +35,7 @@ imports: setup
 
 test-plugins:  ## the plug-in of LeRobot, in an environment of its own, into which LeRobot is downloaded
 	$(PYTHON) -m venv plugins/.venv
-	plugins/.venv/bin/pip install -q . ./plugins/lerobot_robot_s2c2a pytest
+	plugins/.venv/bin/pip install . ./plugins/lerobot_robot_s2c2a pytest
 	plugins/.venv/bin/python -m pytest plugins/lerobot_robot_s2c2a
 
 docs: docs-site  ## the site with its links checked, then every command and Python block of PAGES, by default of all
@@ -63,14 +63,14 @@ browser:  ## what the tests of the pages need; they are skipped without it, and 
 		echo "no Chromium here, and no right to install it: the tests of the pages will be skipped"
 
 .venv/ready: .venv/installed  # what the checks and the tests need, too
-	$(BIN)/pip install -q -c constraints.txt -e ".[dev]"
+	$(BIN)/pip install -c constraints.txt -e ".[dev]"
 	touch .venv/ready
 
 .venv/installed: pyproject.toml constraints.txt  # the package and the live page
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "$(PYTHON) is older than 3.11; name another one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install -q -c constraints.txt -e ".[live]"
+	$(BIN)/pip install -c constraints.txt -e ".[live]"
 	touch .venv/installed
 
 clean:

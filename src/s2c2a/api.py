@@ -36,7 +36,7 @@ def collect(
     overwrite: bool = False,
     threads: int | None = None,
     executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda complete, episodes: None,
 ) -> Recording:
     """Record random motion of an arm (babbling), by default of the simulated one.
 

@@ -2,12 +2,15 @@
 
 import os
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
 import platformdirs
 
-MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk; JAX evicts older programs
+from s2c2a.after_import import import_after
+
+MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the last start of a day
 
 
 def cache_folder() -> Path:
@@ -18,49 +21,62 @@ def cache_folder() -> Path:
 def enable_compilation_cache() -> None:
     """Enable JAX's persistent compilation cache, so that a second start is fast.
 
-    JAX evicts the least recently used programs. `import s2c2a` calls this. It does
-    nothing if the user has configured JAX's cache, by environment variables or before
-    in JAX, or if the folder cannot be written.
+    JAX's own bound stays off: for each new program, it looks at all files under a lock
+    that all processes share. `import s2c2a` calls this. It does nothing if the user has
+    configured JAX's cache, by environment variables or before in JAX, or if the folder
+    cannot be written.
     """
     folder = cache_folder().absolute() / "programs"
+    programs = str(folder)
     settings = {
-        "JAX_COMPILATION_CACHE_DIR": str(folder),
-        "JAX_COMPILATION_CACHE_MAX_SIZE": MAX_PROGRAM_BYTES,
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": 0.05,
+        "JAX_COMPILATION_CACHE_DIR": programs,
+        "JAX_COMPILATION_CACHE_MAX_SIZE": "-1",
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.05",
     }
-    if any(name in os.environ for name in settings):
+    # a process that this one starts inherits them
+    if any(os.environ.get(name, value) != value for name, value in settings.items()):
         return
     # JAX reads environment variables when it is imported
     config = getattr(sys.modules.get("jax"), "config", None)
-    if config is not None and config.jax_compilation_cache_dir is not None:
+    if config and config.jax_compilation_cache_dir not in (None, programs):
         return
-    if not _can_write(folder):
-        return
-    for name, value in settings.items():
-        if config is None:
-            os.environ[name] = str(value)
-        else:
-            config.update(name.lower(), value)
-    delete_incomplete_programs(folder)
-
-
-def _can_write(folder: Path) -> bool:
-    """Whether files can be written in a folder, which is made if need be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK | os.X_OK)
-
-
-def delete_incomplete_programs(folder: Path) -> None:
-    """Delete cached programs without a time stamp, which a killed process leaves.
-
-    JAX stores no new programs while such a file exists.
-    """
     with suppress(OSError):
-        names = set(os.listdir(folder))
-        for name in names:
-            stem = name.removesuffix("-cache")
-            if stem != name and f"{stem}-atime" not in names:
-                (folder / name).unlink(missing_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+    if not os.access(programs, os.W_OK | os.X_OK):
+        return
+    os.environ.update(settings)
+    if config:
+        config.update("jax_compilation_cache_dir", programs)
+        config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
+    import_after("jax", "s2c2a.program_files")
+    trim_daily(folder, folder.with_name("executables"))
+
+
+def trim_daily(*folders: Path, max_bytes: int = MAX_PROGRAM_BYTES) -> None:
+    """Once a day, delete the files that were used longest ago until the rest fits.
+
+    Most file systems note a file's use once a day; on the others, age counts from
+    writing. It waits for no other process: a missing file is compiled anew.
+
+    Args:
+        folders: the first one holds an empty file with the date.
+        max_bytes: of all folders together.
+    """
+    today = folders[0] / f".trimmed-{time.strftime('%Y-%m-%d')}"
+    try:
+        today.touch(exist_ok=False)
+    except OSError:  # done, or the disk is full
+        return
+    files = []
+    for path in (path for folder in folders for path in folder.glob("*")):
+        with suppress(OSError):  # another process has deleted it
+            status = path.stat()
+            files.append((max(status.st_atime, status.st_mtime), status.st_size, path))
+    total = 0
+    for _, size, path in sorted(files, reverse=True):
+        total += size
+        # left by a killed process, by another day, or by JAX's own bound
+        is_rest = path.name.startswith(".") or path.name.endswith("-atime")
+        if total > max_bytes or (is_rest and path != today):
+            with suppress(OSError):
+                path.unlink()

@@ -115,3 +115,10 @@ def test_a_strategy_that_cannot_be_built_is_reported(twin):
     with pytest.raises(S2C2AError, match=r"no strategy at nowhere.safetensors"):
         control.wait_until_ready()
     control.stop()
+
+
+def test_a_process_that_dies_while_it_prepares_ends_the_wait(twin):
+    control = ControlProcess(twin, partial(os._exit, 1))
+    with pytest.raises(S2C2AError, match="the control process has ended"):
+        control.wait_until_ready()
+    control.stop()

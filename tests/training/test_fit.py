@@ -145,17 +145,18 @@ def test_every_epoch_sees_every_sample_once():
     np.testing.assert_allclose(curve[:, 1], squared(BLANK, TRAINING, None), rtol=1e-5)
 
 
-def test_progress_is_reported_after_every_call():
+def test_progress_is_reported_before_the_first_call_and_after_each():
     told = []
     result = fitted(progress=lambda epoch, most, loss: told.append((epoch, most, loss)))
     assert [(epoch, most) for epoch, most, _ in told] == [
+        (0, 20),
         (5, 20),
         (10, 20),
         (15, 20),
         (20, 20),
     ]
     np.testing.assert_allclose(
-        [loss for *_, loss in told], result.curve[4::5, 2], rtol=1e-6
+        [loss for *_, loss in told[1:]], result.curve[4::5, 2], rtol=1e-6
     )
 
 

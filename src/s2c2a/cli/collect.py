@@ -69,8 +69,6 @@ def collect(
         resume: continue an interrupted recording.
         overwrite: replace the recording if it exists.
     """
-    from s2c2a import api
-
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     check_parallel(factory, threads, cluster, "--threads")
@@ -79,6 +77,10 @@ def collect(
         progress_bar() as progress,
         emergency_controls(factory),
     ):
+        on_progress = partial(progress, f"collecting from {spec.name}")
+        on_progress(0, episodes or 1)  # before a slow import
+        from s2c2a import api
+
         recording = api.collect(
             spec,
             out,
@@ -92,7 +94,7 @@ def collect(
             overwrite=overwrite,
             threads=threads,
             executor=executor,
-            progress=partial(progress, f"collecting from {spec.name}"),
+            progress=on_progress,
         )
     _print_summary(recording, out)
 

@@ -62,21 +62,16 @@ def progress_bar() -> Iterator["Progress"]:
         tasks: dict[str, progress.TaskID] = {}
         last_lines: dict[str, float] = {}
 
-        def print_line(work: str, done: int, total: int) -> None:
-            now = time.monotonic()
-            if now <= last_lines.get(work, -math.inf) + LINE_INTERVAL:
-                return
-            is_first = work not in last_lines
-            text = f"{work} ..." if is_first else f"{work}: {done} of {total}"
-            screen.print(text, highlight=False)
-            last_lines[work] = now
-
         def on_progress(work: str, done: int, total: int) -> None:
             if work not in tasks:
                 tasks[work] = bars.add_task(work, total=total)
-            if not screen.is_terminal:
-                print_line(work, done, total)
-            bars.update(tasks[work], completed=done)
+            bars.update(tasks[work], completed=done, total=total)
+            now = time.monotonic()
+            shown = last_lines.get(work, -math.inf)
+            if not screen.is_terminal and now > shown + LINE_INTERVAL:
+                state = f": {done} of {total}" if work in last_lines else " ..."
+                screen.print(f"{work}{state}", highlight=False)
+                last_lines[work] = now
 
         yield on_progress
 

@@ -81,11 +81,19 @@ def reach(
 
     spec = load_arm(arm)
     path = _path(csv, spec) if csv else None
-    _check_one_of(target, csv)
+    if (target is None) == (csv is None):
+        given = "none was given" if target is None else "both were given"
+        raise S2C2AError(
+            "a target is needed: a position with --target X Y Z, or a file of waypoints "
+            f"with --csv; {given}"
+        )
     plain = path.goals if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
     rows = _obstacle_rows(obstacle, scene)
     goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
-    _check_payload(payload_g)
+    if not 0.0 <= payload_g < np.inf:
+        raise S2C2AError(
+            f"--payload-g {payload_g:g} is no mass; give grams, zero or more"
+        )
     if figure is not None:
         from s2c2a.viz.charts import figure_format
 
@@ -104,32 +112,6 @@ def reach(
 
         states = np.asarray(reachability.shapes.states)
         print(f"figure: {reach_figure(spec, states, goals, reached, figure)}")
-
-
-def _check_one_of(target: Vector, csv: Path | None) -> None:
-    """Refuse neither or both.
-
-    Raises:
-        S2C2AError: not one of them is given.
-    """
-    if (target is None) == (csv is None):
-        given = "none was given" if target is None else "both were given"
-        raise S2C2AError(
-            "a target is needed: a position with --target X Y Z, or a file of waypoints "
-            f"with --csv; {given}"
-        )
-
-
-def _check_payload(payload_g: float) -> None:
-    """Refuse what is no mass.
-
-    Raises:
-        S2C2AError: it is negative, or not finite.
-    """
-    if not 0.0 <= payload_g < np.inf:
-        raise S2C2AError(
-            f"--payload-g {payload_g:g} is no mass; give grams, zero or more"
-        )
 
 
 def _goal(

@@ -36,6 +36,7 @@ from s2c2a.cli.execution import (
     stream_to,
     uses_recipe,
 )
+from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -260,8 +261,6 @@ def _check_used(given: "jobs.GivenNetworks | None", jobs: "Sequence[jobs.Job]") 
     Raises:
         S2C2AError: no strategy uses them.
     """
-    from s2c2a.errors import S2C2AError
-
     if given is None or any(given in job.needs for job in jobs):
         return
     names = ", ".join(dict.fromkeys(job.strategy for job in jobs))
@@ -277,8 +276,6 @@ def _check_trained(factory: "robots.RobotFactory", jobs: "Sequence[jobs.Job]") -
     Raises:
         S2C2AError: a strategy would be trained in simulation.
     """
-    from s2c2a.errors import S2C2AError
-
     if factory.simulated:
         return
     untrained = [
@@ -307,7 +304,6 @@ def _task(
         S2C2AError: neither or both are given, or as `paced_task`, `to_point` and
             `load_scene`.
     """
-    from s2c2a.errors import S2C2AError
     from s2c2a.tasks import load_scene, paced_task, to_point
 
     if name is not None and target is None:

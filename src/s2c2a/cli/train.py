@@ -19,9 +19,11 @@ from s2c2a.errors import StrategyError
 from s2c2a.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
+    from s2c2a.progress import Progress
     from s2c2a.strategies import Recipe, TrainedNetworks
 
 
+READING = "reading the data"
 Recorded = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]
@@ -62,13 +64,15 @@ def train(
         seed: of everything random.
         overwrite: replace the weight file if it exists.
     """
-    from s2c2a import strategies, viz
+    with progress_bar() as progress:
+        progress(READING, 0, 1)  # before slow imports
+        from s2c2a import strategies, viz
 
-    limit_jax_to_one_thread()
-    strategies.check_new_networks(out, overwrite)
-    chosen = strategies.recipe_from(recipe)
-    begun = strategies.load_networks(start) if start else None
-    networks = _trained(recording, arm, strategy, chosen, seed, begun)
+        limit_jax_to_one_thread()
+        strategies.check_new_networks(out, overwrite)
+        chosen = strategies.recipe_from(recipe)
+        begun = strategies.load_networks(start) if start else None
+        networks = _trained(recording, arm, strategy, chosen, seed, begun, progress)
     strategies.save_networks(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
@@ -107,6 +111,7 @@ def _trained(
     recipe: "Recipe",
     seed: int,
     start: "TrainedNetworks | None",
+    progress: "Progress",
 ) -> "TrainedNetworks":
     """Train on a recording, on other networks, or on both.
 
@@ -117,34 +122,27 @@ def _trained(
     from s2c2a.data import load_recording
 
     options = strategies.strategy_named(strategy)
-    if recording is None and (arm is None or start is None):
-        raise StrategyError(
-            "give a recording, or --arm and --from for an arm without a recording"
-        )
     if start is not None and type(options) is not strategies.S2C2A:
         raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
     data = load_recording(recording) if recording else None
-    if spec is not None and data is not None and not spec.same_mechanics(data.arm):
+    progress(READING, 1, 1)
+    if data is None:
+        if spec is None or start is None:
+            raise StrategyError(
+                "give a recording, or --arm and --from for an arm without a recording"
+            )
+        return strategies.transferred(start, spec, seed)
+    if spec is not None and not spec.same_mechanics(data.arm):
         raise StrategyError(
             f"{recording} is of '{data.arm.name}', which differs from {arm} in "
             f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
             "file that it was recorded with"
         )
-    with progress_bar() as progress:
 
-        def training_progress(
-            network: str, epoch: int, epochs: int, loss: float
-        ) -> None:
-            progress(f"training {network}", epoch, epochs)
+    def on_epoch(network: str, epoch: int, epochs: int, loss: float) -> None:
+        progress(f"training {network}", epoch, epochs)
 
-        if data is not None and start is not None:
-            return strategies.train_s2c2a(data, recipe, seed, training_progress, start)
-        if data is not None:
-            return strategies.train_networks(
-                data, recipe, strategy, seed, training_progress
-            )
-        assert start is not None
-        assert spec is not None
-        progress("transferring networks", 0, 1)
-        return strategies.transferred(start, spec, seed)
+    if start is not None:
+        return strategies.train_s2c2a(data, recipe, seed, on_epoch, start)
+    return strategies.train_networks(data, recipe, strategy, seed, on_epoch)

@@ -106,7 +106,7 @@ def collect(
     executor: Executor | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda complete, episodes: None,
 ) -> Recording:
     """Collect a recording, identical for any number of threads, stops, and resumes.
 
@@ -138,23 +138,18 @@ def collect(
             "all cores"
         )
     stored = _stored_options(options) | {"robot": robot}
-    done = progress or _no_progress
     writer = _open_writer(Path(path), arm, stored, resume, overwrite)
     with (
         _without_empty_file(Path(path), writer),
         _workers(executor, threads) as workers,
     ):
-        done(writer.count, options.episodes)
+        progress(writer.count, options.episodes)
         run_episode = partial(_run_episode, arm, make_robot, options)
         numbers = range(writer.count, options.episodes)
         for episode in in_order(workers, run_episode, numbers):
             writer.append(episode)
-            done(writer.count, options.episodes)
+            progress(writer.count, options.episodes)
     return load_recording(path)
-
-
-def _no_progress(complete: int, episodes: int) -> None:
-    """Report nothing."""
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from s2c2a.strategies import (
 )
 from s2c2a.tasks import Task, load_task
 
+COMPILING = "compiling the strategy"
 START_JITTER = 0.05
 """Random bend of every module before a run, in parts of the full bend."""
 
@@ -181,9 +182,15 @@ class Job(Artifact[Run]):
             # a file's networks may have other options than the defaults
             options = type(options)(**trained.strategy_options)
         recipe = options.recipe(self.recipe)
+        progress(COMPILING, 0, 1)
         with named_errors(StrategyError, f"strategy '{self.strategy}' cannot be built"):
             strategy = options.build(self.arm, recipe, trained, self.conditions.run)
-        report = partial(progress, str(self))
+
+        def report(done: int, total: int) -> None:
+            if done <= 1:
+                progress(COMPILING, 1, 1)
+            progress(str(self), done, total)
+
         robot = self.robot()
         kept: list[episodes.Episode] = []
         with self._steps_on_disk(robot, cache, kept) as keep_step:

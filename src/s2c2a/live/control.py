@@ -145,16 +145,17 @@ class ArmControl(Control):
         for build in self._tasks.values():
             build()
 
-    def start(self, timeout: float = 60.0) -> None:
-        """Open the robot and start the control loop.
+    def start(self) -> None:
+        """Open the robot and start the control loop; the first step may compile.
 
         Raises:
-            S2C2AError: the robot did not open within `timeout` [s].
+            S2C2AError: the robot did not open.
         """
         self._thread.start()
-        if not self._opened.wait(timeout) or self._loop.phase.stage is Stage.FAULT:
-            reason = self._loop.fault or f"no response within {timeout:g} s"
-            raise S2C2AError(f"the arm did not open: {reason}")
+        while not self._opened.wait(1.0):  # Ctrl-C ends no longer wait on Windows
+            pass
+        if self._loop.phase.stage is Stage.FAULT:
+            raise S2C2AError(f"the arm did not open: {self._loop.fault}")
 
     def stop(self) -> None:
         """See `Control`; does not wait for a loop that no longer makes progress."""

@@ -115,15 +115,15 @@ class ControlProcess(Control):
     def responds(self) -> bool:
         return not self._problem()
 
-    def wait_until_ready(self, timeout: float = 600.0) -> None:
-        """Wait until the arm is open and controlled.
+    def wait_until_ready(self) -> None:
+        """Wait until the arm is open and controlled, however long the process compiles.
 
         Raises:
-            S2C2AError: the control could not be built, or the arm did not open within
-                `timeout` [s].
+            S2C2AError: the control could not be built, the arm did not open, or the
+                process has ended.
         """
-        if not self._ready.wait(timeout):
-            raise S2C2AError(f"the arm did not open within {timeout:g} s")
+        while not self._ready.wait(HEARTBEAT):  # Ctrl-C ends no longer wait on Windows
+            pass
         if self._fault:
             raise S2C2AError(self._fault)
 

@@ -119,7 +119,7 @@ def fit(
         options: options of the training.
         key: random key for the order of samples and for the loss.
         progress: callback with the epoch, the largest number of epochs, and the
-            validation loss, after every compiled call.
+            validation loss, before the first compiled call and after each.
 
     Raises:
         TrainingError: there are fewer samples than one batch, or the loss is not
@@ -142,6 +142,7 @@ def fit(
         weights, optimizer.init(weights), weights, jnp.array(jnp.inf), decay_steps
     )
     curve: list[np.ndarray] = []
+    progress(0, options.max_epochs, float(state.best_loss))
     while not _stopped(curve, options):
         key, call_key = jax.random.split(key)
         epochs = min(options.epochs_per_call, options.max_epochs - len(curve))

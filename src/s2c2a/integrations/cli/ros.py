@@ -16,7 +16,7 @@ from s2c2a.live.cli.driven_arm import (
     print_sessions,
     seed_where_used,
 )
-from s2c2a.live.cli.live import signal_stops, wait_for_interrupt
+from s2c2a.live.cli.live import PREPARING, signal_stops, wait_for_interrupt
 from s2c2a.robots.factory import RobotFactory
 
 if TYPE_CHECKING:
@@ -96,6 +96,7 @@ def running_bridge(
     from s2c2a.live.process import ControlProcess
     from s2c2a.strategies import strategy_named
 
+    log(PREPARING.format(arm))
     spec = load_arm(arm)
     build = partial(
         build_control, spec, factory, strategies=strategies, **control_options
@@ -107,7 +108,6 @@ def running_bridge(
         control = ControlProcess(spec, build)
         stack.enter_context(signal_stops(control))
         stack.callback(control.stop)
-        log(f"{arm} is being prepared; its first start compiles for a minute or more")
         control.wait_until_ready()
         if strategies:
             control.use(strategy_named(strategies[0]).name)

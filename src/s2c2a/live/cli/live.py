@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from s2c2a.live.process import ControlProcess
     from s2c2a.live.request import Obstacle
 
+PREPARING = "{} is being prepared; its first start compiles for a minute or more"
 Port = Annotated[
     int, tyro.conf.arg(help="port of the page; the next free one if it is taken")
 ]
@@ -137,6 +138,7 @@ def running_page(
     from s2c2a.arm import load_arm
     from s2c2a.live.process import ControlProcess
 
+    on_message(PREPARING.format(arm))
     spec = load_arm(arm)
     robot = factory or robot_factory_for("sim", ())
     with ExitStack() as stack:

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
+from s2c2a.cli.console import progress_bar
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from s2c2a.logs import Imported, ImportedSession
 
+READING = "reading the logs"
 ArmFile = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 
 
@@ -41,30 +43,35 @@ def import_(
             cables and arm.
         overwrite: replace the recording and the arm file if they exist.
     """
-    from s2c2a.data import load_recording
-    from s2c2a.logs import (
-        import_logs,
-        import_session,
-        load_map,
-        save_imported,
-        summary,
-    )
+    with progress_bar() as progress:
+        progress(READING, 0, 1)  # before slow imports
+        from s2c2a.data import load_recording
+        from s2c2a.logs import (
+            import_logs,
+            import_session,
+            load_map,
+            save_imported,
+            summary,
+        )
 
-    _check_arguments(logs, out, arm, like, overwrite)
-    log_map = load_map(map)
+        _check_arguments(logs, out, arm, like, overwrite)
+        log_map = load_map(map)
+        if like:
+            repeated = import_session(logs, log_map, load_recording(like))
+        else:
+            imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
+        progress(READING, 1, 1)
     options = {
         "map": map.name,
         "logs": [path.name for path in logs],
         **log_map.source.model_dump(),
     }
     if like:
-        repeated = import_session(logs, log_map, load_recording(like))
         save_imported(repeated, out, options)
         print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
         _draw_ends(repeated, out)
         _draw_coverage(out)
         return
-    imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
     arm_file = save_imported(imported, out, options)
     _print_summary(imported)
     print(f"recording: {out}\narm: {arm_file}")
