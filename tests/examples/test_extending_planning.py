@@ -75,6 +75,7 @@ def plan_steps(options, goal, steps=40):
     )
 
 
+@pytest.mark.slow
 def test_the_term_keeps_the_elbow_high_and_the_solver_reaches_the_target():
     goal, best = (
         Goal.of(3).with_position([0.3, 0.0, 0.42]),

@@ -44,6 +44,7 @@ def test_only_the_twin_has_claims_about_networks_and_pcc():
     assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIBLINGS)
 def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, record):
     record(episodes=6)
