@@ -8,6 +8,7 @@ from textwrap import indent
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError, UntrustedCodeError
@@ -32,7 +33,8 @@ STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.parametrize(
-    ("example", "name"), [("own_term", "ElbowHigh"), ("own_solver", "Descent")]
+    ("example", "name"),
+    slow_after(1, [("own_term", "ElbowHigh"), ("own_solver", "Descent")]),
 )
 def test_an_example_runs_from_the_command_line(example, name, tmp_path, monkeypatch):
     text, recipe_text = (

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RobotError
 from s2c2a.planning import PAPER
@@ -48,6 +49,7 @@ class DisproportionateRobot(SimulatedRobot):
         return action
 
 
+@pytest.mark.slow
 def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     strategy = s2c2a_strategy(shipped_networks(twin))
     goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
@@ -61,8 +63,8 @@ def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     assert settled[-20:].mean() < 0.5 * NEAR
 
 
-@pytest.mark.parametrize("gain", [4.0, -1.0])
-@pytest.mark.parametrize("name", ["twin", "simulated"])
+@pytest.mark.parametrize("gain", slow_after(1, [4.0, -1.0]))
+@pytest.mark.parametrize("name", slow_after(1, ["twin", "simulated"]))
 def test_an_arm_that_contradicts_its_commands_is_held_then_moved_to_rest(
     name, gain, request
 ):
@@ -80,6 +82,7 @@ def test_an_arm_that_contradicts_its_commands_is_held_then_moved_to_rest(
     np.testing.assert_allclose(steps[-1].action, ArmGeometry.of(arm).action_neutral)
 
 
+@pytest.mark.slow
 def test_a_learned_strategy_is_stopped_on_a_robot_that_moves_four_times_as_far(twin):
     strategy = s2c2a_strategy(shipped_networks(twin))
     goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
@@ -107,7 +110,7 @@ def run_to_the_end(loop, goals):
             loop.tick(StepRequest(goal))
 
 
-@pytest.mark.parametrize("gain", [1000.0, 1.6, -1.0])
+@pytest.mark.parametrize("gain", slow_after(1, [1000.0, 1.6, -1.0]))
 def test_a_robot_that_alters_commands_is_stopped_and_goes_to_rest(twin, gain):
     robot = AlteringRobot(twin)
     robot.gain = gain

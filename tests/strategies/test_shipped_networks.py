@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import position_errors, rollout
@@ -22,7 +23,7 @@ from s2c2a.tasks import circle
 PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}
 
 
-@pytest.mark.parametrize(("name", "most"), PRESETS.items())
+@pytest.mark.parametrize(("name", "most"), slow_after(1, PRESETS.items()))
 def test_they_drive_the_circle(name, most):
     arm = load_arm(name)
     task = circle(arm)
