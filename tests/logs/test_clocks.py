@@ -5,6 +5,7 @@ import pytest
 from moving_arm import two_clocks  # type: ignore[import-not-found]
 from scipy.spatial.transform import Rotation
 
+from marks import slow_after
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
@@ -39,7 +40,7 @@ def make_map(join="", drives=1, rows="", end=""):
     return map_from_toml(MAP.format(join=join, drives=text, rows=rows, end=end))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", slow_after(1, range(2)))
 def test_offset_and_drift_of_an_arm_with_backlash_and_lag_are_within_5_ms(seed):
     log = two_clocks(seed)
     clock = estimate_clock(log.drives, log.tip)
@@ -50,7 +51,7 @@ def test_offset_and_drift_of_an_arm_with_backlash_and_lag_are_within_5_ms(seed):
     assert 0 < clock.drift_std < 100e-6
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", slow_after(1, [0, 3]))
 def test_deviations_are_honest_with_strong_backlash_and_lag(seed):
     log = two_clocks(seed, lag=0.12, backlash=0.15)
     clock = estimate_clock(log.drives, log.tip)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
@@ -104,7 +105,7 @@ def import_kind(folder, kind: Kind, ends: str, coordinates=None, head: str = HEA
 SPATIAL = "".join(END.format(m, [f"{axis}{m}" for axis in "xyz"]) for m in range(2))
 
 
-@pytest.mark.parametrize("kind", [MIXED, PASSIVE, PRESSURE])
+@pytest.mark.parametrize("kind", slow_after(1, [MIXED, PASSIVE, PRESSURE]))
 def test_angles_of_all_cables_are_identified(tmp_path, kind):
     imported = import_kind(
         tmp_path, kind, SPATIAL + '[frame]\nalong = "z"\nx = "x"\nbase = [0, 0, 0]\n'
@@ -118,6 +119,7 @@ def test_angles_of_all_cables_are_identified(tmp_path, kind):
         np.testing.assert_allclose(found, angles, atol=2.0)
 
 
+@pytest.mark.slow
 def test_pressures_bend_the_identified_arm_as_in_the_log(tmp_path):
     head = HEAD.replace("0.012", "0.012\nbending_stiffness = 0.02")
     imported = import_kind(tmp_path, PRESSURE, SPATIAL, head=head)
@@ -130,6 +132,7 @@ def test_pressures_bend_the_identified_arm_as_in_the_log(tmp_path):
         assert module.pressure_limit >= 48e3
 
 
+@pytest.mark.slow
 def test_an_image_shows_a_planar_arm(tmp_path):
     def in_image(states):  # x to the right, y down
         tip = states[:, 1]

@@ -11,6 +11,7 @@ from simulated_logs import (  # type: ignore[import-not-found]
     write_log,
 )
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.logs import LogMap, import_logs
@@ -106,7 +107,7 @@ def test_exchanged_ends_are_named(table, outcome):
     assert "write module = 0 for the end 'x0'" in outcome(table)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("m", 1e3)])
+@pytest.mark.parametrize(("unit", "factor"), slow_after(1, [("mm", 1.0), ("m", 1e3)]))
 def test_a_wrong_unit_of_the_ends_is_named(table, outcome, unit, factor):
     for end in table["ends"]:
         end["unit"] = unit

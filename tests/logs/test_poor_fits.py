@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.logs import LogMap
 from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
 from s2c2a.logs.map_diagnosis import Given, missed_shares
@@ -70,7 +71,7 @@ def test_a_good_fit_gives_no_warning():
     assert warn("sent") == ""
 
 
-@pytest.mark.parametrize("stated", ["sent", "settled"])
+@pytest.mark.parametrize("stated", slow_after(1, ["sent", "settled"]))
 def test_ends_that_do_not_follow_the_drives_give_what_to_check(stated):
     text = warn(stated, random_ends=True)
     assert "does not fit clearly better" in text

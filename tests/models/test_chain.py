@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
@@ -197,7 +198,9 @@ def test_without_plays_filters_and_weight_on_the_last_it_remembers_nothing(make_
 
 @pytest.mark.parametrize(
     ("kind", "modules", "cables"),
-    [("encoders", 5, 5), ("encoders", 1, 4), ("true", 2, 4), ("tension", 5, 3)],
+    slow_after(
+        1, [("encoders", 1, 4), ("encoders", 5, 5), ("true", 2, 4), ("tension", 5, 3)]
+    ),
 )
 def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, cables):
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))

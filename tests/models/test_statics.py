@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from marks import slow_after
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import bend_at_rest
 
@@ -100,14 +101,14 @@ def test_slack_cables_leave_the_moment_alone():
     )
 
 
-@pytest.mark.parametrize("cables", range(3, 9))
+@pytest.mark.parametrize("cables", slow_after(1, range(3, 9)))
 def test_at_rest_is_where_the_energy_is_least(cables):
     cases = random_cases(cables, 200, cables)
     expected = [min_energy(*case) for case in zip(*cases, strict=True)]
     np.testing.assert_allclose(at_rest(*cases), expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("cables", [3, 8])
+@pytest.mark.parametrize("cables", slow_after(1, [3, 8]))
 def test_forces_are_in_balance_in_thousands_of_cases(cables):
     cases = random_cases(20 + cables, 4000, cables)
     displacements, moments, matrices, stiffness, tautness = cases

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.estimation import Estimate
@@ -25,7 +26,7 @@ TARGETS = np.array(
         [0.2, 0.2, 0.45],
     ]
 )
-BOTH = pytest.mark.parametrize("options", [PAPER, BEST], ids=["adam", "least squares"])
+BOTH = pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.models.forward_model import PCCForwardModel
@@ -18,7 +19,8 @@ STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.parametrize(
-    ("guides", "least"), [((), 0.02), (BEST.guides, CLOSEST * 0.04 * TWIN.length)]
+    ("guides", "least"),
+    slow_after(1, [(BEST.guides, CLOSEST * 0.04 * TWIN.length), ((), 0.02)]),
 )
 def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     guides, least

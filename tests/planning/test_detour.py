@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.geometry import center_line
 from s2c2a.estimation import Estimate
@@ -51,8 +52,8 @@ def clearance(way, spheres):
     ).min()
 
 
-@pytest.mark.parametrize("count", [1, 2])
-@pytest.mark.parametrize("turn_deg", [0.0, 160.0])
+@pytest.mark.parametrize("count", slow_after(1, [2, 1]))
+@pytest.mark.parametrize("turn_deg", slow_after(1, [160.0, 0.0]))
 def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
     turn = np.deg2rad(turn_deg)
     around = np.array(
@@ -92,6 +93,7 @@ def test_an_arm_that_is_within_an_obstacle_leaves_it(roadmap):
     assert way.miss < 0.006
 
 
+@pytest.mark.slow
 def test_a_guarded_tip_may_pass_where_the_arm_may_not(roadmap):
     sphere = (0.13, 0.0, 0.4, 0.05)  # beside the arm, below the way of the tip
     goal = goal_with(sphere)
@@ -157,6 +159,7 @@ def test_an_arm_does_not_wait_while_obstacles_or_targets_move():
     assert np.linalg.norm(np.diff(shapes, axis=0), axis=(1, 2))[4:20].min() > 1e-3
 
 
+@pytest.mark.slow
 def test_plans_go_where_a_way_has_less_room_than_their_margin(roadmap):
     """Between the spheres, 2.4 cm of margin on either side leave nothing."""
     gate = [(0.16, 0.14, 0.55, 0.1), (0.19, -0.09, 0.53, 0.1)]
@@ -170,7 +173,7 @@ def test_plans_go_where_a_way_has_less_room_than_their_margin(roadmap):
     assert gaps.min() > 0.0
 
 
-@pytest.mark.parametrize("other", ["axis", "inner module"])
+@pytest.mark.parametrize("other", slow_after(1, ["axis", "inner module"]))
 def test_other_targets_do_not_pull_against_a_way(other):
     goal = goal_with(*SPHERES)
     if other == "axis":

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.goals import previewed
@@ -266,7 +267,9 @@ def test_with_a_far_target_the_arm_comes_to_rest(planner):
     assert np.ptp(tips_of(planned)[-20:], axis=0).max() < 0.01
 
 
-@pytest.mark.parametrize("name", ["reach-1", "reach-2", "risk-a", "risk-c"])
+@pytest.mark.parametrize(
+    "name", slow_after(2, ["reach-1", "risk-a", "reach-2", "risk-c"])
+)
 def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     planner, name
 ):

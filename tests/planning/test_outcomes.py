@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
@@ -100,7 +101,7 @@ def test_the_error_of_a_plan_is_that_of_its_worst_module_end():
     assert plan_error(states, goal) == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.parametrize("options", [PAPER, BEST])
+@pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 def test_planners_judge_every_plan_anew(options):
     step = Step.of(TWIN, PCCForwardModel.of(TWIN), options)
     next_plan = jax.jit(step.next_plan)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from marks import slow_after
 from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
@@ -65,7 +66,7 @@ def corrupting(corrupt, count):
     return inject
 
 
-@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("count", slow_after(1, COUNTS))
 @pytest.mark.parametrize("fault", FAULTS)
 def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_without_a_jump(
     driven, fault, count
