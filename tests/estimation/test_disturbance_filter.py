@@ -200,6 +200,7 @@ def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, upd
     assert disturbance_filter.is_unused(wrong)[0]
 
 
+@pytest.mark.slow
 def test_currents_of_cables_that_push_are_rejected():
     motor = ARM.motor.model_copy(update={"current_noise": 0.15})
     arm = ARM.model_copy(update={"sensors": Sensors(), "motor": motor})

@@ -8,7 +8,6 @@ from textwrap import indent
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError, UntrustedCodeError
@@ -26,6 +25,8 @@ from s2c2a.strategies import (
     save_networks,
     save_recipe,
 )
+
+from marks import slow_after
 
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
 TWIN = load_arm("twin_arm")

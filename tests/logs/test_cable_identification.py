@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
@@ -17,6 +16,8 @@ from s2c2a.logs import (
     save_imported,
     summary,
 )
+
+from marks import slow_after
 
 
 def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:

@@ -5,13 +5,14 @@ import pytest
 from moving_arm import two_clocks  # type: ignore[import-not-found]
 from scipy.spatial.transform import Rotation
 
-from marks import slow_after
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.session import build_session
 from s2c2a.logs.tables import Table
 from s2c2a.logs.timed_motion import TimedMotion
+
+from marks import slow_after
 
 MAP = """
 [rows]

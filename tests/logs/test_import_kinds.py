@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.priors import with_stated_angles
+
+from marks import slow_after
 
 ROWS = 200
 LENGTHS = np.array([0.1, 0.12])

@@ -11,10 +11,11 @@ from simulated_logs import (  # type: ignore[import-not-found]
     write_log,
 )
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.logs import LogMap, import_logs
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 ARM = TWIN.model_copy(update={"name": "two", "modules": TWIN.modules[:2]})

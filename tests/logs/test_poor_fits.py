@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.logs import LogMap
 from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
 from s2c2a.logs.map_diagnosis import Given, missed_shares
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
+
+from marks import slow_after
 
 ROWS = 80
 TRUE = CableParameters(

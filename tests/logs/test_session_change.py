@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from marks import slow_after
 from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.logs.session_change import describe_change, find_change
+
+from marks import slow_after
 
 ROWS = 400
 

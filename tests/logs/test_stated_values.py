@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.logs import LogMap
 from s2c2a.logs.arm_file import _length_origin
 from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.stated_values import describe_contradictions
+
+from marks import slow_after
 
 TRUE = CableParameters(
     angles=np.deg2rad([0.0, 120.0, 240.0] * 2),

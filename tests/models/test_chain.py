@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
@@ -18,6 +17,8 @@ from s2c2a.kinematics import (
 from s2c2a.models import ChainOptions
 from s2c2a.models.chain import ChainC2S
 from s2c2a.training.fit import held
+
+from marks import slow_after
 
 SMALL = ChainOptions(hidden=8, depth=1, play_widths=(0.02, 0.1), creep_times=(2.0,))
 start = eqx.filter_jit(lambda model, sensed: model.start(sensed))

@@ -6,13 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.control import C2AOptions
 from s2c2a.models import C2SOptions, History
 from s2c2a.models.layers import Scaling
 from s2c2a.paper import BiLSTM, module_labels
 from s2c2a.training.fit import held
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 SIMULATED = load_arm("simulated_arm")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from marks import slow_after
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import bend_at_rest
+
+from marks import slow_after
 
 rest = jax.jit(bend_at_rest, static_argnames="engaged")
 THREE = cable_matrix(np.deg2rad([[0.0, 120.0, 240.0]]))

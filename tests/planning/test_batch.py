@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.estimation import Estimate
 from s2c2a.kinematics import states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, BatchPlanner, Goal, Planner
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 PARTS = TWIN, PCCForwardModel.of(TWIN)

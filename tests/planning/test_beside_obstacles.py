@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.models.forward_model import PCCForwardModel
@@ -13,6 +12,8 @@ from s2c2a.planning import BEST, Planner
 from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import load_task
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))

@@ -8,7 +8,6 @@ import jax
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.geometry import center_line
 from s2c2a.estimation import Estimate
@@ -17,6 +16,8 @@ from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Detour, Outcome, Planner
 from s2c2a.planning.ways import Roadmap, resampled
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)

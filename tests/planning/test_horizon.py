@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.goals import PREVIEW, preview_stride, previewed
@@ -17,6 +16,8 @@ from s2c2a.planning import BEST, Goal, Horizon, LeastSquares, Planner
 from s2c2a.planning.horizon import minimum
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.runtime.limits import arm_at
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)

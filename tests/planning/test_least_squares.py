@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.goals import previewed
@@ -22,6 +21,8 @@ from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Goal, LeastSquares, Planner
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.tasks import load_task
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 LENGTHS = jnp.full(3, 0.2)

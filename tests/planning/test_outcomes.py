@@ -4,13 +4,14 @@ import jax
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Goal, Outcome, plan_error
 from s2c2a.planning.outcomes import SIGNIFICANT, judge
 from s2c2a.planning.planner import Step
+
+from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 STEP = Step.of(TWIN, PCCForwardModel.of(TWIN), BEST)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Loop, StepRequest
@@ -13,6 +12,8 @@ from s2c2a.runtime.following import SUDDEN
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
+
+from marks import slow_after
 
 BEGIN = 40
 COUNT = 5

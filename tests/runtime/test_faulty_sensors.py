@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm.geometry import DEFAULT_ACCELERATION_RATIO
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
@@ -11,6 +10,8 @@ from s2c2a.runtime import CommandLimits, Loop, StepRequest
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import circle
+
+from marks import slow_after
 
 BEGIN = 25
 LAST = 95

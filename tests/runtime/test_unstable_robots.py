@@ -5,7 +5,6 @@ from collections import deque
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RobotError
 from s2c2a.planning import PAPER
@@ -14,6 +13,8 @@ from s2c2a.runtime import Loop, StepRequest
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import pcc_strategy, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
+
+from marks import slow_after
 
 SECONDS = 12.0
 FAULT_TIME = 4.0  # s

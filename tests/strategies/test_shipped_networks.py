@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import position_errors, rollout
@@ -18,6 +17,8 @@ from s2c2a.strategies import (
 from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.tasks import circle
+
+from marks import slow_after
 
 # cm; README says 0.28 and 0.05 over five seeds
 PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from marks import slow_after
 from s2c2a.arm import ArmGeometry
 from s2c2a.backlash import play_along
 from s2c2a.errors import S2C2AError
@@ -32,6 +31,8 @@ from s2c2a.lab.response.frequency_response import (
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.robots import Robot
 from s2c2a.robots.simulation import SimulatedRobot
+
+from marks import slow_after
 
 PERIOD = 0.1
 
