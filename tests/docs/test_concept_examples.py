@@ -20,7 +20,7 @@ def python_of(page: str) -> str:
     )
 
 
-@pytest.mark.parametrize("page", slow_after(2, PAGES))
+@pytest.mark.parametrize("page", slow_after(1, PAGES))
 def test_a_page_states_what_its_examples_print(page, capsys):
     code = python_of(page)
     stated = re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)

@@ -56,6 +56,7 @@ def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, 
     ] == []
 
 
+@pytest.mark.slow
 def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper(record):
     record(episodes=6)
     values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)

@@ -17,8 +17,6 @@ from s2c2a.logs import (
     summary,
 )
 
-from marks import slow_after
-
 
 def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:
     modules = [
@@ -52,9 +50,8 @@ def recordings(tmp_path_factory):
     }
 
 
-@pytest.mark.parametrize(
-    ("name", "tip_only"), slow_after(1, [("other", True), ("twin_arm", False)])
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "tip_only"), [("other", True), ("twin_arm", False)])
 def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     recordings, tmp_path, name, tip_only
 ):
