@@ -66,6 +66,7 @@ def outcome(log, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_a_left_handed_frame_is_named_and_the_advice_mends_it(table, outcome):
     mirror = np.diag([1.0, -1.0, 1.0])
     assert "left-handed: negate the column 'y0'" in outcome(table, mirror)
