@@ -13,6 +13,7 @@ from shutil import rmtree
 import jax
 import numpy as np
 import pytest
+from hypothesis import settings as example_settings
 from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
@@ -47,6 +48,10 @@ programs of one file are seldom used by the next.
 """
 MAX_BYTES = 2_000_000_000
 NO_DIGEST = "0" * 64
+FEW_EXAMPLES = 20
+"""Of what Hypothesis draws for a law in `make test`; in `make test-all` it is 100."""
+example_settings.register_profile("all", deadline=None)
+example_settings.register_profile("few", max_examples=FEW_EXAMPLES, deadline=None)
 
 
 def pytest_configure(config):
@@ -57,6 +62,8 @@ def pytest_configure(config):
     each new one; this process looks once. Processes that tests start use the same
     folder.
     """
+    is_quick = config.option.markexpr == "not slow"
+    example_settings.load_profile("few" if is_quick else "all")
     programs = config.rootpath / ".pytest_cache" / "programs"
     if not hasattr(config, "workerinput"):  # before any worker of xdist begins
         delete_large(programs)

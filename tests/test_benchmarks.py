@@ -37,6 +37,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.slow
 def test_all_benchmarks_are_collected_and_the_cheapest_one_runs(tmp_path):
     pytest.importorskip(
         "pytest_benchmark",

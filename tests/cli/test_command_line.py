@@ -210,15 +210,17 @@ c2a_fit.max_epochs = 10
 
 
 @pytest.mark.parametrize(
-    ("networks", "samples", "error"),
+    ("networks", "samples", "strategies", "error"),
     [
-        pytest.param(SMALL, 100, 30.0, id="small"),
+        pytest.param(SMALL, 100, ("s2c2a",), 30.0, id="small"),
         # cm: 1 % of the arm's length
-        pytest.param(WHOLE, 500, 0.5, id="whole", marks=pytest.mark.slow),
+        pytest.param(
+            WHOLE, 500, ("s2c2a", "pcc"), 0.5, id="whole", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_collect_train_and_run_work_on_an_arm_without_tuning(
-    networks, samples, error, tmp_path, capsys, monkeypatch
+    networks, samples, strategies, error, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path / "cache"))
     arm = ("--arm", str(EXAMPLES / "arms" / "two_module_arm.toml"))
@@ -234,31 +236,20 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
     quick.write_text(networks)
     run("train", str(recording), "--recipe", str(quick), "--out", str(strategy))
     assert (tmp_path / "two.safetensors.png").exists()
-    run(
-        "run",
-        "circle",
-        *arm,
-        "--strategy",
-        "s2c2a",
-        "pcc",
-        "--weights",
-        str(strategy),
-        "--out",
-        str(folder),
-    )
+    weights = ("--weights", str(strategy), "--out", str(folder))
+    run("run", "circle", *arm, "--strategy", *strategies, *weights)
     output = capsys.readouterr().out
     assert "replay:" in output
     rows = json.loads((folder / "results.json").read_text())
     assert [(row["strategy"], row["metric"], row["unit"]) for row in rows] == [
-        ("s2c2a", "position", "cm"),
-        ("pcc", "position", "cm"),
+        (name, "position", "cm") for name in strategies
     ]
     assert all(0 < row["mean"] < 30 for row in rows)
     assert rows[0]["mean"] < error
-    assert rows[1]["mean"] > 0.5
+    assert all(row["mean"] > 0.5 for row in rows[1:])
     with open(folder / "metrics.csv", newline="") as file:
         steps = list(csv.DictReader(file))
-    assert len(steps) == 2 * 200
+    assert len(steps) == len(strategies) * 200
     assert {(step["task"], step["seed"], step["metric"]) for step in steps} == {
         ("circle", "0", "position")
     }
@@ -279,18 +270,7 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
     )
     assert "--overwrite" in again
     (folder / "two_module_arm.html").unlink()  # as if it had been interrupted
-    run(
-        "run",
-        "circle",
-        *arm,
-        "--strategy",
-        "s2c2a",
-        "pcc",
-        "--weights",
-        str(strategy),
-        "--out",
-        str(folder),
-    )
+    run("run", "circle", *arm, "--strategy", *strategies, *weights)
     assert (folder / "two_module_arm.html").exists()
     assert json.loads((folder / "results.json").read_text()) == rows
     other = failing(
@@ -307,7 +287,7 @@ def test_the_recipe_sets_the_default_number_of_episodes(
     tmp_path,
 ):
     recipe = tmp_path / "two.toml"
-    recipe.write_text('based_on = "best"\nepisodes = 2\n')
+    recipe.write_text('based_on = "paper"\nepisodes = 2\n')
     for stated, count in ((), 2), (("--episodes", "1"), 1):
         out = tmp_path / f"{count}.episodes"
         run(
@@ -321,7 +301,7 @@ def test_the_recipe_sets_the_default_number_of_episodes(
             *stated,
         )
         options = load_recording(out).options
-        assert (options["episodes"], options["babbling"]) == (count, "coverage")
+        assert (options["episodes"], options["babbling"]) == (count, "staged")
 
 
 def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):

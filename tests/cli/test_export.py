@@ -128,6 +128,7 @@ def test_without_pyarrow_the_extra_is_named(recording, tmp_path, monkeypatch):
     assert not (tmp_path / "two.parquet").exists()
 
 
+@pytest.mark.slow
 def test_an_exported_csv_is_imported_again_with_its_map(recording, tmp_path):
     out = tmp_path / "two.csv"
     export(recording, out)

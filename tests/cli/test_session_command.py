@@ -24,14 +24,21 @@ def weights(tmp_path):
     return path
 
 
-def test_a_recording_becomes_a_report_and_a_file_beside_the_weights(weights, capsys):
-    recording = str(FIXTURES / "twin.episodes")
-    main(["session", str(weights), "--recording", recording])
+def test_a_recording_becomes_a_report_and_a_file_as_old_as_itself_beside_the_weights(
+    weights, tmp_path, capsys
+):
+    recorded = datetime(2026, 1, 5, 12, tzinfo=UTC)
+    recording = tmp_path / "day.episodes"
+    recording.write_bytes((FIXTURES / "twin.episodes").read_bytes())
+    os.utime(recording, times=(recorded.timestamp(),) * 2)
+    main(["session", str(weights), "--recording", str(recording)])
     printed = capsys.readouterr().out
     assert "mm from where the model expects it" in printed
-    assert load_session(session_path(weights), weights).arm == TWIN.name
+    session = load_session(session_path(weights), weights)
+    assert (session.arm, session.date) == (TWIN.name, recorded)
 
 
+@pytest.mark.slow
 def test_the_arm_moves_for_the_given_time(weights, capsys):
     main(["session", str(weights), "--seconds", "6"])
     assert session_path(weights).exists()
@@ -43,15 +50,6 @@ def test_options_of_the_robot_beside_a_recording_are_refused(weights, capsys):
     with pytest.raises(SystemExit):
         main(["session", str(weights), "--recording", recording, "--seconds", "9"])
     assert "without --recording" in capsys.readouterr().err
-
-
-def test_a_session_is_as_old_as_its_recording(weights, tmp_path):
-    recorded = datetime(2026, 1, 5, 12, tzinfo=UTC)
-    recording = tmp_path / "day.episodes"
-    recording.write_bytes((FIXTURES / "twin.episodes").read_bytes())
-    os.utime(recording, times=(recorded.timestamp(),) * 2)
-    main(["session", str(weights), "--recording", str(recording)])
-    assert load_session(session_path(weights), weights).date == recorded
 
 
 @pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1"])

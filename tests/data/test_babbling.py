@@ -10,6 +10,8 @@ from s2c2a.data.nominal_plans import nominal_plans
 from s2c2a.kinematics import states_from_bends
 from s2c2a.paper import bend_path, disc_points
 
+from marks import slow_after
+
 SAMPLES = 300
 
 
@@ -41,7 +43,7 @@ def tension_arm(make_arm, modules, cables, pretension=30.0):
 
 
 @pytest.mark.parametrize("babbling", BABBLING)
-@pytest.mark.parametrize("cables", [3, 4, 5, 8])
+@pytest.mark.parametrize("cables", slow_after(1, [4, 3, 5, 8]))
 def test_actions_stay_within_the_limits_and_use_most_of_them(
     make_arm, babbling, cables
 ):
@@ -136,7 +138,7 @@ def test_no_step_is_longer_than_the_fastest(twin, babbling):
 
 
 @pytest.mark.parametrize("babbling", BABBLING)
-@pytest.mark.parametrize("episode", range(6))
+@pytest.mark.parametrize("episode", slow_after(1, range(6)))
 def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode):
     asked = shares(make_arm(1), babbling, episode)
     assert asked.shape == (SAMPLES, 1, 2)
@@ -249,7 +251,7 @@ def test_targets_are_visited_one_after_the_other(twin):
     assert distances.max(axis=(-2, -1)).min(axis=0).max() < 1e-9
 
 
-@pytest.mark.parametrize("modules", [1, 2, 4])
+@pytest.mark.parametrize("modules", slow_after(1, [2, 1, 4]))
 def test_nominal_plans_reach_their_workspace_evenly(make_arm, modules):
     geometry = ArmGeometry.of(make_arm(modules))
     plans = nominal_plans(geometry, 200, np.random.default_rng(0))

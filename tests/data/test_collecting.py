@@ -434,28 +434,25 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.robots.simulation import SimulatedRobot
 
 arm = load_arm("twin_arm")
-options = CollectOptions(episodes=30, samples=40)
+options = CollectOptions(episodes=12, samples=40)
 collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
         threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
 """
 
 
 def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tmp_path):
-    path, random, episodes = tmp_path / "killed.episodes", np.random.default_rng(0), [0]
-    for _ in range(2):
-        running = subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
-        )
-        for _ in range(random.integers(2, 9)):
-            running.stdout.readline()
-        time.sleep(random.uniform(0.0, 0.03))
-        os.kill(running.pid, signal.SIGKILL)
-        running.communicate()
-        assert running.returncode == -signal.SIGKILL
-        episodes.append(len(load_recording(path).episodes))
-    assert np.min(np.diff(episodes)) > 0
-    assert episodes[-1] < 30
-    options = CollectOptions(episodes=30, samples=40)
+    path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
+    running = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
+    )
+    for _ in range(random.integers(2, 5)):
+        running.stdout.readline()
+    time.sleep(random.uniform(0.0, 0.03))
+    os.kill(running.pid, signal.SIGKILL)
+    running.communicate()
+    assert running.returncode == -signal.SIGKILL
+    assert 0 < len(load_recording(path).episodes) < 12
+    options = CollectOptions(episodes=12, samples=40)
     whole, resumed = (
         collect(
             tmp_path / name,

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from marks import slow_after
+
 CONCEPTS = Path(__file__).parents[2] / "docs" / "concepts"
 PAGES = ("spaces", "equations", "estimation", "planning")
 
@@ -18,7 +20,7 @@ def python_of(page: str) -> str:
     )
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", slow_after(1, PAGES))
 def test_a_page_states_what_its_examples_print(page, capsys):
     code = python_of(page)
     stated = re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)

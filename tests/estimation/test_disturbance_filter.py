@@ -130,6 +130,7 @@ def test_another_payload_is_not_taken_for_an_outlier(disturbance_filter, update)
     assert float(state.mean.payload) == pytest.approx(PAYLOAD, rel=0.3)
 
 
+@pytest.mark.slow
 def test_without_estimation_the_payload_stays_as_stated():
     settings = EstimationSettings(0.03, disturbance_estimation=False)
     fixed = filter_of(settings)
@@ -161,6 +162,7 @@ def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_no
         assert before.weak_type == after_update.weak_type
 
 
+@pytest.mark.slow
 def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
     camera, update_camera
 ):
@@ -198,6 +200,7 @@ def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, upd
     assert disturbance_filter.is_unused(wrong)[0]
 
 
+@pytest.mark.slow
 def test_currents_of_cables_that_push_are_rejected():
     motor = ARM.motor.model_copy(update={"current_noise": 0.15})
     arm = ARM.model_copy(update={"sensors": Sensors(), "motor": motor})

@@ -82,6 +82,7 @@ def test_without_a_payload_they_do_no_harm(with_and_then_without):
     assert errors.mean() < 0.9  # their biases are half a degree
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["missing", "frozen"])
 def test_the_estimate_stays_when_they_fail(strategy, fault):
     episode, errors = run(strategy, PAYLOAD, fault)
@@ -89,6 +90,7 @@ def test_the_estimate_stays_when_they_fail(strategy, fault):
     assert errors[100:].mean() < 1.2
 
 
+@pytest.mark.slow
 def test_a_payload_that_is_added_during_the_run_is_no_outlier(strategy):
     episode, errors = run(strategy, events="4 payload 0.1")
     assert not episode.ran("rejected.imu")[-100:].any()
@@ -96,6 +98,7 @@ def test_a_payload_that_is_added_during_the_run_is_no_outlier(strategy):
     assert errors[-50:].mean() < 2.5
 
 
+@pytest.mark.slow
 def test_currents_show_a_payload_that_is_added_during_the_run():
     arm = with_sensors(TWIN, "current")
     episode, errors = run(strategy_for(arm), events="5 payload 0.1")
@@ -109,6 +112,7 @@ def test_the_next_start_begins_without_an_estimate(with_and_then_without):
     assert episode.ran("payload")[0] < PAYLOAD / 2
 
 
+@pytest.mark.slow
 def test_the_arm_yields_to_a_force_beyond_the_limit_and_returns():
     yielding = strategy_for(WITH_BENDS, max_compensated_force=0.1)
     episode, errors = run(yielding, events="4 force 0.5 0 0; 10 force 0 0 0")
@@ -117,11 +121,13 @@ def test_the_arm_yields_to_a_force_beyond_the_limit_and_returns():
     assert errors[140:].mean() < 0.6
 
 
+@pytest.mark.slow
 def test_homing_errors_are_compensated():
     _, errors = run(strategy_for(WITH_BENDS), events="2 homing_error 0.0005")
     assert errors[-60:].mean() < 1.3  # 0.3 without the error, some 2 uncompensated
 
 
+@pytest.mark.slow
 def test_a_known_payload_needs_no_sensor():
     episode, errors = run(strategy_for(TWIN, known_payload=PAYLOAD), PAYLOAD)
     np.testing.assert_allclose(episode.ran("payload"), PAYLOAD, rtol=1e-6)

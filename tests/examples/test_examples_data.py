@@ -41,6 +41,7 @@ def test_every_map_is_valid_and_names_source_and_license(path):
     assert (DATA / path.parent.name / "LICENSE").is_file()
 
 
+@pytest.mark.slow
 def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
     out = tmp_path / "opencr.episodes"
     command = [

@@ -10,15 +10,15 @@ import pytest
 EXAMPLES = Path(__file__).parents[2] / "examples"
 QUICK = {
     "01_your_own_arm.py": "module 2 ends at",
-    "03_a_target_that_moves.py": "its target was at",
     "04_own_task.py": "out of reach",
-    "05_plan_many.py": "one target from 16 starts: 0.",
 }
 SLOW = {
+    "03_a_target_that_moves.py": "its target was at",
+    "05_plan_many.py": "one target from 16 starts: 0.",
     "02_follow_a_circle.py": "cm from the circle",
     "06_many_machines.py": "dummy workers",
 }
-"""Examples that train networks of full size, or start processes that import them."""
+"""Examples that train or compile networks of full size, or plans of many arms at once."""
 
 
 @pytest.mark.parametrize(("name", "output"), QUICK.items())

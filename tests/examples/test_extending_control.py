@@ -33,6 +33,7 @@ def run(task: Path, out: Path, *options: str) -> dict[str, float]:
     return errors_of(out)
 
 
+@pytest.mark.slow
 def test_an_own_estimator_is_named_by_a_recipe(waypoints, tmp_path):
     recipe = EXTENDING / "own_estimator.toml"
     options = ("--weights", str(WEIGHTS), "--recipe", str(recipe))
@@ -40,6 +41,7 @@ def test_an_own_estimator_is_named_by_a_recipe(waypoints, tmp_path):
     assert errors["s2c2a"] < 3.0
 
 
+@pytest.mark.slow
 def test_a_sensor_with_a_formula_is_named_by_the_arm_file(waypoints, tmp_path):
     arm = tmp_path / "string_arm.toml"
     main(["arm", "copy", "twin_arm", str(arm)])
@@ -62,6 +64,7 @@ def recording(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_path):
     recipe = tmp_path / "quick.toml"
     own = f"{EXTENDING / 'own_controller.py'}:LinearOptions"
@@ -92,6 +95,7 @@ def test_an_own_strategy_is_trained_and_compared_in_one_table(
     assert errors[own] < 10.0
 
 
+@pytest.mark.slow
 def test_pcc_with_fitted_gains_is_trained_from_a_recording(
     recording, waypoints, tmp_path
 ):

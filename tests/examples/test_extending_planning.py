@@ -26,13 +26,16 @@ from s2c2a.strategies import (
     save_recipe,
 )
 
+from marks import slow_after
+
 EXTENDING = Path(__file__).parents[2] / "examples" / "extending"
 TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.parametrize(
-    ("example", "name"), [("own_term", "ElbowHigh"), ("own_solver", "Descent")]
+    ("example", "name"),
+    slow_after(1, [("own_term", "ElbowHigh"), ("own_solver", "Descent")]),
 )
 def test_an_example_runs_from_the_command_line(example, name, tmp_path, monkeypatch):
     text, recipe_text = (
@@ -75,6 +78,7 @@ def plan_steps(options, goal, steps=40):
     )
 
 
+@pytest.mark.slow
 def test_the_term_keeps_the_elbow_high_and_the_solver_reaches_the_target():
     goal, best = (
         Goal.of(3).with_position([0.3, 0.0, 0.42]),

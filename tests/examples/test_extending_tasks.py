@@ -13,6 +13,7 @@ from s2c2a.tasks import load_task
 OWN = Path(__file__).parents[2] / "examples" / "extending" / "own_task.py"
 
 
+@pytest.mark.slow
 def test_a_custom_task_is_run_and_scored(tmp_path):
     main(
         [

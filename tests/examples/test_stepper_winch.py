@@ -228,6 +228,7 @@ def test_the_winch_fulfills_the_interface_contract(
     assert "fulfills the interface contract" in output
 
 
+@pytest.mark.slow
 def test_readings_are_the_steps_that_the_board_counts(emulator, arm):
     with winch(arm, emulator) as robot:
         sent = robot.send(bend(0.002, arm))
@@ -245,6 +246,7 @@ def test_a_board_that_has_just_started_is_homed_by_hand_first(emulator, arm):
     assert emulator.commands == 0
 
 
+@pytest.mark.slow
 def test_a_board_that_restarts_during_a_run_gives_no_readings(emulator, arm):
     with winch(arm, emulator) as robot:
         emulator.board.is_homed = False
@@ -255,6 +257,7 @@ def test_a_board_that_restarts_during_a_run_gives_no_readings(emulator, arm):
             robot.open()
 
 
+@pytest.mark.slow
 def test_a_second_opening_returns_slowly_to_rest(emulator, arm):
     with winch(arm, emulator) as robot:
         robot.send(bend(0.0005, arm))
@@ -277,6 +280,7 @@ DAMAGED = [
 ]
 
 
+@pytest.mark.slow
 def test_a_damaged_answer_is_no_reading(emulator, arm):
     with winch(arm, emulator) as robot:
         robot.send(bend(0.002, arm))
@@ -292,6 +296,7 @@ def test_a_damaged_answer_is_no_reading(emulator, arm):
         assert np.isfinite(reading["cables"]).all()
 
 
+@pytest.mark.slow
 def test_a_lost_port_ends_the_run_and_the_motors_brake(emulator, fast_arm):
     with pytest.raises(S2C2AError, match=r"is gone.*check the cable") as caught:
         drive(winch(fast_arm, emulator), emulator.unplug)
@@ -301,6 +306,7 @@ def test_a_lost_port_ends_the_run_and_the_motors_brake(emulator, fast_arm):
     assert emulator.board.positions.any()
 
 
+@pytest.mark.slow
 def test_motors_without_a_port_stop_before_their_target(emulator, arm):
     emulator.board.speed = SLOW
     with winch(arm, emulator) as robot:
@@ -313,6 +319,7 @@ def test_motors_without_a_port_stop_before_their_target(emulator, arm):
         assert not emulator.board.speeds.any()
 
 
+@pytest.mark.slow
 def test_a_lost_port_is_opened_anew(emulator, arm):
     robot = winch(arm, emulator)
     robot.open()
@@ -326,6 +333,7 @@ def test_a_lost_port_is_opened_anew(emulator, arm):
         robot.send(bend(0.0, arm))
 
 
+@pytest.mark.slow
 def test_a_halt_brakes_the_motors_before_the_watchdog_does(emulator, arm):
     emulator.board.speed = SLOW
     with winch(arm, emulator) as robot:

@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pytest
 
+from s2c2a import strategies
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.models.forward_model import PCCForwardModel
@@ -90,13 +91,18 @@ def test_another_arm_is_timed_without_limits(stated, tmp_path, capsys, monkeypat
     assert [entry["at_most"] for entry in saved["seconds"]] == [None] * len(OPERATIONS)
 
 
-def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(twin, make_arm):
+def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(
+    twin, make_arm, monkeypatch
+):
+    for build in ("s2c2a_strategy", "pcc_strategy"):
+        monkeypatch.setattr(strategies, build, lambda *_: None)  # takes long
     assert isinstance(default_model_and_strategy(twin)[0], LocalC2S)
     assert isinstance(
         default_model_and_strategy(make_arm(modules=1))[0], PCCForwardModel
     )
 
 
+@pytest.mark.slow
 def test_a_later_start_is_timed_in_a_new_process():
     (seconds,) = bench.start_times("twin_arm", starts=1)
     assert 0.3 < seconds < 120

@@ -225,6 +225,7 @@ def file(short, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_what_a_file_of_results_holds_is_not_run_again(own, file, tmp_path, capsys):
     work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
     benchmark(
@@ -450,6 +451,7 @@ class Sometimes(Mine):
 )
 
 
+@pytest.mark.slow
 def test_an_entry_that_cannot_be_built_fails_alone(short, tmp_path):
     code = tmp_path / "faulty.py"
     code.write_text(FAULTY)

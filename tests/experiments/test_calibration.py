@@ -44,6 +44,7 @@ def test_only_the_twin_has_claims_about_networks_and_pcc():
     assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIBLINGS)
 def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, record):
     record(episodes=6)
@@ -55,6 +56,7 @@ def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, 
     ] == []
 
 
+@pytest.mark.slow
 def test_estimation_errors_workspace_and_pcc_error_of_the_twin_match_the_paper(record):
     record(episodes=6)
     values = measure(load_arm("twin_arm"), seed=0, with_pcc=True, with_network=False)

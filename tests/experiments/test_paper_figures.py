@@ -45,7 +45,9 @@ OF_TASKS = [
     partial(listed, coordinates_figure),
     partial(listed, orientation_figure),
 ]
+OF_OBSTACLES = OF_TASKS[:4]
 every_figure = pytest.mark.parametrize("draw", OF_TASKS)
+every_figure_of_obstacles = pytest.mark.parametrize("draw", OF_OBSTACLES)
 
 
 def is_sensible_png(path) -> bool:
@@ -63,7 +65,9 @@ def many(trace: Trace, count: int) -> dict[str, Trace]:
 
 
 @every_figure
-@pytest.mark.parametrize("modules", [1, 3, 7])
+@pytest.mark.parametrize(
+    "modules", [1, *(pytest.param(count, marks=pytest.mark.slow) for count in (3, 7))]
+)
 def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(
     draw, modules, make_trace, tmp_path
 ):
@@ -72,6 +76,7 @@ def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(
     assert is_sensible_png(path)
 
 
+@pytest.mark.slow
 @every_figure
 def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(
     draw, make_trace, tmp_path, drawn
@@ -81,7 +86,9 @@ def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(
 
 
 @every_figure
-@pytest.mark.parametrize("unseen", [slice(0, 20), slice(None)])
+@pytest.mark.parametrize(
+    "unseen", [slice(0, 20), pytest.param(slice(None), marks=pytest.mark.slow)]
+)
 def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(
     draw, unseen, make_trace, tmp_path, drawn
 ):
@@ -98,7 +105,7 @@ def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
     assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
 
 
-@every_figure
+@every_figure_of_obstacles
 def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_path):
     absent = np.tile([[np.nan, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0]], (200, 1, 1))
     assert is_sensible_png(
@@ -106,7 +113,7 @@ def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_pat
     )
 
 
-@every_figure
+@every_figure_of_obstacles
 def test_a_box_and_a_wall_are_drawn(draw, make_trace, tmp_path):
     unturned = [0.0, 0.0, 0.0, 1.0]
     box = [0.3, 0.0, 0.5, 0.01, *unturned, 0.1, 0.05, 0.05, 0.0]
@@ -119,9 +126,8 @@ def test_a_box_and_a_wall_are_drawn(draw, make_trace, tmp_path):
 
 
 @pytest.mark.parametrize("draw", [plan_view_figure, poses_figure, obstacles_figure])
-@pytest.mark.parametrize("count", [2, 5])
-def test_each_task_has_its_panel(draw, count, make_trace, tmp_path):
-    assert is_sensible_png(draw(many(make_trace(), count), tmp_path / "figure.png"))
+def test_each_task_has_its_panel(draw, make_trace, tmp_path):
+    assert is_sensible_png(draw(many(make_trace(), 5), tmp_path / "figure.png"))
 
 
 @pytest.mark.parametrize("draw", [plan_view_figure, poses_figure, obstacles_figure])

@@ -26,6 +26,7 @@ def loaded(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):
     rows = payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=15.0)
     found = {(row.strategy, row.metric): row.mean for row in rows}

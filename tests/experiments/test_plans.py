@@ -71,6 +71,7 @@ def compared(solver: Solver):
     return comparisons
 
 
+@pytest.mark.slow
 def test_most_plans_are_optimal():
     comparisons = compared(Horizon())
     assert comparisons["settled"].optimal.mean() > 0.8

@@ -133,6 +133,7 @@ def test_goals_are_moved_within_reach_from_a_strength_on(strength):
     ]
 
 
+@pytest.mark.slow
 def test_a_whole_trial_makes_rows_of_tasks_and_of_targets(tmp_path, monkeypatch):
     """Of `pcc`, which needs no data."""
     monkeypatch.setattr(randomized_arms, "UNREACHABLE_COUNT", 1)

@@ -35,6 +35,7 @@ def test_a_seed_gives_the_same_poses_of_every_kind():
     assert 1 <= counts[first.are_beside].max() <= 8
 
 
+@pytest.mark.slow
 def test_both_searches_agree_on_most_poses():
     comparison = compared(TWIN, ARCS, 18, 0)
     assert np.mean(comparison.within == comparison.within_long) >= 0.8

@@ -40,6 +40,7 @@ def test_a_hold_that_ends_before_the_tip_is_there_is_refused(twin):
         StabilityStudy((twin,), hold_time=4.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensors", "seconds", "most"),
     [

@@ -115,6 +115,7 @@ def test_backlash_homing_errors_and_friction_reduce_the_usable_range(make_arm):
     assert usable_range(tension) == pytest.approx([np.exp(-0.2 * np.pi / 2)])
 
 
+@pytest.mark.slow
 def test_only_unreachable_goals_are_moved_to_the_nearest_shape(
     mismatched, reach, tmp_path
 ):
@@ -151,6 +152,7 @@ def test_a_changed_task_has_another_file(mismatched, tmp_path):
     assert files[0] != files[1]
 
 
+@pytest.mark.slow
 def test_random_targets_are_reachable_unless_they_should_not_be(
     mismatched, reach, tmp_path
 ):

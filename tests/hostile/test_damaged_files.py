@@ -1,10 +1,12 @@
-"""Damaged files of every format, 150 each.
+"""Damaged files of every format, 20 or 150 each.
 
 `python tests/hostile/damaged_files.py --count 20000` reads more.
 """
 
 import pytest
 from damaged_files import BAD, FORMATS, MAX_RESIDENT, Reader, read_all
+
+from marks import slow_after
 
 
 @pytest.fixture(scope="module")
@@ -15,11 +17,13 @@ def reader(tmp_path_factory):
     started.close()
 
 
+@pytest.mark.parametrize("count", slow_after(1, [20, 150]))
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files_are_read_correctly_or_raise_an_error_of_the_package(
-    name, reader
+    name, count, reader
 ):
-    counts, bad, _, resident = read_all(reader, name, range(1_000_000, 1_000_150))
-    assert counts.total() == 150
+    first = 1_000_000
+    counts, bad, _, resident = read_all(reader, name, range(first, first + count))
+    assert counts.total() == count
     assert not any(counts[ending] for ending in BAD), bad
     assert resident < MAX_RESIDENT

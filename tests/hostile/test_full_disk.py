@@ -137,6 +137,7 @@ def gather_path(gather, folder):
     return folder / "one.episodes"
 
 
+@pytest.mark.slow
 def test_collecting_resumes_after_a_kill(gather, tmp_path):
     path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
     running = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Random and damaged packets at every reader of a pose tracker, 3000 each.
+"""Random and damaged packets at every reader of a pose tracker, 300 or 3000 each.
 
 `python tests/hostile/hostile_packets.py --count 100000` reads more.
 """
@@ -6,15 +6,16 @@
 import pytest
 from hostile_packets import BAD, POSES, READERS, judge, outcome, read_all
 
-COUNT = 3000
+from marks import slow_after
 
 
+@pytest.mark.parametrize("count", slow_after(1, [300, 3000]))
 @pytest.mark.parametrize("name", READERS)
-def test_a_damaged_packet_raises_our_error_or_has_plausible_poses(name):
-    counts, bad, _ = read_all(name, COUNT, seed=1)
-    assert counts.total() == COUNT
+def test_a_damaged_packet_raises_our_error_or_has_plausible_poses(name, count):
+    counts, bad, _ = read_all(name, count, seed=1)
+    assert counts.total() == count
     assert not any(counts[ending] for ending in BAD), bad
-    assert counts["our error"] > COUNT / 4
+    assert counts["our error"] > count / 4
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -21,6 +21,8 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import s2c2a.integrations.environments  # noqa: E402, F401  # registers them
 
+from marks import slow_after  # noqa: E402
+
 ARMS = ("twin_arm", "simulated_arm", "pneumatic_arm", "planar_finger", "spiral_arm")
 FINGER = load_arm("planar_finger")
 
@@ -35,7 +37,7 @@ def begun(task="Reach", arm=FINGER, count=1, **options):
     return batch
 
 
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", slow_after(1, ARMS))
 def test_the_checker_of_gymnasium_finds_nothing(arm):
     environment = gymnasium.make("S2C2A/Avoid-v0", arm=arm, seconds=2.0).unwrapped
     with warnings.catch_warnings():
@@ -43,7 +45,7 @@ def test_the_checker_of_gymnasium_finds_nothing(arm):
         check_env(environment, skip_render_check=True)
 
 
-@pytest.mark.parametrize("task", FAMILIES)
+@pytest.mark.parametrize("task", slow_after(2, FAMILIES))
 def test_every_task_runs_until_its_time_is_over(task):
     environment = gymnasium.make(f"S2C2A/{task}-v0", arm=FINGER, seconds=1.0)
     environment.reset(seed=3)
@@ -157,7 +159,8 @@ def twins(batch, count, randomization):
 
 @pytest.mark.parametrize("randomization", [0.0, 1.0])
 @pytest.mark.parametrize(
-    ("arm", "fidelity"), [*((arm, "fast") for arm in ARMS), ("twin_arm", "accurate")]
+    ("arm", "fidelity"),
+    slow_after(2, [*((arm, "fast") for arm in ARMS), ("twin_arm", "accurate")]),
 )
 def test_arms_that_advance_together_are_as_robots_alone(arm, fidelity, randomization):
     options = {"randomization": randomization, "fidelity": fidelity, "seconds": 4.0}

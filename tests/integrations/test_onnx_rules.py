@@ -10,6 +10,8 @@ from s2c2a.errors import S2C2AError
 from s2c2a.integrations.exports.onnx_models import runner
 from s2c2a.integrations.onnx_code.model import Port, model_of
 
+from marks import slow_after
+
 GRID = jnp.array([-np.inf, -2.0, -1e-5, -0.0, 0.0, 1e-5, 0.7, 3.0, np.inf, np.nan])
 MORE = {
     "arc tangents": lambda x: jnp.arctan2(GRID[:, None], GRID) + x[0, 0],
@@ -58,7 +60,7 @@ def run_all():
     return lambda x: dict(zip(operations, run({"x": x}), strict=True))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", slow_after(1, range(3)))
 def test_every_operation_is_that_of_jax(run_all, seed):
     x = np.random.default_rng(seed).normal(size=(3, 4)).astype(np.float32)
     found = run_all(x)

@@ -81,7 +81,7 @@ def switch(on):
 
 
 def until(condition):
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 300.0
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.005)

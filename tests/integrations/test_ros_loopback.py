@@ -23,7 +23,7 @@ from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.strategies.pcc import PlainPCC
 
 pytest.importorskip("zenoh")
-PATIENCE = 20.0  # s
+PATIENCE = 300.0  # s
 
 
 def free_port():

@@ -107,7 +107,7 @@ class Driver:
         while not condition() and time.monotonic() < end:
             time.sleep(0.001)
 
-    def until(self, condition, what, seconds=20.0):
+    def until(self, condition, what, seconds=300.0):
         end = time.monotonic() + seconds
         while not condition() and time.monotonic() < end:
             self.teleoperation.step(0.02)

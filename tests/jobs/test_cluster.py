@@ -138,6 +138,7 @@ def test_a_recording_is_identical_after_a_worker_was_killed(cluster, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_runs_are_identical_after_a_worker_was_killed(
     made_here, jobs, cluster, scheduler, tmp_path
 ):
@@ -166,6 +167,7 @@ def networks_of(recording: Path) -> list[Path]:
     return list(recording.parent.glob("*.safetensors"))
 
 
+@pytest.mark.slow
 def test_dasks_executor_and_this_process_give_the_same_runs(
     made_here, jobs, scheduler, tmp_path
 ):
@@ -182,6 +184,7 @@ def test_dasks_executor_and_this_process_give_the_same_runs(
             assert score_rows("mine", run_all(jobs, cache, executor)) == made_here.rows
 
 
+@pytest.mark.slow
 def test_finished_artifacts_are_not_made_again(made_here, jobs):
     assert (
         score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
@@ -195,6 +198,7 @@ class Nobody(Serial):
         raise AssertionError("this was made before")
 
 
+@pytest.mark.slow
 def test_a_failed_job_does_not_affect_others(
     made_here, quick_recipe, short_task, processes, tmp_path
 ):
@@ -231,6 +235,7 @@ def small_sweep(quick_recipe, short_task):
     )
 
 
+@pytest.mark.slow
 def test_a_resumed_sweep_gives_the_same_trials(
     small_sweep, made_here, processes, cluster, tmp_path
 ):
@@ -261,6 +266,7 @@ def test_a_resumed_sweep_gives_the_same_trials(
     assert figure.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_failed_trials_are_reported_and_the_search_continues(
     small_sweep, made_here, processes, tmp_path
 ):
@@ -312,6 +318,7 @@ def odd_worker(scheduler, tmp_path):
         worker.kill()
 
 
+@pytest.mark.slow
 def test_workers_with_other_versions_are_rejected(cluster, scheduler, odd_worker):
     scheduler.wait_for_workers(3, timeout=60)
     with pytest.raises(
@@ -391,6 +398,7 @@ def test_errors_of_the_work_pass_unchanged(scheduler):
         raise ValueError("the work's own")
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_raises_and_finished_results_are_kept(
     tmp_path,
 ):

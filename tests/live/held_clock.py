@@ -4,7 +4,7 @@ import threading
 
 from s2c2a.runtime import Clock
 
-PATIENCE = 60.0  # s of real time; a step that takes longer hangs
+PATIENCE = 300.0  # s of real time; a step that takes longer hangs
 
 
 class HeldClock(Clock):

@@ -96,7 +96,7 @@ def drawn_tip(scene):
     return scene._pieces[-2].vertices[-1]
 
 
-def until(condition, seconds: float = 30.0, what: str = "the condition") -> None:
+def until(condition, seconds: float = 300.0, what: str = "the condition") -> None:
     """Wait until a condition is true."""
     end = time.monotonic() + seconds
     while not condition():

@@ -58,8 +58,8 @@ def live(twin, tmp_path_factory):
     running.stop()
 
 
-def until_shown(page, text: str, seconds: float = TIMEOUT) -> None:
-    until(lambda: text in page._status.content, seconds, text)
+def until_shown(page, text: str, **seconds: float) -> None:
+    until(lambda: text in page._status.content, what=text, **seconds)
 
 
 def press_stop(page) -> int:
@@ -69,10 +69,11 @@ def press_stop(page) -> int:
     return connection.getresponse().status
 
 
+@pytest.mark.slow
 def test_a_control_that_hangs_is_reported_and_obeys_a_stop_afterwards(live):
     control, page = live
     os.kill(control.process, signal.SIGSTOP)
-    until_shown(page, NOT_RESPONDING, TIMEOUT + 0.3)
+    until_shown(page, NOT_RESPONDING, seconds=TIMEOUT + 0.3)
     assert press_stop(page) == 503
     with pytest.raises(S2C2AError, match=NOT_RESPONDING):
         control.reset()
@@ -95,6 +96,7 @@ def test_a_killed_control_is_reported_and_cannot_be_reset(live):
             call()
 
 
+@pytest.mark.slow
 def test_a_page_that_hangs_stops_its_arm_until_the_driver_resumes():
     page = subprocess.Popen(
         [sys.executable, "-c", PAGE_THAT_HANGS, os.path.dirname(__file__)],

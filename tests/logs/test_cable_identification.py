@@ -50,6 +50,7 @@ def recordings(tmp_path_factory):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tip_only"), [("other", True), ("twin_arm", False)])
 def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     recordings, tmp_path, name, tip_only
@@ -84,6 +85,7 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     assert (np.abs(errors) < 4 * std).all()
 
 
+@pytest.mark.slow
 def test_the_scatter_of_stretches_alone_is_smaller(recordings, tmp_path, monkeypatch):
     monkeypatch.setattr(model_fit, "ERROR_PATTERNS", np.inf)
     log = write_log(tmp_path, recordings["other"], tip_only=True)
@@ -92,6 +94,7 @@ def test_the_scatter_of_stretches_alone_is_smaller(recordings, tmp_path, monkeyp
     assert np.rad2deg(scatter.angles).max() < 15
 
 
+@pytest.mark.slow
 def test_a_recording_returns_in_the_base_frame_of_a_stated_arm(recordings, tmp_path):
     recording = recordings["other"]
     log = write_log(tmp_path, recording, tip_only=False, signs_stated=True)

@@ -11,6 +11,8 @@ from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.priors import with_stated_angles
 
+from marks import slow_after
+
 ROWS = 200
 LENGTHS = np.array([0.1, 0.12])
 RADIUS = 0.012
@@ -104,7 +106,7 @@ def import_kind(folder, kind: Kind, ends: str, coordinates=None, head: str = HEA
 SPATIAL = "".join(END.format(m, [f"{axis}{m}" for axis in "xyz"]) for m in range(2))
 
 
-@pytest.mark.parametrize("kind", [MIXED, PASSIVE, PRESSURE])
+@pytest.mark.parametrize("kind", slow_after(1, [MIXED, PASSIVE, PRESSURE]))
 def test_angles_of_all_cables_are_identified(tmp_path, kind):
     imported = import_kind(
         tmp_path, kind, SPATIAL + '[frame]\nalong = "z"\nx = "x"\nbase = [0, 0, 0]\n'
@@ -118,6 +120,7 @@ def test_angles_of_all_cables_are_identified(tmp_path, kind):
         np.testing.assert_allclose(found, angles, atol=2.0)
 
 
+@pytest.mark.slow
 def test_pressures_bend_the_identified_arm_as_in_the_log(tmp_path):
     head = HEAD.replace("0.012", "0.012\nbending_stiffness = 0.02")
     imported = import_kind(tmp_path, PRESSURE, SPATIAL, head=head)
@@ -130,6 +133,7 @@ def test_pressures_bend_the_identified_arm_as_in_the_log(tmp_path):
         assert module.pressure_limit >= 48e3
 
 
+@pytest.mark.slow
 def test_an_image_shows_a_planar_arm(tmp_path):
     def in_image(states):  # x to the right, y down
         tip = states[:, 1]

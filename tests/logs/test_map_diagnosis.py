@@ -15,6 +15,8 @@ from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
 from s2c2a.logs import LogMap, import_logs
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 ARM = TWIN.model_copy(update={"name": "two", "modules": TWIN.modules[:2]})
 
@@ -64,6 +66,7 @@ def outcome(log, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_a_left_handed_frame_is_named_and_the_advice_mends_it(table, outcome):
     mirror = np.diag([1.0, -1.0, 1.0])
     assert "left-handed: negate the column 'y0'" in outcome(table, mirror)
@@ -106,7 +109,7 @@ def test_exchanged_ends_are_named(table, outcome):
     assert "write module = 0 for the end 'x0'" in outcome(table)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("m", 1e3)])
+@pytest.mark.parametrize(("unit", "factor"), slow_after(1, [("mm", 1.0), ("m", 1e3)]))
 def test_a_wrong_unit_of_the_ends_is_named(table, outcome, unit, factor):
     for end in table["ends"]:
         end["unit"] = unit

@@ -11,6 +11,8 @@ from s2c2a.logs.map_diagnosis import Given, missed_shares
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
 
+from marks import slow_after
+
 ROWS = 80
 TRUE = CableParameters(
     angles=np.deg2rad([0.0, 120.0, 240.0]),
@@ -70,7 +72,7 @@ def test_a_good_fit_gives_no_warning():
     assert warn("sent") == ""
 
 
-@pytest.mark.parametrize("stated", ["sent", "settled"])
+@pytest.mark.parametrize("stated", slow_after(1, ["sent", "settled"]))
 def test_ends_that_do_not_follow_the_drives_give_what_to_check(stated):
     text = warn(stated, random_ends=True)
     assert "does not fit clearly better" in text

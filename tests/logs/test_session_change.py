@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.logs.session_change import describe_change, find_change
 
+from marks import slow_after
+
 ROWS = 400
 
 
@@ -36,8 +38,8 @@ def test_an_unchanged_session_is_no_alarm(hanging):
     assert "no camera has moved" in describe_change(change)
 
 
-@pytest.mark.parametrize("tip_only", [False, True])
-@pytest.mark.parametrize("axis", ["x", "z"])
+@pytest.mark.parametrize("tip_only", slow_after(1, [True, False]))
+@pytest.mark.parametrize("axis", slow_after(1, ["x", "z"]))
 def test_a_moved_camera_is_reported(hanging, axis, tip_only):
     cables, positions = session(hanging, 1)
     first_cables, first_positions = session(hanging, 0)

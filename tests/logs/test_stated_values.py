@@ -11,6 +11,8 @@ from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.stated_values import describe_contradictions
 
+from marks import slow_after
+
 TRUE = CableParameters(
     angles=np.deg2rad([0.0, 120.0, 240.0] * 2),
     gain=np.array(0.0),
@@ -37,13 +39,16 @@ def log() -> Observations:
 
 @pytest.mark.parametrize(
     ("name", "wrong", "deviation", "text"),
-    [
-        ("base", np.array([0.1, 0.2, 0.32]), 0.002, "a smaller z of frame.base"),
-        ("base", np.array([0.08, 0.2, 0.3]), 0.002, "a larger x of frame.base"),
-        ("lengths", np.log([0.12, 0.2]), 0.002, "a smaller number 0 of arm.lengths"),
-        ("total", np.log(0.36), 0.002, "a smaller arm.length"),
-        ("tilt", np.array([0.0, -0.1]), 0.02, "frame.along turned towards x"),
-    ],
+    slow_after(
+        1,
+        [
+            ("base", np.array([0.1, 0.2, 0.32]), 0.002, "a smaller z of frame.base"),
+            ("base", np.array([0.08, 0.2, 0.3]), 0.002, "a larger x of frame.base"),
+            ("lengths", np.log([0.12, 0.2]), 0.002, "a smaller number 0 of arm.length"),
+            ("total", np.log(0.36), 0.002, "a smaller arm.length"),
+            ("tilt", np.array([0.0, -0.1]), 0.02, "frame.along turned towards x"),
+        ],
+    ),
 )
 def test_a_wrong_statement_holds_in_repeated_fits_and_is_named(
     log, name, wrong, deviation, text
@@ -60,7 +65,7 @@ def test_a_wrong_statement_holds_in_repeated_fits_and_is_named(
     assert text in describe_contradictions(fit.parameters, stated)
 
 
-@pytest.mark.parametrize("name", ["base", "lengths", "total", "tilt"])
+@pytest.mark.parametrize("name", slow_after(1, ["base", "lengths", "total", "tilt"]))
 def test_true_statements_are_not_contradicted(log, name):
     value = np.log(0.3) if name == "total" else getattr(TRUE, name)
     stated = replace(log, bounds={name: (value, 0.002)})

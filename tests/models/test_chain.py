@@ -18,6 +18,8 @@ from s2c2a.models import ChainOptions
 from s2c2a.models.chain import ChainC2S
 from s2c2a.training.fit import held
 
+from marks import slow_after
+
 SMALL = ChainOptions(hidden=8, depth=1, play_widths=(0.02, 0.1), creep_times=(2.0,))
 start = eqx.filter_jit(lambda model, sensed: model.start(sensed))
 observe = eqx.filter_jit(lambda model, sensed, memory: model.observe(sensed, memory))
@@ -197,7 +199,9 @@ def test_without_plays_filters_and_weight_on_the_last_it_remembers_nothing(make_
 
 @pytest.mark.parametrize(
     ("kind", "modules", "cables"),
-    [("encoders", 5, 5), ("encoders", 1, 4), ("true", 2, 4), ("tension", 5, 3)],
+    slow_after(
+        1, [("encoders", 1, 4), ("encoders", 5, 5), ("true", 2, 4), ("tension", 5, 3)]
+    ),
 )
 def test_arms_of_any_size_are_predicted_and_remembered(make_arm, kind, modules, cables):
     model = shaken(untrained(of_kind(make_arm, kind, modules, cables)))

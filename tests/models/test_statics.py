@@ -9,6 +9,8 @@ from scipy.optimize import minimize
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import bend_at_rest
 
+from marks import slow_after
+
 rest = jax.jit(bend_at_rest, static_argnames="engaged")
 THREE = cable_matrix(np.deg2rad([[0.0, 120.0, 240.0]]))
 FAR = 9.0
@@ -100,14 +102,14 @@ def test_slack_cables_leave_the_moment_alone():
     )
 
 
-@pytest.mark.parametrize("cables", range(3, 9))
+@pytest.mark.parametrize("cables", slow_after(1, range(3, 9)))
 def test_at_rest_is_where_the_energy_is_least(cables):
     cases = random_cases(cables, 200, cables)
     expected = [min_energy(*case) for case in zip(*cases, strict=True)]
     np.testing.assert_allclose(at_rest(*cases), expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("cables", [3, 8])
+@pytest.mark.parametrize("cables", slow_after(1, [3, 8]))
 def test_forces_are_in_balance_in_thousands_of_cases(cables):
     cases = random_cases(20 + cables, 4000, cables)
     displacements, moments, matrices, stiffness, tautness = cases

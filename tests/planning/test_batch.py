@@ -12,6 +12,8 @@ from s2c2a.kinematics import states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, BatchPlanner, Goal, Planner
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 PARTS = TWIN, PCCForwardModel.of(TWIN)
 CHUNK = 4
@@ -25,7 +27,7 @@ TARGETS = np.array(
         [0.2, 0.2, 0.45],
     ]
 )
-BOTH = pytest.mark.parametrize("options", [PAPER, BEST], ids=["adam", "least squares"])
+BOTH = pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 
 
 @pytest.fixture(scope="module")

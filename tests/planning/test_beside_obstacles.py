@@ -13,12 +13,15 @@ from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import load_task
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.parametrize(
-    ("guides", "least"), [((), 0.02), (BEST.guides, CLOSEST * 0.04 * TWIN.length)]
+    ("guides", "least"),
+    slow_after(1, [(BEST.guides, CLOSEST * 0.04 * TWIN.length), ((), 0.02)]),
 )
 def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     guides, least

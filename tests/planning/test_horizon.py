@@ -17,6 +17,8 @@ from s2c2a.planning.horizon import minimum
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.runtime.limits import arm_at
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
 NOMINAL = ModalFactors.nominal()
@@ -114,7 +116,7 @@ def test_an_arm_approaches_its_first_goal_and_follows_one_that_moves():
         np.testing.assert_allclose(approached(xs, start=xs[0]), xs, atol=1e-6)
 
 
-@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 50.0, 100.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 5.0, 20.0, 50.0, 100.0]))
 @pytest.mark.parametrize("told", [True, False])
 def test_a_jump_is_approached_alike_at_every_rate_and_if_it_was_told(rate, told):
     arm = arm_at(TWIN, rate)
@@ -134,7 +136,7 @@ def test_a_jump_is_approached_alike_at_every_rate_and_if_it_was_told(rate, told)
     assert half == pytest.approx(expected, abs=0.11 + 1.0 / rate)
 
 
-@pytest.mark.parametrize("rate", [10.0, 50.0, 100.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 50.0, 100.0]))
 def test_noise_of_a_target_is_no_jump(rate):
     approach = Approach.of(arm_at(TWIN, rate), NOMINAL)
     noise = 0.005 * np.random.default_rng(0).normal(size=200)
@@ -144,7 +146,7 @@ def test_noise_of_a_target_is_no_jump(rate):
         np.testing.assert_array_equal(motion.offset, 0.0)
 
 
-@pytest.mark.parametrize("modules", [3, 6, 10])
+@pytest.mark.parametrize("modules", slow_after(1, [3, 6, 10]))
 def test_long_and_heavily_loaded_arms_approach_within_seconds(modules):
     arm = TWIN.model_copy(update={"modules": (*TWIN.modules[:1],) * modules})
     approach = Approach.of(arm, NOMINAL)
@@ -158,7 +160,7 @@ def test_modules_of_very_unequal_masses_have_a_slowest_mode():
     assert np.isfinite(Approach.of(arm, NOMINAL).decays).all()
 
 
-@pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 1.0, 50.0]))
 def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
     goals = [Goal.of(3).with_position([0.01 * n, 0.0, 0.5]) for n in range(100)]
     stride = preview_stride(1.0 / rate)
@@ -194,7 +196,7 @@ def test_a_plan_that_knows_of_a_step_moves_before_it():
     assert np.abs(known[29] - known[28]).max() > 0.02
 
 
-@pytest.mark.parametrize("rate", [2.0, 10.0, 100.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 2.0, 100.0]))
 def test_a_target_is_reached_at_every_control_rate_within_the_step_limit(rate):
     limit = min(40.0 / rate, 20.0)
     arm = TWIN.model_copy(update={"control_rate": rate, "step_limit_deg": limit})
@@ -223,7 +225,7 @@ class Lagging(ForwardModel):
         return self
 
 
-@pytest.mark.parametrize("rate", [10.0, 50.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 50.0]))
 def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     """A plan that counts on the lag for good overshoots its target and returns."""
     limits = {"control_rate": rate, "step_limit_deg": 40.0 / rate}
@@ -238,7 +240,7 @@ def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     assert np.rad2deg(last.max()) < 0.05
 
 
-@pytest.mark.parametrize("rate", [10.0, 100.0])
+@pytest.mark.parametrize("rate", slow_after(1, [10.0, 100.0]))
 def test_an_obstacle_beside_the_way_does_not_slow_the_arm(rate):
     limits = {"control_rate": rate, "step_limit_deg": 40.0 / rate}
     arm = TWIN.model_copy(update=limits)

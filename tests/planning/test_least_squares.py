@@ -22,6 +22,8 @@ from s2c2a.planning import BEST, Goal, LeastSquares, Planner
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.tasks import load_task
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 LENGTHS = jnp.full(3, 0.2)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
@@ -266,7 +268,9 @@ def test_with_a_far_target_the_arm_comes_to_rest(planner):
     assert np.ptp(tips_of(planned)[-20:], axis=0).max() < 0.01
 
 
-@pytest.mark.parametrize("name", ["reach-1", "reach-2", "risk-a", "risk-c"])
+@pytest.mark.parametrize(
+    "name", slow_after(2, ["reach-1", "risk-a", "reach-2", "risk-c"])
+)
 def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     planner, name
 ):

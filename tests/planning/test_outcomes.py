@@ -11,6 +11,8 @@ from s2c2a.planning import BEST, PAPER, Goal, Outcome, plan_error
 from s2c2a.planning.outcomes import SIGNIFICANT, judge
 from s2c2a.planning.planner import Step
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 STEP = Step.of(TWIN, PCCForwardModel.of(TWIN), BEST)
 LENGTHS = ArmGeometry.of(TWIN).lengths
@@ -100,7 +102,7 @@ def test_the_error_of_a_plan_is_that_of_its_worst_module_end():
     assert plan_error(states, goal) == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.parametrize("options", [PAPER, BEST])
+@pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 def test_planners_judge_every_plan_anew(options):
     step = Step.of(TWIN, PCCForwardModel.of(TWIN), options)
     next_plan = jax.jit(step.next_plan)

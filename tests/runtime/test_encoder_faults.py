@@ -13,6 +13,8 @@ from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
 
+from marks import slow_after
+
 BEGIN = 40
 COUNT = 5
 LAST = 65
@@ -61,7 +63,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", slow_after(2, FAULTS))
 def test_encoders_that_err_for_half_a_second_leave_the_tip_near_its_path(
     twin, driven, fault
 ):
@@ -78,7 +80,7 @@ def test_encoders_that_err_for_half_a_second_leave_the_tip_near_its_path(
     assert {step.stage for step in steps[BEGIN + COUNT + 1 :]} == {Stage.RUN}
 
 
-@pytest.mark.parametrize("where", ["robot", "injected"])
+@pytest.mark.parametrize("where", slow_after(1, ["robot", "injected"]))
 def test_encoders_that_err_stay_refused_until_the_arm_is_at_rest(twin, driven, where):
     strategy, goals, _ = driven
     robot = ErringRobot(twin)
@@ -99,6 +101,7 @@ def test_encoders_that_err_stay_refused_until_the_arm_is_at_rest(twin, driven, w
     assert Stage.RELEASE in stages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rise", "is_refused", "farthest"), [(0.005, False, 0.10), (0.02, True, np.inf)]
 )

@@ -11,6 +11,8 @@ from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import pcc_strategy
 from s2c2a.tasks import circle
 
+from marks import slow_after
+
 BEGIN = 25
 LAST = 95
 FAULTS = {
@@ -65,7 +67,7 @@ def corrupting(corrupt, count):
     return inject
 
 
-@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("count", slow_after(1, COUNTS))
 @pytest.mark.parametrize("fault", FAULTS)
 def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_without_a_jump(
     driven, fault, count

@@ -14,6 +14,8 @@ from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import pcc_strategy, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
 
+from marks import slow_after
+
 SECONDS = 12.0
 FAULT_TIME = 4.0  # s
 LAG = 3  # control steps
@@ -48,6 +50,7 @@ class DisproportionateRobot(SimulatedRobot):
         return action
 
 
+@pytest.mark.slow
 def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     strategy = s2c2a_strategy(shipped_networks(twin))
     goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
@@ -61,8 +64,8 @@ def test_an_arm_whose_robot_lags_by_three_steps_stays_near_its_path(twin):
     assert settled[-20:].mean() < 0.5 * NEAR
 
 
-@pytest.mark.parametrize("gain", [4.0, -1.0])
-@pytest.mark.parametrize("name", ["twin", "simulated"])
+@pytest.mark.parametrize("gain", slow_after(1, [4.0, -1.0]))
+@pytest.mark.parametrize("name", slow_after(1, ["twin", "simulated"]))
 def test_an_arm_that_contradicts_its_commands_is_held_then_moved_to_rest(
     name, gain, request
 ):
@@ -80,6 +83,7 @@ def test_an_arm_that_contradicts_its_commands_is_held_then_moved_to_rest(
     np.testing.assert_allclose(steps[-1].action, ArmGeometry.of(arm).action_neutral)
 
 
+@pytest.mark.slow
 def test_a_learned_strategy_is_stopped_on_a_robot_that_moves_four_times_as_far(twin):
     strategy = s2c2a_strategy(shipped_networks(twin))
     goals = circle(twin).goals[: round(SECONDS * twin.control_rate)]
@@ -107,7 +111,7 @@ def run_to_the_end(loop, goals):
             loop.tick(StepRequest(goal))
 
 
-@pytest.mark.parametrize("gain", [1000.0, 1.6, -1.0])
+@pytest.mark.parametrize("gain", slow_after(1, [1000.0, 1.6, -1.0]))
 def test_a_robot_that_alters_commands_is_stopped_and_goes_to_rest(twin, gain):
     robot = AlteringRobot(twin)
     robot.gain = gain

@@ -42,6 +42,7 @@ def test_arms_of_a_prior_are_not_those_of_evaluations(prior_key):
     assert names == ["twin_arm_50_1000", "twin_arm_50_1001"]
 
 
+@pytest.mark.slow
 def test_a_file_keeps_the_spread(prior, twin, tmp_path):
     save_networks(prior, tmp_path / "prior.safetensors")
     read = load_networks(tmp_path / "prior.safetensors", twin)
@@ -50,6 +51,7 @@ def test_a_file_keeps_the_spread(prior, twin, tmp_path):
         np.testing.assert_array_equal(mine, theirs)
 
 
+@pytest.mark.slow
 def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
     path = tmp_path / "prior.safetensors"
     save_networks(prior, path)
@@ -61,6 +63,7 @@ def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
         load_networks(forged(Path(path), without_spread))
 
 
+@pytest.mark.slow
 def test_a_prior_without_a_recording_fits_another_arm_and_stays_a_prior(prior, twin):
     arm = randomized_arm(twin, 0, 0.5)
     begun = transferred(prior, arm)
@@ -68,12 +71,14 @@ def test_a_prior_without_a_recording_fits_another_arm_and_stays_a_prior(prior, t
     assert begun.spread is not None
 
 
+@pytest.mark.slow
 def test_networks_trained_from_a_prior_are_no_prior(prior, recording, tiny_best_recipe):
     trained = train_s2c2a(recording, tiny_best_recipe, 0, start=prior)
     assert trained.spread is None
     assert np.isfinite(trained.curves["C2S"]).all()
 
 
+@pytest.mark.slow
 def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_recipe):
     begun = transferred(prior, recording.arm)
     data = training_data(recording, tiny_best_recipe)
@@ -94,6 +99,7 @@ def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_rec
     assert change(0.01) < 0.5 * change(100.0)
 
 
+@pytest.mark.slow
 def test_the_local_model_of_a_prior_has_no_process(prior_key, cache):
     recipe = prior_key.recipe
     chain = recipe.c2s

@@ -145,6 +145,7 @@ def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
         measured_session(networks, weights, frozen)
 
 
+@pytest.mark.slow
 def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
     data = training_data(short, networks.recipe)
     moved = replace(

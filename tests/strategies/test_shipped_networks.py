@@ -18,11 +18,13 @@ from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.tasks import circle
 
+from marks import slow_after
+
 # cm; README says 0.28 and 0.05 over five seeds
 PRESETS = {"twin_arm": 0.4, "simulated_arm": 0.15}
 
 
-@pytest.mark.parametrize(("name", "most"), PRESETS.items())
+@pytest.mark.parametrize(("name", "most"), slow_after(1, PRESETS.items()))
 def test_they_drive_the_circle(name, most):
     arm = load_arm(name)
     task = circle(arm)

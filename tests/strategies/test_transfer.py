@@ -76,7 +76,8 @@ def test_what_the_description_says_is_the_new_arm_s(tiny_best_networks, twin):
     )
 
 
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 5])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 5])
 def test_other_counts_of_modules_begin_and_are_kept(
     tiny_best_networks, twin, count, tmp_path
 ):
@@ -135,6 +136,7 @@ def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(
     assert float(begun.extrapolation(straight)) < 0.01 * arm.length
 
 
+@pytest.mark.slow
 def test_a_short_recording_makes_it_nearer(
     tiny_best_networks, recording, tiny_best_recipe
 ):

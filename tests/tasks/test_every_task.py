@@ -10,6 +10,8 @@ from s2c2a.evaluation import METRICS
 from s2c2a.planning import reach_gaps
 from s2c2a.tasks import TASKS, load_task
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 LIMIT_DEG = 50.0
 ARM = TWIN.model_copy(
@@ -132,7 +134,7 @@ def misses(task, step, lengths):
 
 
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)
-@pytest.mark.parametrize("step", [19, 39, 104, 199])
+@pytest.mark.parametrize("step", slow_after(1, [104, 19, 39, 199]))
 def test_all_targets_of_a_step_are_within_reach_together(name, step):
     """Within 0.1 cm and 0.2 deg (protocol)."""
     apart, turned = misses(load_task(name, ARM), step, [0.2, 0.2, 0.2])

@@ -99,6 +99,7 @@ def test_an_arm_without_a_view_of_its_tip_cannot_learn(twin):
         end_sensor(SimulatedRobot(twin))
 
 
+@pytest.mark.slow
 def test_repetitions_lower_the_error_of_any_strategy(twin):
     arm = twin.model_copy(update={"sensors": Sensors(camera=Camera())})
     task = load_task("circle", arm)

@@ -1,6 +1,7 @@
 """An arm of ideal arcs, which follows every command at once."""
 
 from collections.abc import Callable, Iterable
+from functools import cache
 
 import jax
 import numpy as np
@@ -17,9 +18,8 @@ def drive_ideal(
     driver, arm: ArmSpec, goals: Iterable[Goal]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bends and states after every goal, shapes (steps, modules, 2) and (steps, modules, 6)."""
-    pcc = PCC.of(arm)
-    shape = _shape_by(pcc, ArmGeometry.of(arm).lengths.astype(np.float32))
-    command = np.asarray(pcc.neutral, float)
+    shape = _shape_of(arm)
+    command = np.asarray(PCC.of(arm).neutral, float)
     bends, states = shape(command)
     driver.start(_reading(command, states))
     rows = []
@@ -36,8 +36,10 @@ def _reading(command: np.ndarray, states: np.ndarray) -> Reading:
     return Reading(0.0, {"cables": command, "states": states})
 
 
-def _shape_by(pcc: PCC, lengths: np.ndarray) -> Shape:
+@cache
+def _shape_of(arm: ArmSpec) -> Shape:
     """Bends and states of commands; compiled, since a step would take long without."""
+    pcc, lengths = PCC.of(arm), ArmGeometry.of(arm).lengths.astype(np.float32)
 
     @jax.jit
     def compute(command):

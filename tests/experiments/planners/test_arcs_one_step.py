@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ def twin():
     return load_arm("twin_arm")
 
 
+@cache
 def built(arm):
     return ArcsOneStep().build(arm, RECIPES["best"], None, RunOptions("arm"))
 
@@ -47,6 +50,7 @@ def test_without_targets_the_arm_holds_still(twin):
     np.testing.assert_allclose(bends, 0.0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_an_arm_of_one_plane_reaches_what_it_can():
     finger = load_arm("planar_finger")
     count = finger.module_count

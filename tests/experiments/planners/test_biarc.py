@@ -1,5 +1,7 @@
 """Bi-arcs end at their targets, along their axes."""
 
+from functools import cache
+
 import jax
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from ideal_arm import drive_ideal
 STEPS = 40
 
 
-def built(arm, **options):
-    return BiArc(**options).build(arm, recipe_named("paper"), None, RunOptions())
+@cache
+def built(arm):
+    return BiArc().build(arm, recipe_named("paper"), None, RunOptions())
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +50,9 @@ def test_without_a_target_it_holds_still_and_every_run_is_the_same(twin):
     np.testing.assert_array_equal(bends, drive_ideal(built(twin), twin, goals)[0])
 
 
-@pytest.mark.parametrize("name", ["planar_finger", "pneumatic_arm"])
+@pytest.mark.parametrize(
+    "name", ["planar_finger", pytest.param("pneumatic_arm", marks=pytest.mark.slow)]
+)
 def test_other_arms_come_nearer(name):
     arm = load_arm(name)
     target = np.array([0.3, 0.0, 0.9]) * arm.length

@@ -37,7 +37,9 @@ def test_without_a_target_it_holds_still_and_every_run_is_the_same(twin):
     np.testing.assert_array_equal(bends, driven(twin, goals)[0])
 
 
-@pytest.mark.parametrize("name", ["planar_finger", "pneumatic_arm"])
+@pytest.mark.parametrize(
+    "name", ["planar_finger", pytest.param("pneumatic_arm", marks=pytest.mark.slow)]
+)
 def test_other_arms_arrive(name):
     arm = load_arm(name)
     target = np.array([0.3, 0.0, 0.9]) * arm.length

@@ -92,6 +92,7 @@ def test_saved_and_loaded_it_plans_the_same(twin, trained, tmp_path):
     np.testing.assert_array_equal(before, after)
 
 
+@pytest.mark.slow
 def test_planar_and_other_arms_come_near():
     arm = load_arm("planar_finger")
     options = GaussianMixture(components=8)

@@ -75,6 +75,7 @@ def test_elastic_cables_pass_on_a_part_of_the_bend(twin):
     )
 
 
+@pytest.mark.slow
 def test_cables_go_on_until_the_links_reach_the_target(twin):
     options = PseudoRigid(links=2)
     model = options.model(twin)

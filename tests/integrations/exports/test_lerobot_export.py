@@ -112,6 +112,7 @@ def test_episodes_and_tasks_are_listed(dataset, episodes):
     assert arm_from_toml(source["arm"], "arm") == episodes[0].arm
 
 
+@pytest.mark.slow
 def test_an_exported_dataset_is_imported_with_the_same_rows(dataset, episodes):
     log_map = load_map(f"{dataset}.map.toml")
     request = ColumnRequest(log_map.number_columns, log_map.label_columns)

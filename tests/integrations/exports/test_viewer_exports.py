@@ -147,6 +147,7 @@ def test_an_mcap_file_keeps_the_arm_and_a_layout(mcap_file, episodes):
     assert paths[0] == "/step.sensor_states_3_x"
 
 
+@pytest.mark.slow
 def test_an_exported_mcap_file_is_imported_with_the_same_rows(mcap_file, episodes):
     log_map = load_map(f"{mcap_file}.map.toml")
     assert log_map.rows.topic == "/step"

@@ -16,7 +16,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 
 ARM = load_arm("twin_arm")
-PATIENCE = 60.0  # s
+PATIENCE = 300.0  # s
 SYNC_TRIES = 20
 
 FEETECH_SERVOS = """

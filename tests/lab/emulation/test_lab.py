@@ -30,7 +30,7 @@ from s2c2a.lab.hardware.calibration import (
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 
-PATIENCE = 60.0  # s
+PATIENCE = 300.0  # s
 MOCAP = MotiveOptions(command_port=2510, data_port=2511)
 
 

@@ -22,7 +22,7 @@ from s2c2a.lab.tracking import ModuleEnds, NatNetTracker
 ARM = load_arm("twin_arm")
 NAMES = ["base", "end-1"]
 POSES = {name: FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])) for name in NAMES}
-PATIENCE = 20.0  # s
+PATIENCE = 300.0  # s
 
 
 def free_port():

@@ -32,6 +32,8 @@ from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.robots import Robot
 from s2c2a.robots.simulation import SimulatedRobot
 
+from marks import slow_after
+
 PERIOD = 0.1
 
 
@@ -100,9 +102,9 @@ def asked_of(arm, frequency=1.5):
 
 
 @pytest.mark.parametrize(
-    ("frequency", "damping"), [(1.5, 0.11), (0.9, 0.3), (2.2, 0.7)]
+    ("frequency", "damping"), slow_after(1, [(1.5, 0.11), (0.9, 0.3), (2.2, 0.7)])
 )
-@pytest.mark.parametrize("delay", [0.3, 2.6])
+@pytest.mark.parametrize("delay", slow_after(1, [0.3, 2.6]))
 def test_mode_delay_gain_and_loss_are_found_again_under_noise(
     twin, frequency, damping, delay
 ):
@@ -166,15 +168,21 @@ def test_a_chirp_is_small_and_within_the_limits_and_ends_at_rest(
     assert np.abs(waves).sum(axis=1).max() > 0.05
 
 
-def test_the_twin_vibrates_as_it_does_after_a_push_and_more_slowly_with_a_load(twin):
-    for load, frequency, damping in ((0.0, 1.52, 0.14), (0.05, 1.01, 0.11)):
-        asked, seen = excite(SimulatedRobot(twin, payload=load), 1.6).tilts(0)
-        found = fit_response(asked, seen, PERIOD, 1.6)
-        assert found.frequency == pytest.approx(frequency, rel=0.1)
-        assert found.damping == pytest.approx(damping, rel=0.15)
-        assert found.residual < 0.15
+@pytest.mark.parametrize(
+    ("load", "frequency", "damping"),
+    slow_after(1, [(0.0, 1.52, 0.14), (0.05, 1.01, 0.11)]),
+)
+def test_the_twin_vibrates_as_it_does_after_a_push_and_more_slowly_with_a_load(
+    twin, load, frequency, damping
+):
+    asked, seen = excite(SimulatedRobot(twin, payload=load), 1.6).tilts(0)
+    found = fit_response(asked, seen, PERIOD, 1.6)
+    assert found.frequency == pytest.approx(frequency, rel=0.1)
+    assert found.damping == pytest.approx(damping, rel=0.15)
+    assert found.residual < 0.15
 
 
+@pytest.mark.slow
 def test_inertial_sensors_show_the_same_as_true_states(simulated):
     arm = type(simulated).model_validate(
         simulated.model_dump() | {"sensors": {"imu": {}}}
@@ -198,7 +206,9 @@ def test_encoders_alone_are_refused_before_anything_moves(twin):
     assert robot.sent == []
 
 
-def test_an_interrupt_leaves_the_arm_at_rest_and_closed(make_arm):
+def test_an_interrupt_leaves_the_arm_at_rest_and_closed(make_arm, monkeypatch):
+    # a busy machine delays readings, which is no fault here
+    monkeypatch.setattr("s2c2a.runtime.readings.MAX_SILENCE", np.inf)
     robot = Metal(make_arm(control_rate=100.0), "states", stops_at=60)
     with pytest.raises(KeyboardInterrupt):
         excite(robot, 1.5)
@@ -237,6 +247,7 @@ def test_the_worse_direction_is_compared_with_the_expected_response():
     assert "2.3 steps later" in compare_responses([expected, later], pair)
 
 
+@pytest.mark.slow
 def test_the_command_measures_prints_and_keeps_it(simulated, tmp_path, capsys):
     out = tmp_path / "response.json"
     measure_response(SimulatedRobot(simulated), None, out)

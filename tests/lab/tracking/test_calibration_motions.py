@@ -36,13 +36,14 @@ def emergency_stop():
 def test_the_latency_of_a_simulated_tracker_is_found():
     robot = TrackedSimulation(ARM)
     tracker = SimulatedTracker(robot, latency=0.02, noise=0.001)
-    found = tracking.measure_latency(robot, tracker)
+    found = tracking.measure_latency(robot, tracker, duration=6.0)
     assert abs(found.seconds - 0.02) < 0.003
 
 
+@pytest.mark.slow
 def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
-    monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.5)
-    monkeypatch.setattr(tracking, "SETTLING_TIME", 1.5)
+    monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.3)
+    monkeypatch.setattr(tracking, "SETTLING_TIME", 0.8)
     base = Pose(
         np.array([0.01, 0.02, -0.03]),
         Rotation.from_rotvec([0.4, -0.2, 0.8]).as_quat(),

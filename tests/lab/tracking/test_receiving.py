@@ -10,7 +10,7 @@ from s2c2a.lab.tracking import PoseFrame, TrackingError, receiving
 from s2c2a.lab.tracking.receiving import ReceivingTracker
 from s2c2a.lab.tracking.tracker import DropError
 
-PATIENCE = 20.0  # s, on a busy machine
+PATIENCE = 300.0  # s, on a busy machine
 LOST = TrackingError("the source is lost")
 
 

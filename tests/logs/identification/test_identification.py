@@ -70,6 +70,7 @@ def fit(start, truth):
     )
 
 
+@pytest.mark.slow
 def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
     fit, truth
 ):
@@ -78,16 +79,19 @@ def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
     assert np.sqrt(np.mean(off**2)) < 1.5
 
 
+@pytest.mark.slow
 def test_the_recording_reduces_the_uncertainty_of_most_numbers(fit):
     assert np.median(fit.posterior.std) < 0.2
 
 
+@pytest.mark.slow
 def test_the_error_on_held_out_rows_is_close_to_the_noise(fit):
     errors = errors_of(fit, {"another": [recorded(fit.arm, 60, seed=3)]})
     assert errors["held-out rows"].rms < 2.5 * NOISE
     assert errors["another"].rms < 2.5 * NOISE
 
 
+@pytest.mark.slow
 def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     text = fitted_toml(fit, "a remark")
     assert arm_from_toml(text) == fit.arm
@@ -101,6 +105,7 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     assert all("+-" in line and "was" in line for line in commented)
 
 
+@pytest.mark.slow
 def test_found_numbers_are_those_of_the_file(fit):
     found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius

@@ -6,6 +6,8 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
+from marks import slow_after
+
 PRESETS = ["twin", "simulated"]
 
 
@@ -31,7 +33,7 @@ def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("fidelity", "closeness"), [("fast", 0.003), ("accurate", 0.001)]
+    ("fidelity", "closeness"), slow_after(1, [("fast", 0.003), ("accurate", 0.001)])
 )
 @pytest.mark.parametrize("preset", PRESETS)
 def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(
@@ -61,7 +63,7 @@ def test_mirrored_actions_give_mirrored_states(preset, request):
     np.testing.assert_allclose(mirrored, here * [1, -1, 1, 1, -1, 1], atol=1e-6)
 
 
-@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("fidelity", slow_after(1, FIDELITIES))
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_module_bends_towards_the_cable_that_pulls(preset, fidelity, request):
     arm = request.getfixturevalue(preset)
@@ -95,7 +97,7 @@ def pushed_aside(robot, distance: float) -> np.ndarray:
     return robot.states()[-1, :3]
 
 
-@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("fidelity", slow_after(1, FIDELITIES))
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_straight_arm_returns_from_two_centimeters_off_axis(
     preset, fidelity, request

@@ -10,7 +10,7 @@ import numpy as np
 from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
 
-PATIENCE = 20.0  # s, on a busy machine
+PATIENCE = 300.0  # s, on a busy machine
 QUARTER = np.sqrt(0.5)
 POSES = {
     "base": FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])),

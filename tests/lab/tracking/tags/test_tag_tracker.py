@@ -21,7 +21,7 @@ from s2c2a.lab.tracking.tags.opencv import cv2
 BASE = collar_pose((0, 0.06, 0.5), turn_deg=135, tilt_deg=0)
 TIP = collar_pose((0, -0.06, 0.5), turn_deg=135, tilt_deg=0)
 IMAGE = picture({"base": BASE, "end-1": TIP})
-PATIENCE = 20.0  # s
+PATIENCE = 300.0  # s
 
 
 class FakeCamera:
