@@ -11,6 +11,7 @@ with it and 1.6 ms with `compiled`, which takes them apart once.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache, partial
 from typing import Any
 
@@ -20,6 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
 from jaxtyping import Array, Float
+
+from s2c2a import executables
+from s2c2a.user_code import code_digest
 
 MAX_UNROLLED = 8  # steps of `scan`; longer sequences compile faster as loops
 _COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
@@ -40,9 +44,10 @@ monitoring.register_event_duration_secs_listener(_count_compilation)
 
 
 def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
-    """Return `function(*parts, *inputs)` as a jitted function of the inputs.
+    """Return `function(*parts, *inputs)` as a compiled function of the inputs.
 
-    The first call compiles it.
+    The first call with inputs of certain shapes compiles it, or takes it from disk
+    (`executables`).
 
     Args:
         function: a module-level function, or otherwise an object whose identity does
@@ -53,7 +58,8 @@ def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
     leaves, structure = jax.tree.flatten(parts)
     arrays, constants = eqx.partition(tuple(leaves), _is_array)
     kinds = tuple(type(constant) for constant in constants)
-    return partial(_program(function, structure, constants, kinds), arrays)
+    program = _program(function, structure, constants, kinds)
+    return partial(program, arrays)
 
 
 def _is_array(leaf: Any) -> bool:
@@ -63,8 +69,8 @@ def _is_array(leaf: Any) -> bool:
 @lru_cache  # as many as by default: 128
 def _program(
     function: Callable[..., Any], structure: Any, constants: tuple, kinds: tuple
-) -> Callable[..., Any]:
-    """Jitted function, shared by equal arguments.
+) -> "_Program":
+    """The program, shared by equal arguments.
 
     `kinds` keeps 1, 1.0 and True apart, which compare equal in Python.
     """
@@ -75,7 +81,49 @@ def _program(
 
     # profiles and compilation logs show this name
     run.__name__ = getattr(function, "__name__", "run")
-    return jax.jit(run)
+    custom = code_digest(structure.unflatten(constants), function)
+    return _Program(run, (function, structure, constants, kinds, custom))
+
+
+class _Program:
+    """A function of arrays, compiled once for each kind of inputs.
+
+    A call tries the last executable, which refuses inputs of other shapes; this costs
+    as much as a call of `jax.jit`.
+    """
+
+    def __init__(self, run: Callable[..., Any], description: tuple):
+        """Compile nothing yet.
+
+        Args:
+            run: function of arrays.
+            description: what it follows from.
+        """
+        self._jitted = jax.jit(run)
+        self._description = description
+        self._executables: dict[Any, Callable[..., Any]] = {}
+        self._last: Callable[..., Any] | None = None
+
+    def __call__(self, *inputs: Any) -> Any:
+        if self._last is not None:
+            with suppress(TypeError, ValueError):  # of other shapes, or traced
+                return self._last(*inputs)
+        leaves, structure = jax.tree.flatten(inputs)
+        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+            return self._jitted(*inputs)
+        kinds = tuple((np.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+        if (structure, kinds) not in self._executables:
+            self._executables[structure, kinds] = self._made(structure, kinds, inputs)
+        self._last = self._executables[structure, kinds]
+        return self._last(*inputs)
+
+    def _made(self, structure: Any, kinds: tuple, inputs: tuple) -> Callable[..., Any]:
+        """The executable for these inputs, from disk if it is there."""
+        names = [(shape, str(kind)) for shape, kind in kinds]
+        key = executables.key_of(self._description, structure, names)
+        return executables.load(key, inputs) or executables.made(
+            key, self._jitted.lower(*inputs)
+        )
 
 
 def scan(

@@ -19,8 +19,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from s2c2a.plugins import GROUPS, located
+from s2c2a.versions import PACKAGES
 
-PACKAGE = "s2c2a"
+KNOWN = {"s2c2a", *PACKAGES}
+"""Packages that are known by their versions."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
 
@@ -102,9 +104,9 @@ def _entry_point_modules() -> dict[str, str]:
 
 
 def _module_files(module: str) -> Iterator[Path]:
-    """File of a module outside of the package and of Python."""
+    """File of a module that no version tells of."""
     top = module.partition(".")[0]
-    if top == PACKAGE or top in sys.stdlib_module_names:
+    if top in KNOWN or top in sys.stdlib_module_names:
         return
     loaded = getattr(sys.modules.get(module), "__file__", None)
     if loaded:

@@ -95,7 +95,7 @@ class LinearizedArm(NamedTuple):
         cables = TAUT * ArmGeometry.of(arm).cable_springs
         return cls(
             jacobians=jacobians,
-            heights=float(trunk.gravity[2]) * heights,
+            heights=arm.gravity[2] * heights,
             masses=np.asarray(trunk.weights),
             stiffnesses=np.repeat(elastic + cables, 2),
             dampings=np.repeat(elastic * damping_times, 2),

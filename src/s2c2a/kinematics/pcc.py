@@ -1,7 +1,9 @@
 """Piecewise constant curvature (PCC) of an arm, and the forward model interface."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
@@ -82,4 +84,4 @@ class PCC(eqx.Module):
 
 
 def _float32(values) -> Array:
-    return jnp.asarray(values, dtype=jnp.float32)
+    return jax.device_put(np.asarray(values, np.float32))

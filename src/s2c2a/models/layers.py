@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -84,7 +85,7 @@ class SumAndRange(FromArm):
             geometry.action_low,
             geometry.action_high,
         )
-        converted = [jnp.asarray(array, dtype=jnp.float32) for array in arrays]
+        converted = [jax.device_put(np.asarray(array, np.float32)) for array in arrays]
         matrices, inverses, neutral, unit, low, high = converted
         is_full = bool(cables_present(arm).all())
         even = arm.cable_count == 3 and is_full and evenly_spaced

@@ -71,7 +71,7 @@ class Trunk(FromArm):
             np.asarray(arm.gravity),
             np.zeros(arm.module_count),
         )
-        return cls(*(jnp.asarray(array, dtype=jnp.float32) for array in arrays))
+        return cls(*(jax.device_put(np.asarray(array, np.float32)) for array in arrays))
 
     def displacements(
         self, configurations: Float[Array, "*batch modules 3"]

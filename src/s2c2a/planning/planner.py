@@ -168,6 +168,7 @@ class Plan(NamedTuple):
     Attributes:
         configurations: planned, C_0 of the next step, shape (modules, 3), module
             frames.
+        bends: the same [rad], shape (modules, 2).
         memory: hysteresis of the forward model, from the estimate.
         disturbances: that the plan counts on, with payload moments; None for none.
         solver: memory of the solver.
@@ -177,6 +178,7 @@ class Plan(NamedTuple):
     """
 
     configurations: Configurations
+    bends: Bends
     memory: Memory
     disturbances: Disturbances | None
     solver: Any
@@ -242,11 +244,13 @@ class Step(NamedTuple):
             for _ in range(PAYLOAD_ITERATIONS):
                 settled = self._with_moments(disturbances, sensed, memory, settled)
             disturbances = self.model.with_gains(settled, sensed, memory)
+        bends = bends_from_configurations(sensed)
         return Plan(
             sensed,
+            bends,
             memory,
             disturbances,
-            self.solver.start(bends_from_configurations(sensed)),
+            self.solver.start(bends),
             GoalMotion.of(len(sensed)),
             jnp.asarray(Outcome.SOLVED, jnp.int32),
             Expectation.unknown(len(sensed), self.solver.looks_ahead),
@@ -296,6 +300,7 @@ class Step(NamedTuple):
         )
         new = last._replace(
             configurations=planned.configurations,
+            bends=planned.bends,
             solver=solver,
             motion=motion,
             judged=judge(planned, problem.situation, lengths),
@@ -481,7 +486,7 @@ class Planner:
 
     def _lead(self, plan: Plan, goal: Goal) -> Lead:
         """Where the first guide that leads, leads to."""
-        bends = np.asarray(bends_from_configurations(plan.configurations))
+        bends = np.asarray(plan.bends)
         for leader in self._leaders:
             lead = leader.lead(bends, goal, plan.outcome)
             if lead is not None:

@@ -147,7 +147,7 @@ def _blanks(
 ) -> dict[str, Any]:
     """Shapes of the networks that the file holds."""
     shapes = eqx.filter_eval_shape(
-        lambda key: strategy.untrained(arm, recipe, key), jax.random.key(0)
+        lambda seed: strategy.untrained(arm, recipe, jax.random.key(seed)), 0
     )
     return {
         name: shape

@@ -1,0 +1,190 @@
+"""Compiled programs on disk, so that a start neither traces nor compiles.
+
+JAX's own cache knows a program by its text, which takes longer to write than the rest of
+a start. Here a program is known by what the text follows from: the function, the shapes
+of its inputs, the sources of this package, what a script has changed in them, versions,
+compiler options and the processor. What is not known so well, such as custom code, is
+traced in every process.
+
+A file holds code of the processor, and a pickle, as JAX makes it: files are opened only
+if they and their folder are the user's own, and nobody else can write there.
+"""
+
+import io
+import math
+import os
+import pickle
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax._src.config import (
+    persistent_cache_min_compile_time_secs as least_seconds_in_cache,
+)
+from jax.experimental import serialize_executable
+from pydantic import BaseModel
+
+from s2c2a.cache import cache_folder
+from s2c2a.errors import S2C2AError
+from s2c2a.files import write_atomically
+from s2c2a.versions import versions
+
+PACKAGE = Path(__file__).parent
+TRACED = ("arm", "control", "estimation", "kinematics", "models", "planning")
+"""Packages whose functions programs are made of, beside the modules at the top."""
+QUICKLY = {"xla_cpu_use_fusion_emitters": False}
+"""Options of XLA that halve the time of compilation; the programs are as fast
+(`benchmarks/start.py`)."""
+OTHERS_MAY_WRITE = 0o022
+PROCESSOR = Path("/proc/cpuinfo")
+VARIABLES = ("XLA_FLAGS", "PJRT_NPROC", "NPROC", "JAX_PLATFORMS")
+
+
+def folder() -> Path | None:
+    """Where executables are kept; None if the user has another cache of JAX, or none."""
+    kept = cache_folder().absolute() / "executables"
+    programs = str(kept.with_name("programs"))
+    is_ours = jax.config.jax_compilation_cache_dir == programs
+    is_enabled = jax.config.jax_enable_compilation_cache
+    return kept if is_ours and is_enabled and hasattr(os, "getuid") else None
+
+
+def key_of(*parts: Any) -> str:
+    """Name of a program that follows from these; empty if they cannot be pickled."""
+    if folder() is None:
+        return ""
+    described = io.BytesIO()
+    try:
+        description = _Description(described)
+        description.fast = True  # not whether equal parts are one object
+        description.dump(parts)
+    except Exception:  # pickle raises what objects raise
+        return ""
+    text = described.getvalue() + _changes() + _environment()
+    return blake2b(text, digest_size=20).hexdigest()
+
+
+class _Description(pickle.Pickler):
+    """A text that equal objects share in all processes."""
+
+    def reducer_override(self, value: Any) -> Any:
+        if isinstance(value, FunctionType | type):
+            return sys.intern, (f"{value.__module__}.{value.__qualname__}",)
+        if isinstance(value, BaseModel):  # it knows, in any order, what was given
+            return sys.intern, (repr(value),)
+        return NotImplemented
+
+
+def load(key: str, inputs: tuple) -> Callable[..., Any] | None:
+    """The program, if it is kept and runs here with these inputs."""
+    home = folder()
+    if not key or home is None or not (_is_own(home) and _is_own(home / key)):
+        return None
+    _find_lapack()
+    try:
+        saved = pickle.loads((home / key).read_bytes())
+        program = serialize_executable.deserialize_and_load(*saved)
+        jax.block_until_ready(program(*inputs))
+    except Exception:  # a damaged file, or one of another machine
+        with suppress(OSError):
+            (home / key).unlink()
+        return None
+    return program
+
+
+@cache
+def _find_lapack() -> None:
+    """Let JAX find LAPACK, as it does when a program that solves is lowered."""
+    jax.jit(jnp.linalg.solve).lower(np.eye(1), np.ones(1))
+
+
+def made(key: str, lowered: jax.stages.Lowered) -> Callable[..., Any]:
+    """The program, compiled and kept, unless it or the folder cannot be written."""
+    home = folder()
+    if not key or home is None:
+        return _compiled(lowered)
+    # a program out of JAX's cache cannot be kept a second time
+    with least_seconds_in_cache(math.inf):
+        program = _compiled(lowered)
+    with suppress(OSError, S2C2AError, ValueError, NotImplementedError):
+        home.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _is_own(home):
+            saved = pickle.dumps(serialize_executable.serialize(program))
+            write_atomically(saved, home / key)
+            (home / key).chmod(0o600)
+    return program
+
+
+def _compiled(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+    try:
+        return lowered.compile(QUICKLY)
+    except jax.errors.JaxRuntimeError:  # of a version that does not know the options
+        return lowered.compile()
+
+
+def _is_own(path: Path) -> bool:
+    """Whether it belongs to the user, and nobody else can write there."""
+    try:
+        status = path.stat()
+    except OSError:
+        return False
+    return status.st_uid == os.getuid() and not status.st_mode & OTHERS_MAY_WRITE
+
+
+@cache
+def _environment() -> bytes:
+    """What programs follow from beside their description."""
+    sources = blake2b()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        sources.update(file.read_bytes())
+    processor = platform.processor()
+    if PROCESSOR.exists():
+        lines = PROCESSOR.read_text().splitlines()
+        named = [line for line in lines if line.startswith(("flags", "model name"))]
+        processor = "".join(sorted(set(named)))
+    device = jax.devices()[0]
+    settings = [jax.config.jax_enable_x64, jax.config.jax_default_matmul_precision]
+    variables = [os.environ.get(name) for name in VARIABLES]
+    known = versions(), processor, str(device.device_kind), len(jax.devices())
+    return sources.digest() + repr((known, settings, variables)).encode()
+
+
+def _changes() -> bytes:
+    """What a script can have changed in the package: constants and functions."""
+    loaded = [module for name, module in sys.modules.items() if _is_traced(name)]
+    rows = sorted(row for module in loaded for row in _rows(module))
+    return repr(rows).encode()
+
+
+def _is_traced(name: str) -> bool:
+    package, _, rest = name.partition(".")
+    return package == PACKAGE.name and ("." not in rest or rest.startswith(TRACED))
+
+
+def _rows(holder: ModuleType | type, depth: int = 0) -> Iterator[str]:
+    """Constants and functions of a module and of its classes, as text."""
+    for name, value in vars(holder).items():
+        place = f"{getattr(holder, '__module__', '')}.{holder.__name__}.{name}"
+        if isinstance(value, classmethod | staticmethod):
+            value = value.__func__
+        if isinstance(value, FunctionType):
+            code = value.__code__
+            yield f"{place} {value.__module__} {code.co_qualname} {code.co_firstlineno}"
+        elif isinstance(value, bool | int | float | str | np.ndarray | tuple):
+            if not name.startswith("__"):
+                yield f"{place} {value!r}"
+        elif (
+            isinstance(value, type)
+            and not depth
+            and value.__module__ == holder.__name__
+        ):
+            yield from _rows(value, 1)
