@@ -11,7 +11,6 @@ from s2c2a.evaluation import (
     describe_lost_states,
     describe_plans,
     describe_tracking,
-    describe_vibrations,
 )
 from s2c2a.planning import Outcome
 
@@ -70,15 +69,6 @@ def test_a_payload_is_named_where_goals_are_out_of_reach(payload, text):
     payloads = np.array([0.3, payload, payload, 0.3])
     assert describe_plans(make_episode(outcome=outcome, payload=payloads)) == (
         f"the planner found its goal out of reach in 2 of 4 steps{text}"
-    )
-
-
-def test_vibrations_are_described():
-    episode = make_episode()
-    assert describe_vibrations(episode) == ""
-    episode.options["vibrations"] = ["1.0 s: commands vibrate"]
-    assert describe_vibrations(episode) == (
-        "the arm vibrated 1 times, first at 1.0 s: commands vibrate"
     )
 
 

@@ -261,7 +261,7 @@ def _run_episode(
     # a real arm keeps its own limits
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
-    with Loop(robot, player, limits=limits, monitors_vibration=False) as loop:
+    with Loop(robot, player, limits=limits) as loop:
         episode = build_episode(_episode_steps(loop, len(actions), number), arm)
     columns = _without_gaps(episode, player.sensors)
     # without computing times, the file is identical on any machine

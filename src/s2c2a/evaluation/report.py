@@ -121,14 +121,6 @@ def _largest_payload(episode: Episode) -> float:
     return payload if payload > MIN_LOAD * mass else 0.0
 
 
-def describe_vibrations(episode: Episode) -> str:
-    """Describe the vibrations that the control loop found; empty if there was none."""
-    vibrations = episode.options.get("vibrations", ())
-    if not vibrations:
-        return ""
-    return f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}"
-
-
 def describe_faults(episode: Episode) -> str:
     """Describe faults of the readings during the run; empty if there were none."""
     faults = episode.options.get("faults", ())
