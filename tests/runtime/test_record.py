@@ -1,6 +1,5 @@
 """Episodes from records of steps: one row a step, whatever single sensors do."""
 
-
 import numpy as np
 import pytest
 

@@ -191,9 +191,8 @@ def _open_writer(
             "choose another name"
         )
     writer = EpisodeWriter(path)
-    random = {"active": False}  # version 0.3 wrote it: half of the targets were chosen
     differences = [
-        *_differences(random | writer.options, options | random),
+        *_differences(writer.options, options),
         *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
     ]
     if differences:
