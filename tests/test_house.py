@@ -14,7 +14,7 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live", "integrations")
-MAX_CORE = 24_438
+MAX_CORE = 24_337
 """Code lines of the core; the aim is 20,000, and nothing may move away from it but what
 the core did not do before: the last were scene files with solids of all kinds, shapes of
 the whole arm, projection to what is within reach, and arms that are pushed by pressure,
@@ -24,7 +24,7 @@ order of imports; Windows, which counts no memory and ends what os.kill signals;
 encoders of many arms at once; strategies with options in their names, and in lists; plans of planar
 arms that rounding does not decide; warnings of commands that are NaN; and strategies
 of a user's own that fail before they plan, and the line of their code that failed."""
-MAX_NUMBERS = 525
+MAX_NUMBERS = 515
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {
     "models/prior.py",

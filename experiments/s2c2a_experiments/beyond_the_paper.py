@@ -181,7 +181,7 @@ def stability(
         rows = study.stability_rows(compared, results.make)
         results.keep(rows)
     vibrating = study.vibrating(rows)
-    print(f"{len(vibrating)} of {len(rows) // 3} runs move too much")
+    print(f"{len(vibrating)} of {len(rows) // 2} runs move too much")
 
 
 @beside("random_arms", "strength")

@@ -110,14 +110,10 @@ def vibrating(rows: Sequence[Row]) -> list[Row]:
 
 
 def rows_of(runs: Sequence[jobs.Run], label: str) -> list[Row]:
-    """Error, vibrations, and motion of the tip in the runs of one case."""
+    """Error and motion of the tip in the runs of one case."""
     task = runs[0].task
     errors = [mean_error(run, last_quarter(run)) for run in runs]
-    found = [float(len(run.episode.options.get("vibrations", ()))) for run in runs]
-    metrics = {
-        ("position, last quarter", "cm"): errors,
-        ("vibrations", "times"): found,
-    }
+    metrics = {("position, last quarter", "cm"): errors}
     if task == "circle":
         lengths = [relative_path_length(run, last_quarter(run)) for run in runs]
         metrics["path length, last quarter", "times"] = lengths

@@ -348,20 +348,6 @@ def test_resuming_with_other_options_is_refused_and_leaves_the_file_alone(
     assert (tmp_path / "one.episodes").read_bytes() == before
 
 
-@pytest.mark.parametrize("active", [True, False])
-def test_a_recording_of_version_0_3_is_resumed_if_its_targets_were_random(
-    gather, tmp_path, active
-):
-    options = gather("whole.episodes").options
-    old = tmp_path / "one.episodes"
-    EpisodeWriter.create(old, TWIN, {**options, "active": active}).close()
-    if active:
-        with pytest.raises(RecordingError, match="active True, now False"):
-            gather(resume=True)
-    else:
-        assert len(gather(resume=True).episodes) == SMALL.episodes
-
-
 def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
     gather(robot="simulation fast")
     with pytest.raises(

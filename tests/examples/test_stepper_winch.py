@@ -210,7 +210,7 @@ def drive(robot, event):
     """Let the control loop bend the arm for 20 s; something happens after 2 s."""
     far = [bend(share, robot.arm) for share in np.linspace(0, 0.008, 100)]
     player = Player(robot.arm, (), iter(far))
-    with Loop(robot, player, monitors_vibration=False) as loop:
+    with Loop(robot, player) as loop:
         for number, _ in enumerate(play(loop, player)):
             if number == 10:
                 event()

@@ -70,6 +70,5 @@ def test_a_held_arm_with_100_g_does_not_vibrate(sensors, seconds, most, twin, tm
     values = {row.metric: row.mean for row in rows}
     assert values["peak to peak, last two thirds"] <= most
     assert values["position, last quarter"] <= 1.0
-    assert values["vibrations"] == 0.0
     moved = values["peak to peak, last two thirds"] > MAX_PEAK_TO_PEAK
     assert bool(vibrating(rows)) == moved

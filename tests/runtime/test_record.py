@@ -1,7 +1,5 @@
 """Episodes from records of steps: one row a step, whatever single sensors do."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -164,11 +162,3 @@ def test_faults_are_kept_with_the_episode(puppet, actor, clock, twin):
     np.testing.assert_array_equal(
         episode.sensor("warmth"), [300.0] * 3 + [np.nan] * 3 + [300.0] * 4
     )
-
-
-def test_an_episode_states_when_the_arm_vibrated(step, twin):
-    steps = [step(number) for number in range(6)]
-    for number in (2, 3):
-        steps[number] = replace(steps[number], vibration="commands vibrate")
-    episode = build_episode(steps, twin)
-    assert episode.options["vibrations"] == ["0.2 s: commands vibrate"]

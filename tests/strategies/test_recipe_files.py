@@ -2,12 +2,10 @@
 
 import math
 import re
-import tomllib
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-import tomli_w
 
 from s2c2a.components import Component, CustomComponent
 from s2c2a.control import C2AOptions
@@ -15,7 +13,7 @@ from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
-from s2c2a.strategies import RECIPES, files, load_recipe, recipe_from, save_recipe
+from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
 
 
 @pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
@@ -272,30 +270,3 @@ BEST_PARTS = {
     "terms": Evenness,
     "guides": type(BEST.guides[0]),
 }
-
-
-@pytest.mark.parametrize("estimator", ["KalmanFilter", "EncoderOnly"])
-def test_a_recipe_file_of_version_0_3_sees_what_its_estimator_decided(
-    estimator, tmp_path
-):
-    path = save_recipe(RECIPES["best"], tmp_path / "old.toml")
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
-    del table["encoders_alone"]
-    table["estimator"] = {"name": estimator}
-    path.write_text(tomli_w.dumps(table), encoding="utf-8")
-    assert load_recipe(path).encoders_alone is (estimator == "KalmanFilter")
-
-
-def test_a_recipe_file_of_version_0_3_may_say_that_its_data_are_not_active(tmp_path):
-    path = tmp_path / "old.toml"
-    path.write_text('based_on = "best"\nactive = false\n', encoding="utf-8")
-    assert replace(load_recipe(path), name="best") == RECIPES["best"]
-    path.write_text('based_on = "best"\nactive = true\n', encoding="utf-8")
-    with pytest.raises(StrategyError, match="active"):
-        load_recipe(path)
-
-
-@pytest.mark.parametrize("active", [True, False])
-def test_networks_of_version_0_3_are_read_however_their_data_were_collected(active):
-    table = asdict(RECIPES["best"].by_class)
-    assert files._recipe(table | {"active": active}) == files._recipe(table)

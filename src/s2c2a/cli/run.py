@@ -464,7 +464,6 @@ def _report(
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
         evaluation.describe_faults,
-        evaluation.describe_vibrations,
         evaluation.describe_tracking,
     )
     for run in runs:

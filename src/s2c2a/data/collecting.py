@@ -191,9 +191,8 @@ def _open_writer(
             "choose another name"
         )
     writer = EpisodeWriter(path)
-    random = {"active": False}  # version 0.3 wrote it: half of the targets were chosen
     differences = [
-        *_differences(random | writer.options, options | random),
+        *_differences(writer.options, options),
         *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
     ]
     if differences:
@@ -261,7 +260,7 @@ def _run_episode(
     # a real arm keeps its own limits
     limits = _limits(arm, options) if robot.own_time else None
     player = Player(arm, _required_sensors(robot), actions)
-    with Loop(robot, player, limits=limits, monitors_vibration=False) as loop:
+    with Loop(robot, player, limits=limits) as loop:
         episode = build_episode(_episode_steps(loop, len(actions), number), arm)
     columns = _without_gaps(episode, player.sensors)
     # without computing times, the file is identical on any machine

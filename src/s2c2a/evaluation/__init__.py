@@ -20,7 +20,6 @@ from s2c2a.evaluation.report import (
     describe_lost_states,
     describe_plans,
     describe_tracking,
-    describe_vibrations,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout
 from s2c2a.evaluation.saturation import describe_run_saturation, describe_saturation

@@ -14,12 +14,11 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
-from s2c2a.planning import SIGNIFICANT, Outcome, reach_gaps
+from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION
 
 LAST_PART = 0.25  # of a run, in which an error lasts
-MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
-CHAIN = {"predicted", "planned", "sensed", "outcome", "plan_error", "desired_positions"}
+CHAIN = {"predicted", "planned", "sensed", "plan_error", "desired_positions"}
 TROUBLES = {
     Outcome.STALLED: "stalled",
     Outcome.OUT_OF_REACH: "out of reach",
@@ -52,7 +51,7 @@ def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
 
 
 def describe_lasting_error(episode: Episode) -> str:
-    """Describe the position error at the end of a run and its cause, in a sentence.
+    """Describe the position error at the end of a run and its parts, in a sentence.
 
     Returns:
         Empty if the median error in the last quarter of the run is at most 1 % of the
@@ -66,12 +65,14 @@ def describe_lasting_error(episode: Episode) -> str:
     distances = _distances(episode, steps)
     if not distances.error > SIGNIFICANT * episode.arm.length:
         return ""
-    causes = (_plan_cause, _tracking_cause, _model_cause)
-    cause = causes[int(np.nanargmax(distances[1:]))]
-    return (
-        f"position error {100 * distances.error:.1f} cm in the last quarter of the run: "
-        f"{cause(episode, steps, distances)}"
+    error, plan, tracking, model = (f"{100 * value:.1f} cm" for value in distances)
+    text = (
+        f"position error {error} in the last quarter of the run: the plan is {plan} "
+        f"from its goal, the sensed arm {tracking} from the plan"
     )
+    if np.isnan(distances.model):
+        return text
+    return f"{text}, the true arm {model} from where the forward model predicts it"
 
 
 def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
@@ -82,8 +83,6 @@ def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
     gaps = episode["predicted"][..., POSITION] - episode["desired_positions"]
     has_plan = np.isfinite(gaps).all(axis=-1).any(axis=-1)
     has_plan &= np.isfinite(episode["plan_error"])
-    # a controller of the user's own may have other numbers
-    has_plan &= np.isin(episode["outcome"], list(Outcome))
     return last[has_plan[last]]
 
 
@@ -116,75 +115,3 @@ def _median_distance(first: np.ndarray, second: np.ndarray, goals: np.ndarray) -
     largest = np.where(has_goal, distances, 0.0).max(axis=-1)
     known = largest[np.isfinite(largest)]
     return float(np.median(known)) if len(known) else float("nan")
-
-
-def _plan_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> str:
-    """Reach, payload, obstacles, a stalled planner, or a goal that moves too fast."""
-    missed = episode["plan_error"][steps] > SIGNIFICANT * episode.arm.length
-    if not missed.any():
-        return "plan, tracking and forward model each err a little"
-    steps = steps[missed]
-    outcomes, counts = np.unique(episode["outcome"][steps], return_counts=True)
-    outcome = Outcome(int(outcomes[np.argmax(counts)]))  # type: ignore[call-arg]
-    distance = f"{100 * distances.plan:.1f} cm"
-    if outcome is Outcome.OUT_OF_REACH:
-        return _reach_cause(episode, steps, distance)
-    obstacles = episode.get("obstacles")
-    if obstacles is not None and (obstacles[steps][..., 3] > 0.0).any():
-        return (
-            f"the plan stays {distance} from its goal beside obstacles (outcome "
-            f"{outcome.name}); move the obstacles or the goal"
-        )
-    if outcome is Outcome.MOVING:
-        return f"the plan is {distance} behind its goal; try a slower --pace"
-    sentence = outcome.sentence.removesuffix(".")
-    return (
-        f"the plan is {distance} from its goal, and a slower pace does not help; "
-        f"outcome {outcome.name}: {sentence[0].lower()}{sentence[1:]}"
-    )
-
-
-def _reach_cause(episode: Episode, steps: np.ndarray, distance: str) -> str:
-    goal, end = _worst_end(episode, steps[-1])
-    payload = (
-        float(episode["payload"][steps[-1]]) if "payload" in episode.columns else 0
-    )
-    mass = sum(module.mass for module in episode.arm.modules)
-    gap = reach_gaps(episode.arm, goal[None])[0]
-    if payload > MIN_LOAD * mass and gap <= SIGNIFICANT * episode.arm.length:
-        return (
-            f"with {1000 * payload:.0f} g (estimated) the goal is out of reach by "
-            f"{distance} of the arm's own model"
-        )
-    place = ", ".join(f"{coordinate:.3f}" for coordinate in end)
-    return (
-        f"the goal is out of reach by {distance} of the arm's own model; the nearest "
-        f"point that the planner found at the end is ({place}) m"
-    )
-
-
-def _worst_end(episode: Episode, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Goal and predicted position of the end that is farthest from its goal [m]."""
-    goals = episode["desired_positions"][step]
-    ends = episode["predicted"][step][..., POSITION]
-    module = int(np.nanargmax(np.linalg.norm(ends - goals, axis=-1)))
-    return goals[module], ends[module]
-
-
-def _tracking_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> str:
-    planned = bends_from_configurations(jnp.asarray(episode["planned"][steps]))
-    sensed = bends_from_configurations(jnp.asarray(episode["sensed"][steps + 1]))
-    errors = np.linalg.norm(np.asarray(sensed - planned), axis=-1).max(axis=-1)
-    return (
-        f"the sensed bends stay {np.rad2deg(np.nanmedian(errors)):.1f} deg from the "
-        f"planned ones ({100 * distances.tracking:.1f} cm); see the limits of the "
-        "motors and the controller"
-    )
-
-
-def _model_cause(episode: Episode, steps: np.ndarray, distances: _Distances) -> str:
-    return (
-        "the arm follows its plan, but its ends are "
-        f"{100 * distances.model:.1f} cm from where the forward model predicts them; "
-        "try a slower --pace, data of these shapes, or sensors that measure disturbances"
-    )

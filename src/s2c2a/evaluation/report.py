@@ -16,7 +16,6 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
 from s2c2a.errors import MAX_SHOWN
-from s2c2a.evaluation.lasting_error import MIN_LOAD
 from s2c2a.files import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.planning import SIGNIFICANT, Outcome
@@ -28,6 +27,7 @@ PLAN_OUTCOMES = {
     Outcome.BLOCKED: "found no way around the obstacles",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
+MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
 WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
 PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
@@ -96,10 +96,7 @@ def describe_plans(episode: Episode) -> str:
     limit_text = (
         f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     )
-    # at any pace, a goal out of reach stays so
     out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
-    if Outcome.OUT_OF_REACH not in outcomes[-1:]:
-        limit_text += " (a slower --pace or a larger step_limit_deg avoids that)"
     counts[limit_text] = int(_limited_steps(episode).sum())
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"
@@ -119,14 +116,6 @@ def _largest_payload(episode: Episode) -> float:
     payload = float(episode.ran("payload")[is_out_of_reach].max())
     mass = sum(module.mass for module in episode.arm.modules)
     return payload if payload > MIN_LOAD * mass else 0.0
-
-
-def describe_vibrations(episode: Episode) -> str:
-    """Describe the vibrations that the control loop found; empty if there was none."""
-    vibrations = episode.options.get("vibrations", ())
-    if not vibrations:
-        return ""
-    return f"the arm vibrated {len(vibrations)} times, first at {vibrations[0]}"
 
 
 def describe_faults(episode: Episode) -> str:

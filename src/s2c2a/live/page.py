@@ -344,7 +344,6 @@ class LivePage(Window):
             f"**{plan}**": plan,
             f"**{saturation}**": saturation,
             MODEL_DRAWN: not measured,
-            f"**{latest.step.vibration}**": latest.step.vibration,
             f"**{latest.fault}**": latest.fault,
             f"**{self._disagreement.text}**": self._disagreement.text,
         }

@@ -43,7 +43,7 @@ def check_robot(robot: Robot) -> list[str]:
     inspected.close()  # before it was opened
     try:
         player = _SmallBend(inspected)
-        with Loop(inspected, player, monitors_vibration=False) as loop:
+        with Loop(inspected, player) as loop:
             for _ in play(loop, player):
                 pass
     except Exception:

@@ -28,7 +28,6 @@ from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
-from s2c2a.runtime.oscillation import OscillationMonitor
 from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
@@ -70,7 +69,6 @@ class Loop:
         on_step: Callable[[StepRecord], None] = lambda step: None,
         faults: Callable[[Reading], Reading] = lambda reading: reading,
         sensing: Callable[[Reading], Reading] = lambda reading: reading,
-        monitors_vibration: bool = True,
         emergency_stop: EmergencyStop = EMERGENCY_STOP,
         rate: float | None = None,
     ):
@@ -87,8 +85,6 @@ class Loop:
             faults: fault injection for tests: changes every reading before the check.
             sensing: what the controller sees of a reading that passed the check, such
                 as the inaccurate sensors of the live page.
-            monitors_vibration: whether vibration is reported; not for a driver that
-                plays back motions, which may vibrate on purpose.
             emergency_stop: ends the motion within one control step; the robot then
                 stays where it is, or is released (`Robot.halt`).
             rate: of the control steps [Hz]; that of the arm by default.
@@ -116,8 +112,6 @@ class Loop:
         self.phase = Phase()
         self._following = FollowingMonitor(self.arm)
         self._sensing = sensing
-        self._monitor = OscillationMonitor(self.arm)
-        self._monitors_vibration = monitors_vibration
         self._emergency_stop = emergency_stop
         self._halted = False
         self.use(driver)
@@ -215,7 +209,7 @@ class Loop:
                 diagnostics = self._checked_driver.diagnostics()
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
-            diagnostics, self._tick_time, delay, self.fault, self.vibration,
+            diagnostics, self._tick_time, delay, self.fault,
         )  # fmt: skip
         self._step_count += 1
         self._on_step(record)
@@ -311,8 +305,6 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
-        self._monitor.reset()
-        self.vibration = ""
         self._limiter = CommandLimiter(self._limits)
         self._robot.reset()
         self.phase = Phase()
@@ -390,8 +382,6 @@ class Loop:
         estimate = driver.estimate(reading, self._limiter.command)
         plan = driver.plan(estimate, goal)
         desired = driver.act(plan, estimate)
-        if self._monitors_vibration:
-            self.vibration = str(self._monitor.update(desired, reading, goal) or "")
         self._tick_time = time.perf_counter() - began
         self._notice_standstill()
         allowed = self._limiter.hold() if self.standstill else desired

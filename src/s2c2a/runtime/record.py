@@ -44,7 +44,6 @@ class StepRecord:
         tick_time: time that the controller took to choose the action [s].
         late: delay of the step's beginning [s].
         fault: what is wrong; empty if nothing is.
-        vibration: the vibration that the monitor reports; empty if there is none.
     """
 
     number: int
@@ -57,7 +56,6 @@ class StepRecord:
     tick_time: float = 0.0
     late: float = 0.0
     fault: str = ""
-    vibration: str = ""
 
     def __post_init__(self):
         """Copy the action and the diagnostics, which others may change later."""
@@ -113,9 +111,6 @@ def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Ep
     faults = sorted({step.fault for step in steps if step.fault})
     if faults:
         options["faults"] = faults
-    vibrations = _vibrations(steps)
-    if vibrations:
-        options["vibrations"] = vibrations
     return Episode(arm, columns, options)
 
 
@@ -125,17 +120,6 @@ def _align_states(columns: dict[str, np.ndarray]) -> None:
     ages = columns.get(SENSOR + "states_age")
     if states is not None and ages is not None:
         columns[SENSOR + "states"] = align_states(columns["time"], states, ages)
-
-
-def _vibrations(steps: Sequence[StepRecord]) -> list[str]:
-    """When each vibration was found, and what vibrates."""
-    vibrations = []
-    before = ""
-    for step in steps:
-        if step.vibration and not before:
-            vibrations.append(f"{step.reading.time:.1f} s: {step.vibration}")
-        before = step.vibration
-    return vibrations
 
 
 def _active_goal(step: StepRecord, arm: ArmSpec) -> Goal:

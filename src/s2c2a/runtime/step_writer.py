@@ -171,10 +171,9 @@ def joined(pieces: Sequence[Episode]) -> Episode:
     columns = {name: _joined_column(pieces, name) for name in names}
     columns["time"] = _rising(pieces)
     options = dict(pieces[-1].options)
-    for name in ("faults", "vibrations"):
-        texts = [text for piece in pieces for text in piece.options.get(name, ())]
-        if texts:
-            options[name] = list(dict.fromkeys(texts))
+    faults = [text for piece in pieces for text in piece.options.get("faults", ())]
+    if faults:
+        options["faults"] = list(dict.fromkeys(faults))
     return with_aligned_states(Episode(pieces[0].arm, columns, options))
 
 

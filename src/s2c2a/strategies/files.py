@@ -158,12 +158,6 @@ def _blanks(
 
 def _recipe(table: dict[str, Any]) -> Recipe:
     """The recipe of a file of unknown origin: it imports nothing."""
-    planner = table.get("planner")
-    if isinstance(planner, dict):
-        # version 0.3 wrote this key; `plugins.resolve` decides what is imported
-        planner = {key: planner[key] for key in planner if key != "own_code"}
-    # the same: how its data were collected; no network depends on it
-    table = table | {"planner": planner, "active": False}
     recipe = recipe_in(table, Registry.imported)
     try:
         _ = recipe.estimator_options

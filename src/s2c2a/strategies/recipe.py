@@ -367,13 +367,7 @@ def recipe_in(
     controller_name = c2a.get("model", "bilstm") if isinstance(c2a, dict) else "bilstm"
     controller_type = find(CONTROLLERS, str(controller_name))
     controller = _validated("c2a", controller_type, c2a or {})
-    # files of version 0.3 lack the key: the estimator decided what networks see
-    estimator = table.get("estimator")
-    is_kalman = isinstance(estimator, dict) and estimator.get("name") == "KalmanFilter"
-    validated = {"encoders_alone": is_kalman} | table
-    validated |= {"c2s": model, "c2a": controller}
-    if validated.get("active") is False:  # version 0.3 wrote the key
-        del validated["active"]
+    validated = table | {"c2s": model, "c2a": controller}
     return TypeAdapter(Recipe).validate_python(validated)
 
 

@@ -122,7 +122,6 @@ class ArmOnAWire:
             Swing(self.arm, is_steady),
             patience=patience,
             on_step=self.records.append,
-            monitors_vibration=False,
         )
         with self.loop:
             yield self.loop

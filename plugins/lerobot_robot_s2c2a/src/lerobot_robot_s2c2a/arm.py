@@ -165,7 +165,6 @@ class DrivenArm:
             patience=Patience.of(robot.arm.control_rate, standstill=PAUSE),
             # a pose that the observation took from the robot reaches the strategy, too
             faults=self._with_observed,
-            monitors_vibration=strategy is not None,
         )
         self._now = now
 

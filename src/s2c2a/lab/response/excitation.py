@@ -148,7 +148,7 @@ def excite(
     required = (sensor,) if robot.sensors[sensor].always else ()
     steps: list[StepRecord] = []
     player = Player(arm, required, actions)
-    with Loop(robot, player, monitors_vibration=False) as loop:
+    with Loop(robot, player) as loop:
         for number in range(len(actions)):
             steps.append(loop.tick(StepRequest()))
             if steps[-1].stage is not Stage.RUN:

@@ -191,7 +191,6 @@ def play_motion(
             player,
             frames,
             patience=patience,
-            monitors_vibration=False,
             rate=COMMAND_RATE,
         ) as loop:
             for _ in play(loop, player):

@@ -1,4 +1,4 @@
-"""The page shows a vibration, a changed arm, and the plan."""
+"""The page shows a changed arm, the plan, and commands at their limits."""
 
 from dataclasses import replace
 
@@ -6,18 +6,6 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.spaces import Stage
-
-VIBRATION = "commands of module 2 vibrate at 1.5 Hz with 4.0 deg"
-
-
-def test_a_calm_arm_shows_no_vibration(control, page):
-    assert "vibrate" not in page._status_of(control.latest)
-
-
-def test_a_vibration_is_shown(control, page):
-    step = replace(control.latest.step, vibration=VIBRATION)
-    status = page._status_of(replace(control.latest, step=step))
-    assert f"**{VIBRATION}**" in status
 
 
 def test_a_tip_far_from_its_predictions_is_shown(control, page):
