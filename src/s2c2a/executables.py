@@ -41,11 +41,12 @@ from s2c2a.versions import versions
 PACKAGE = Path(__file__).parent
 TRACED = ("arm", "control", "estimation", "kinematics", "models", "planning")
 """Packages whose functions programs are made of, beside the modules at the top."""
-QUICKLY = {"xla_cpu_use_fusion_emitters": False}
+QUICKLY: dict[str, str | bool] = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA that halve the time of compilation; the programs are as fast
 (`benchmarks/start.py`)."""
 OTHERS_MAY_WRITE = 0o022
 PROCESSOR = Path("/proc/cpuinfo")
+CONFIG: Any = jax.config  # its attributes are made when JAX is imported
 VARIABLES = ("XLA_FLAGS", "PJRT_NPROC", "NPROC", "JAX_PLATFORMS")
 
 
@@ -53,8 +54,8 @@ def folder() -> Path | None:
     """Where executables are kept; None if the user has another cache of JAX, or none."""
     kept = cache_folder().absolute() / "executables"
     programs = str(kept.with_name("programs"))
-    is_ours = jax.config.jax_compilation_cache_dir == programs
-    is_enabled = jax.config.jax_enable_compilation_cache
+    is_ours = CONFIG.jax_compilation_cache_dir == programs
+    is_enabled = CONFIG.jax_enable_compilation_cache
     return kept if is_ours and is_enabled and hasattr(os, "getuid") else None
 
 
@@ -152,7 +153,7 @@ def _environment() -> bytes:
         named = [line for line in lines if line.startswith(("flags", "model name"))]
         processor = "".join(sorted(set(named)))
     device = jax.devices()[0]
-    settings = [jax.config.jax_enable_x64, jax.config.jax_default_matmul_precision]
+    settings = [CONFIG.jax_enable_x64, CONFIG.jax_default_matmul_precision]
     variables = [os.environ.get(name) for name in VARIABLES]
     known = versions(), processor, str(device.device_kind), len(jax.devices())
     return sources.digest() + repr((known, settings, variables)).encode()

@@ -25,4 +25,4 @@ warnings.filterwarnings("ignore", MESSAGE)
 with suppress(ImportError):  # private: another version may keep JAX's own writes
     from jax._src.lru_cache import LRUCache
 
-    LRUCache.put = _put
+    LRUCache.put = _put  # type: ignore[method-assign, assignment]

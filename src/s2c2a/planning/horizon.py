@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from s2c2a.goals import PREVIEW, Goal
+from s2c2a.goals import PREVIEW
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -259,7 +259,7 @@ class Horizon(Solver):
     ) -> _Expansion:
         """The cost of knots with these predictions, the first of which is beside them."""
 
-        def terms(candidate: Candidate, slopes: Candidate, goal: Goal):
+        def terms(candidate: Candidate, slopes: Candidate, goal):
             later = problem.later(goal)
             directional = jax.vmap(
                 lambda slope: jax.jvp(later.residuals, (candidate,), (slope,)),
