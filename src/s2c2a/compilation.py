@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from s2c2a import executables
 from s2c2a.user_code import code_digest
@@ -157,6 +157,11 @@ def scan(
 
 def select_if_finite(new: Any, old: Any) -> Any:
     """Return the new pytree if all its numbers are finite, otherwise the old one."""
-    finite = [jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(new)]
-    all_finite = jnp.all(jnp.array(finite, dtype=bool))
-    return jax.tree.map(lambda a, b: jnp.where(all_finite, a, b), new, old)
+    is_finite = all_finite(new)
+    return jax.tree.map(lambda a, b: jnp.where(is_finite, a, b), new, old)
+
+
+def all_finite(values: Any) -> Bool[Array, ""]:
+    """Return whether all numbers of a pytree are finite."""
+    finite = [jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(values)]
+    return jnp.all(jnp.array(finite, dtype=bool))

@@ -95,24 +95,22 @@ class LocalC2S(WrappedModel):
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        displacements = self.chain.body.displacements(configurations)
-        inputs = self.chain.inputs(displacements, memory)
+        bends = bends_from_configurations(configurations)
+        inputs = self._inputs_at(bends, memory)
         states = self.chain.states(inputs, disturbances)
         if self.tangent is None:
             return self._corrected(states, self.process(self.features(inputs)))
-        values = self._along(self.tangent, configurations, memory)
+        values = self._along(self.tangent, bends, memory)
         return self._corrected(states, values)
 
     def _along(
         self,
         tangent: Tangent,
-        configurations: Float[Array, "*batch modules 3"],
+        bends: Float[Array, "*batch modules 2"],
         memory: HysteresisMemory,
     ) -> Array:
         """Values of the expansion; beyond its radius, those at its border."""
-        away = limit_lengths(
-            bends_from_configurations(configurations) - tangent.bends, NEARBY
-        )
+        away = limit_lengths(bends - tangent.bends, NEARBY)
         moved = self._features_at(tangent.bends + away, memory) - tangent.features
         return tangent.values + jnp.einsum("of,...f->...o", tangent.slopes, moved)
 
@@ -120,8 +118,13 @@ class LocalC2S(WrappedModel):
         self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
     ) -> Float[Array, "*batch features"]:
         """Features at bends [rad] that are planned after this memory."""
+        return self.features(self._inputs_at(bends, memory))
+
+    def _inputs_at(
+        self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
+    ) -> Float[Array, "*batch modules inputs cables"]:
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
-        return self.features(self.chain.inputs(moved, memory))
+        return self.chain.inputs(moved, memory)
 
     def predictive_std(
         self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory

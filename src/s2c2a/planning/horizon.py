@@ -165,7 +165,7 @@ class Horizon(Solver):
             problem.memory,
         )
         unknown = Candidate(
-            configurations_from_bends(last.bends),
+            last.configurations,
             last.bends,
             jnp.zeros((len(last.bends), 6)),
             jnp.zeros((len(problem.situation.radii), 3)),

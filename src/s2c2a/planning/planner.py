@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled, select_if_finite
+from s2c2a.compilation import all_finite, compiled, select_if_finite
 from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate, ModalFactors
@@ -298,16 +298,19 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
-        new = last._replace(
-            configurations=planned.configurations,
-            bends=planned.bends,
-            solver=solver,
-            motion=motion,
-            judged=judge(planned, problem.situation, lengths),
-            expectation=expectation,
-        )
-        kept = last._replace(expectation=plan.expectation)
-        return select_if_finite(new, kept)
+        new = {
+            "configurations": planned.configurations,
+            "bends": planned.bends,
+            "solver": solver,
+            "motion": motion,
+            "judged": judge(planned, problem.situation, lengths),
+            "expectation": expectation,
+        }
+        old = {name: getattr(plan, name) for name in new}
+        # a model need not know its uncertainty
+        is_sound = all_finite((planned.configurations, solver, motion))
+        kept = jax.tree.map(lambda a, b: jnp.where(is_sound, a, b), new, old)
+        return last._replace(**kept)
 
     def _with_moments(
         self,

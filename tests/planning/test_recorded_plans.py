@@ -1,0 +1,98 @@
+"""Plans of recorded problems, as version 0.3.1-e71687a2 planned them."""
+
+from functools import cache
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from s2c2a.arm import load_arm
+from s2c2a.compilation import compilations
+from s2c2a.estimation import Estimate, EstimationSettings
+from s2c2a.goals import MAX_OBSTACLES, Goal
+from s2c2a.planning.guides import Lead
+from s2c2a.strategies import networks_from, strategy_of
+from s2c2a.strategies.options import RunOptions
+
+from marks import slow_after
+
+FILE = Path(__file__).with_name("recorded_plans.npz")
+LOAD = EstimationSettings(known_payload=0.05)
+PROBLEMS = {
+    "reach": ("twin_arm", RunOptions(guard="arm")),  # past two obstacles, with a guide
+    "circle": ("twin_arm", RunOptions()),
+    "payload": ("twin_arm", RunOptions(estimation=LOAD)),
+    "hold": ("simulated_arm", RunOptions()),
+}
+NEAR = 1e-4  # of configurations and states [1, m]: rounding grows from step to step
+PROGRAMS = 8  # at the start of a run, with what an estimate of a payload needs
+LINES = 6_500
+
+
+@cache
+def recorded(name: str) -> dict[str, np.ndarray]:
+    with np.load(FILE) as file:
+        return {
+            key.removeprefix(f"{name}."): file[key]
+            for key in file.files
+            if key.startswith(f"{name}.")
+        }
+
+
+def at(values: np.ndarray, step: int) -> np.ndarray:
+    """What stays the same is recorded once."""
+    return values[min(step, len(values) - 1)]
+
+
+def goal_at(problem: dict[str, np.ndarray], step: int, modules: int) -> Goal:
+    known = {
+        key.removeprefix("goal_"): at(values, step)
+        for key, values in problem.items()
+        if key.startswith("goal_")
+    }
+    for name in ("obstacles", "thresholds", "cores"):
+        rows = MAX_OBSTACLES - len(known[name])
+        padding = ((0, rows), *((0, 0),) * (known[name].ndim - 1))
+        known[name] = np.pad(known[name], padding)
+    return Goal.of(modules)._replace(**known)
+
+
+def lead_at(problem: dict[str, np.ndarray], step: int, modules: int) -> Lead:
+    if "lead_bends" not in problem:
+        return Lead.none(modules)
+    return Lead(*(at(problem[f"lead_{name}"], step) for name in Lead._fields))
+
+
+@pytest.mark.parametrize("name", slow_after(1, PROBLEMS))
+def test_plans_are_those_that_were_recorded(name, monkeypatch):
+    arm_name, options = PROBLEMS[name]
+    arm = load_arm(arm_name)
+    problem = recorded(name)
+    before = compilations()
+    strategy = strategy_of(networks_from("shipped", arm), options)
+    assert compilations() - before <= PROGRAMS
+    planner, model = strategy.planner, strategy.estimator.model
+    payload = options.estimation.known_payload
+    observe = jax.jit(lambda sensed, memory: model.observe(sensed, memory))
+    memory = jax.jit(lambda sensed: model.start(sensed))(problem["start"])
+
+    def estimate(sensed):
+        if payload:
+            return Estimate.of(sensed, payload, hysteresis=memory)
+        return Estimate(sensed, hysteresis=memory)
+
+    plan = planner.start(estimate(problem["start"]))
+    for step, sensed in enumerate(problem["sensed"]):
+        lead = lead_at(problem, step, arm.module_count)
+        monkeypatch.setattr(planner, "_lead", lambda *_, lead=lead: lead)
+        memory = observe(sensed, memory)
+        goal = goal_at(problem, step, arm.module_count)
+        plan = planner.plan(plan, estimate(sensed), goal)
+        assert plan.judged == problem["judged"][step]
+        for found, expected in (
+            (plan.configurations, problem["configurations"]),
+            (plan.expectation.states, problem["states"]),
+            (plan.expectation.horizon, problem["horizon"]),
+        ):
+            np.testing.assert_allclose(found, expected[step], atol=NEAR)
