@@ -96,7 +96,11 @@ def test_the_page_names_the_columns_of_the_docstrings():
 
 def test_the_page_explains_the_numbers_of_stages_and_outcomes():
     stages = [f"| {int(stage)} | `{stage.name}` | {stage} |" for stage in Stage]
+    text = " ".join(f"{Outcome.__doc__}".split())
+    meanings = re.findall(r"([A-Z_]{5,}): (.*?)(?= [A-Z_]{5,}:|$)", text)
     outcomes = [
-        f"| {int(each)} | `{each.name}` | {each.sentence} |" for each in Outcome
+        f"| {int(Outcome[name])} | `{name}` | {meaning[0].upper()}{meaning[1:]} |"
+        for name, meaning in meanings
     ]
+    assert len(outcomes) == len(Outcome)
     assert [row for row in stages + outcomes if row not in PAGE] == []

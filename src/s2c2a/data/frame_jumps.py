@@ -9,7 +9,7 @@ velocity before and after. A knock during fast motion stays unseen.
 from collections import deque
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from s2c2a.spaces import AXIS, POSITION, States
 
@@ -58,9 +58,12 @@ def find_frame_jumps(
     is_common &= np.where(known, unequal, 0.0).max(axis=1) < UNEQUAL * size
     noise = np.where(is_common, size, 0.0)
     is_jump = is_common & (size > LEAST * length)
+    # faster than the steps before and after: next to a jump is half of it
+    rates = np.pad(size / durations[1:-1], 1, constant_values=np.inf)
+    is_peak = (rates[1:-1] > rates[:-2]) & (rates[1:-1] > rates[2:])
     return {
         int(step) + 2: common[step]
-        for step in np.flatnonzero(is_jump & _are_peaks(size / durations[1:-1]))
+        for step in np.flatnonzero(is_jump & is_peak)
         if _is_unusual(noise, int(step))
     }
 
@@ -77,12 +80,6 @@ def _sudden(
     steps = np.diff(values, axis=0)
     velocities = steps / durations
     return steps[1:-1] - durations[1:-1] * (velocities[:-2] + velocities[2:]) / 2
-
-
-def _are_peaks(rate: Float[np.ndarray, " steps"]) -> Bool[np.ndarray, " steps"]:
-    """Steps that are faster than those before and after: next to a jump is half of it."""
-    bounded = np.pad(rate, 1, constant_values=np.inf)
-    return np.asarray((rate > bounded[:-2]) & (rate > bounded[2:]))
 
 
 def _is_unusual(noise: Float[np.ndarray, " steps"], step: int) -> bool:

@@ -128,7 +128,8 @@ class DisturbanceFilter(eqx.Module):
             bend_rates=zeros,
             sensor_biases=jnp.zeros_like(initial_std.sensor_biases),
         )
-        steps = self._history_length()
+        latest = max((sensor.max_delay for sensor in self.sensors), default=0.0)
+        steps = MIN_HISTORY + int(latest / self.period)  # for delayed measurements
         sensed = bends_from_configurations(configuration)
         return FilterState(
             mean=mean,
@@ -174,11 +175,6 @@ class DisturbanceFilter(eqx.Module):
             bend_rates=jnp.full(bends, options.rate_noise),
             sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
         )
-
-    def _history_length(self) -> int:
-        """Number of past control steps in the state, for delayed measurements."""
-        latest = max((sensor.max_delay for sensor in self.sensors), default=0.0)
-        return MIN_HISTORY + int(latest / self.period)
 
     @property
     def _order(self) -> StateOrder:
@@ -277,7 +273,8 @@ class DisturbanceFilter(eqx.Module):
         )
         state = state._replace(mean=mean, covariance=covariance)
         shape = equilibrium.shape
-        compared = bends.reshape(shape) if self._sees_vibration() else equilibrium
+        sees_vibration = any(not each.measures_equilibrium for each in self.sensors)
+        compared = bends.reshape(shape) if sees_vibration else equilibrium
         caused = _disturbance_bends(mean, by_payload)
         return state._replace(
             past_bends=_pushed(state.past_bends, compared),
@@ -503,10 +500,6 @@ class DisturbanceFilter(eqx.Module):
     def _learns(self) -> bool:
         """Whether the biases are learned as a function of the shape."""
         return self.estimates and any(sensor.sees_ends for sensor in self.sensors)
-
-    def _sees_vibration(self) -> bool:
-        """Whether the vibration is observable."""
-        return any(not sensor.measures_equilibrium for sensor in self.sensors)
 
 
 def _disturbance_bends(

@@ -5,7 +5,6 @@ that of the sensed arm from the plan one of tracking; the rest of the forward mo
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -27,15 +26,6 @@ TROUBLES = {
 """Outcomes in which a plan does not get nearer to its goal."""
 
 
-class _Distances(NamedTuple):
-    """Typical distances along the chain [m]; of the true arm NaN where unknown."""
-
-    error: float
-    plan: float
-    tracking: float
-    model: float
-
-
 def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
     """Describe that the plan of a control step does not get nearer to its goal.
 
@@ -47,7 +37,7 @@ def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
     if number not in TROUBLES:
         return ""
     distance = 100.0 * float(diagnostics.get("plan_error", np.nan))
-    return f"plan {TROUBLES[Outcome(int(number))]}, {distance:.1f} cm from its goal"  # type: ignore[call-arg]
+    return f"plan {TROUBLES[Outcome(int(number))]}, {distance:.1f} cm from its goal"
 
 
 def describe_lasting_error(episode: Episode) -> str:
@@ -62,17 +52,20 @@ def describe_lasting_error(episode: Episode) -> str:
     steps = _last_steps(episode)
     if not len(steps):
         return ""
-    distances = _distances(episode, steps)
-    if not distances.error > SIGNIFICANT * episode.arm.length:
+    error, plan, tracking, model = _distances(episode, steps)
+    if not error > SIGNIFICANT * episode.arm.length:
         return ""
-    error, plan, tracking, model = (f"{100 * value:.1f} cm" for value in distances)
     text = (
-        f"position error {error} in the last quarter of the run: the plan is {plan} "
-        f"from its goal, the sensed arm {tracking} from the plan"
+        f"position error {100 * error:.1f} cm in the last quarter of the run: the plan "
+        f"is {100 * plan:.1f} cm from its goal, the sensed arm {100 * tracking:.1f} cm "
+        "from the plan"
     )
-    if np.isnan(distances.model):
+    if np.isnan(model):
         return text
-    return f"{text}, the true arm {model} from where the forward model predicts it"
+    return (
+        f"{text}, the true arm {100 * model:.1f} cm from where the forward model "
+        "predicts it"
+    )
 
 
 def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
@@ -86,7 +79,10 @@ def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
     return last[has_plan[last]]
 
 
-def _distances(episode: Episode, steps: np.ndarray) -> _Distances:
+def _distances(
+    episode: Episode, steps: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Error, and typical distances along the chain [m]; of the true arm NaN if unknown."""
     goals = episode["desired_positions"][steps]
     predicted = episode["predicted"][steps][..., POSITION]
     plan = float(np.median(episode["plan_error"][steps]))
@@ -94,11 +90,11 @@ def _distances(episode: Episode, steps: np.ndarray) -> _Distances:
     planned = _ends(episode, episode["planned"][steps])
     tracking = _median_distance(tracked, planned, goals)
     if "states" not in episode.sensors:
-        return _Distances(max(plan, tracking), plan, tracking, np.nan)
+        return max(plan, tracking), plan, tracking, np.nan
     states = episode.sensor("states")[steps + 1][..., POSITION]
     error = _median_distance(states, goals, goals)
     model = _median_distance(states - predicted, tracked - planned, goals)
-    return _Distances(error, plan, tracking, model)
+    return error, plan, tracking, model
 
 
 def _ends(episode: Episode, configurations: np.ndarray) -> np.ndarray:

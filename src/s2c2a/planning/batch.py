@@ -115,7 +115,7 @@ class BatchPlanner:
 
         with ThreadPoolExecutor(self._threads) as pool:
             results = list(pool.map(run_chunk, range(0, count, size)))
-        return _concatenate(results, count)
+        return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *results)
 
 
 def _slice(inputs: Any, begin: int, size: int) -> Any:
@@ -123,10 +123,6 @@ def _slice(inputs: Any, begin: int, size: int) -> Any:
     last = len(jax.tree.leaves(inputs)[0]) - 1
     rows = np.minimum(np.arange(begin, begin + size), last)
     return jax.tree.map(lambda values: np.asarray(values)[rows], inputs)
-
-
-def _concatenate(chunks: list[Any], count: int) -> Any:
-    return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:count], *chunks)
 
 
 def _vectorize(function: Callable[..., Any], step: Step, *inputs: Any) -> Any:

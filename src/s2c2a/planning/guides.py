@@ -231,15 +231,12 @@ class WayLeader(Leader):
         self._search = Search(bends, goal, self._latest)
         self._start = bends
 
-    def _roadmap(self) -> Roadmap:
-        if self._map is None:
-            self._map = Roadmap(*self._parts)
-        return self._map
-
     def _searched(self, bends: Shape, goal: Goal) -> Way | None:
         """See `Search.result`; runs in the worker."""
+        if self._map is None:
+            self._map = Roadmap(*self._parts)
         least = CLOSEST * self._margin
-        way = self._roadmap().find(bends, goal, least, self._margin)
+        way = self._map.find(bends, goal, least, self._margin)
         longest = self._options.longest * self._length
         return way if way and way.length <= longest else None
 

@@ -31,42 +31,25 @@ class Outcome(IntEnum):
     """How a control step was planned; the value is the number in files.
 
     Numbers 1 to 4 are those of a search that version 0.3 had.
+
+    Attributes:
+        SOLVED: the plan is the result of the solver, and has reached its goal by the
+            plan's own model, within 1 % of the arm's length.
+        STALLED: the plan stands still and has not reached its goal, although a step of
+            arcs within the limits gets nearer.
+        OUT_OF_REACH: the plan has not reached its goal, and no step of arcs within the
+            limits gets nearer.
+        MOVING: the plan is the result of the solver, and moves; it has not reached its
+            goal.
+        BLOCKED: the plan has not reached its goal, and a search found no way there past
+            the obstacles: it goes to the nearest clear point, if there is one.
     """
 
-    sentence: str
-
-    SOLVED = (
-        0,
-        "The plan is the result of the solver, and has reached its goal by the plan's "
-        "own model, within 1 % of the arm's length.",
-    )
-    STALLED = (
-        5,
-        "The plan stands still and has not reached its goal, although a step of arcs "
-        "within the limits gets nearer.",
-    )
-    OUT_OF_REACH = (
-        6,
-        "The plan has not reached its goal, and no step of arcs within the limits gets "
-        "nearer.",
-    )
-    MOVING = (
-        7,
-        "The plan is the result of the solver, and moves; it has not reached its goal.",
-    )
-
-    BLOCKED = (
-        8,
-        "The plan has not reached its goal, and a search found no way there past the "
-        "obstacles: it goes to the nearest clear point, if there is one.",
-    )
-
-    def __new__(cls, value: int, sentence: str) -> "Outcome":
-        """A number with a sentence."""
-        outcome = int.__new__(cls, value)
-        outcome._value_ = value
-        outcome.sentence = sentence
-        return outcome
+    SOLVED = 0
+    STALLED = 5
+    OUT_OF_REACH = 6
+    MOVING = 7
+    BLOCKED = 8
 
 
 def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:

@@ -163,9 +163,11 @@ class ReadingCheck:
             suspicious = repeated and (last_change > 0 or counts[name] > 0)
             counts[name] = counts[name] + 1 if suspicious else 0
             changes[name] = changes[name] + last_change if suspicious else 0.0
-            if counts[name] >= MAX_SILENCE * self._steps and changes[
-                name
-            ] > _frozen_change(name):
+            # what a sensor must show, as a fraction of the full bend
+            shown = (
+                FROZEN_CHANGE_OF_MODULES if name in MODULE_SENSORS else FROZEN_CHANGE
+            )
+            if counts[name] >= MAX_SILENCE * self._steps and changes[name] > shown:
                 frozen.append(name)
         return f"'{frozen[0]}' is frozen" if frozen else ""
 
@@ -190,8 +192,3 @@ def describe_values(
         return f"'{name}' is not finite"
     in_range = (values >= sensor.low) & (values <= sensor.high)
     return "" if (in_range | ~is_finite).all() else f"'{name}' is out of its range"
-
-
-def _frozen_change(name: str) -> float:
-    """Change of commands that a sensor must show, as a fraction of the full bend."""
-    return FROZEN_CHANGE_OF_MODULES if name in MODULE_SENSORS else FROZEN_CHANGE

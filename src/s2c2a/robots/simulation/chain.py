@@ -365,7 +365,11 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             routing = cable_routing(arm, owner)
             for station in product(routing, range(fidelity.segments + 1)):
                 tendon.wrap_site(_cable_site_name(owner, cable, station))
-            rest_length = _straight_length(arm, modules[owner].cables[cable], routing)
+            # along the straight arm; it steps outward where it enters its own module
+            radius = np.linalg.norm(modules[owner].cables[cable])
+            steps = np.abs(np.diff(list(routing.values()))) * radius
+            along = sum(arm.modules[number].length for number in routing)
+            rest_length = along + float(steps.sum())
         else:
             _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
         parameters = arm.modules[owner].cable
@@ -375,17 +379,6 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
         if arm.actuation == "displacement":
             pretension = float(geometry.pretensions[owner, cable])
             _add_spring(actuator, parameters.stiffness, rest_length, pretension)
-
-
-def _straight_length(
-    arm: ArmSpec, cable: np.ndarray, routing: dict[int, float]
-) -> float:
-    """Return the length of a cable along the straight arm [m].
-
-    The cable steps outward where it enters its own module.
-    """
-    steps = np.abs(np.diff(list(routing.values()))) * np.linalg.norm(cable)
-    return sum(arm.modules[number].length for number in routing) + float(steps.sum())
 
 
 def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
