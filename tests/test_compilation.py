@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a import compilation
 from s2c2a.compilation import MAX_UNROLLED, compiled, scan
 
 
@@ -113,3 +114,13 @@ def test_short_and_long_sequences_are_scanned_in_the_same_order(steps, reverse):
     expected = np.cumsum(turned, axis=1)
     expected = expected[:, ::-1] if reverse else expected
     np.testing.assert_allclose(sums, expected, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.skipif(not compilation.MAPS.exists(), reason="Linux only")
+def test_programs_are_forgotten_only_if_there_are_too_many():
+    compiled = jax.jit(lambda x: 2.0 * x)
+    compiled(1.0)
+    assert not forget_programs(max_maps=10**9)
+    assert compiled._cache_size() == 1
+    assert forget_programs(max_maps=1)
+    assert compiled._cache_size() == 0

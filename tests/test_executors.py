@@ -10,10 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-import jax
 import pytest
 
-from s2c2a import executors
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.executors import (
     Processes,
@@ -168,13 +166,3 @@ def test_workers_end_with_a_killed_parent(tmp_path):
             break
         time.sleep(0.1)
     assert ended
-
-
-@pytest.mark.skipif(not executors.MAPS.exists(), reason="Linux only")
-def test_programs_are_forgotten_only_if_there_are_too_many():
-    compiled = jax.jit(lambda x: 2.0 * x)
-    compiled(1.0)
-    assert not executors.forget_programs(max_maps=10**9)
-    assert compiled._cache_size() == 1
-    assert executors.forget_programs(max_maps=1)
-    assert compiled._cache_size() == 0

@@ -13,6 +13,7 @@ with it and 1.6 ms with `compiled`, which takes them apart once.
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -26,6 +27,10 @@ from s2c2a import executables
 from s2c2a.user_code import code_digest
 
 MAX_UNROLLED = 8  # steps of `scan`; longer sequences compile faster as loops
+MAPS = Path("/proc/self/maps")  # Linux only
+MAX_MAPS = 20_000
+"""Memory maps of a process from which it forgets its compiled programs: a third of the
+65,530 that Linux allows."""
 _COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
 _compilation_count = [0]
 
@@ -120,10 +125,28 @@ class _Program:
     def _made(self, structure: Any, kinds: tuple, inputs: tuple) -> Callable[..., Any]:
         """The executable for these inputs, from disk if it is there."""
         names = [(shape, str(kind)) for shape, kind in kinds]
-        key = executables.key_of(self._description, structure, names)
-        return executables.load(key, inputs) or executables.made(
-            key, self._jitted.lower(*inputs)
-        )
+        place = executables.place_of(self._description, structure, names)
+        kept = executables.load(place, inputs)
+        return kept or executables.made(place, self._jitted.lower(*inputs))
+
+
+def forget_programs(max_maps: int = MAX_MAPS) -> bool:
+    """Forget all compiled programs if they occupy too much of a limited resource.
+
+    Every program occupies several memory maps, and Linux allows 65,530 for each process
+    (`vm.max_map_count`). A worker that makes many networks and runs would exceed that.
+
+    Args:
+        max_maps: number of memory maps from which programs are forgotten.
+
+    Returns:
+        Whether they were forgotten.
+    """
+    if not MAPS.exists() or MAPS.read_bytes().count(b"\n") < max_maps:
+        return False
+    _program.cache_clear()
+    jax.clear_caches()
+    return True
 
 
 def scan(

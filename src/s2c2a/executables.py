@@ -15,13 +15,14 @@ import math
 import os
 import pickle
 import platform
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
 import jax
@@ -39,8 +40,11 @@ from s2c2a.files import write_atomically
 from s2c2a.versions import versions
 
 PACKAGE = Path(__file__).parent
-TRACED = ("arm", "control", "estimation", "kinematics", "models", "planning")
-"""Packages whose functions programs are made of, beside the modules at the top."""
+TRACED = re.compile(
+    r"s2c2a\.(arm|backlash|compilation|control|estimation|goals|kinematics"
+    r"|models|obstacles|paper|planning|spaces)\b"
+)
+"""Modules of whose functions and constants programs are made."""
 QUICKLY: dict[str, str | bool] = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA that halve the time of compilation; the programs are as fast
 (`benchmarks/start.py`)."""
@@ -50,28 +54,24 @@ CONFIG: Any = jax.config  # its attributes are made when JAX is imported
 VARIABLES = ("XLA_FLAGS", "PJRT_NPROC", "NPROC", "JAX_PLATFORMS")
 
 
-def folder() -> Path | None:
-    """Where executables are kept; None if the user has another cache of JAX, or none."""
-    kept = cache_folder().absolute() / "executables"
-    programs = str(kept.with_name("programs"))
-    is_ours = CONFIG.jax_compilation_cache_dir == programs
-    is_enabled = CONFIG.jax_enable_compilation_cache
-    return kept if is_ours and is_enabled and hasattr(os, "getuid") else None
+def place_of(*parts: Any) -> Path | None:
+    """File of a program that follows from these.
 
-
-def key_of(*parts: Any) -> str:
-    """Name of a program that follows from these; empty if they cannot be pickled."""
-    if folder() is None:
-        return ""
+    None if they cannot be pickled, or the user has another cache of JAX, or none.
+    """
+    place = cache_folder().absolute() / "executables"
+    is_ours = CONFIG.jax_compilation_cache_dir == str(place.with_name("programs"))
+    if not (is_ours and CONFIG.jax_enable_compilation_cache and hasattr(os, "getuid")):
+        return None
     described = io.BytesIO()
+    description = _Description(described)
+    description.fast = True  # not whether equal parts are one object
     try:
-        description = _Description(described)
-        description.fast = True  # not whether equal parts are one object
         description.dump(parts)
     except Exception:  # pickle raises what objects raise
-        return ""
+        return None
     text = described.getvalue() + _changes() + _environment()
-    return blake2b(text, digest_size=20).hexdigest()
+    return place / blake2b(text, digest_size=20).hexdigest()
 
 
 class _Description(pickle.Pickler):
@@ -85,19 +85,18 @@ class _Description(pickle.Pickler):
         return NotImplemented
 
 
-def load(key: str, inputs: tuple) -> Callable[..., Any] | None:
+def load(place: Path | None, inputs: tuple) -> Callable[..., Any] | None:
     """The program, if it is kept and runs here with these inputs."""
-    home = folder()
-    if not key or home is None or not (_is_own(home) and _is_own(home / key)):
+    if place is None or not (_is_own(place.parent) and _is_own(place)):
         return None
     _find_lapack()
     try:
-        saved = pickle.loads((home / key).read_bytes())
+        saved = pickle.loads(place.read_bytes())
         program = serialize_executable.deserialize_and_load(*saved)
         jax.block_until_ready(program(*inputs))
     except Exception:  # a damaged file, or one of another machine
         with suppress(OSError):
-            (home / key).unlink()
+            place.unlink()
         return None
     return program
 
@@ -108,20 +107,20 @@ def _find_lapack() -> None:
     jax.jit(jnp.linalg.solve).lower(np.eye(1), np.ones(1))
 
 
-def made(key: str, lowered: jax.stages.Lowered) -> Callable[..., Any]:
+def made(place: Path | None, lowered: jax.stages.Lowered) -> Callable[..., Any]:
     """The program, compiled and kept, unless it or the folder cannot be written."""
-    home = folder()
-    if not key or home is None:
+    if place is None:
         return _compiled(lowered)
     # a program out of JAX's cache cannot be kept a second time
     with least_seconds_in_cache(math.inf):
         program = _compiled(lowered)
     with suppress(OSError, S2C2AError, ValueError, NotImplementedError):
-        home.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if _is_own(home):
-            saved = pickle.dumps(serialize_executable.serialize(program))
-            write_atomically(saved, home / key)
-            (home / key).chmod(0o600)
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _is_own(place.parent):
+            write_atomically(
+                pickle.dumps(serialize_executable.serialize(program)), place
+            )
+            place.chmod(0o600)
     return program
 
 
@@ -160,32 +159,25 @@ def _environment() -> bytes:
 
 
 def _changes() -> bytes:
-    """What a script can have changed in the package: constants and functions."""
-    loaded = [module for name, module in sys.modules.items() if _is_traced(name)]
-    rows = sorted(row for module in loaded for row in _rows(module))
-    return repr(rows).encode()
+    """What a script can have changed in traced modules: constants and functions."""
+    rows = []
+    for name, module in list(sys.modules.items()):
+        if not TRACED.match(name):
+            continue
+        kinds = [kind for kind in vars(module).values() if isinstance(kind, type)]
+        own = [kind for kind in kinds if kind.__module__ == name]
+        for holder in (module, *own):
+            told = {key: _told(value) for key, value in vars(holder).items()}
+            rows.append(f"{name} {holder.__name__} {sorted(told.items())}")
+    return repr(sorted(rows)).encode()
 
 
-def _is_traced(name: str) -> bool:
-    package, _, rest = name.partition(".")
-    return package == PACKAGE.name and ("." not in rest or rest.startswith(TRACED))
-
-
-def _rows(holder: ModuleType | type, depth: int = 0) -> Iterator[str]:
-    """Constants and functions of a module and of its classes, as text."""
-    for name, value in vars(holder).items():
-        place = f"{getattr(holder, '__module__', '')}.{holder.__name__}.{name}"
-        if isinstance(value, classmethod | staticmethod):
-            value = value.__func__
-        if isinstance(value, FunctionType):
-            code = value.__code__
-            yield f"{place} {value.__module__} {code.co_qualname} {code.co_firstlineno}"
-        elif isinstance(value, bool | int | float | str | np.ndarray | tuple):
-            if not name.startswith("__"):
-                yield f"{place} {value!r}"
-        elif (
-            isinstance(value, type)
-            and not depth
-            and value.__module__ == holder.__name__
-        ):
-            yield from _rows(value, 1)
+def _told(value: Any) -> str:
+    """Which constant or function it is; others come and go with caches."""
+    function = getattr(value, "__func__", value)
+    if isinstance(function, FunctionType):
+        code = function.__code__
+        return f"{function.__module__} {function.__qualname__} {code.co_firstlineno}"
+    is_constant = isinstance(value, bool | int | float | tuple | np.ndarray)
+    text = repr(value) if is_constant else type(value).__name__
+    return re.sub(" at 0x[0-9a-f]+", "", text)

@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
 from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError
@@ -26,10 +25,6 @@ PENDING_PER_WORKER = 2
 """Pending calls per worker: no worker idles, and few results wait in memory."""
 DEFAULT_WORKERS = 32
 """Assumed number of workers of an executor without an attribute `workers`."""
-MAPS = Path("/proc/self/maps")  # Linux only
-MAX_MAPS = 20_000
-"""Memory maps of a process from which it forgets its compiled programs: a third of the
-65,530 that Linux allows."""
 MEMORY_PER_PROCESS = 1.5e9
 """Memory of a process that trains networks or runs a strategy [bytes], with a margin
 (docs/guides/cluster.md)."""
@@ -59,26 +54,6 @@ def limit_jax_to_one_thread() -> None:
     """
     # older versions of XLA read NPROC
     os.environ.update(PJRT_NPROC="1", NPROC="1")
-
-
-def forget_programs(max_maps: int = MAX_MAPS) -> bool:
-    """Forget all compiled programs if they occupy too much of a limited resource.
-
-    Every program occupies several memory maps, and Linux allows 65,530 for each process
-    (`vm.max_map_count`). A worker that makes many networks and runs would exceed that.
-
-    Args:
-        max_maps: number of memory maps from which programs are forgotten.
-
-    Returns:
-        Whether they were forgotten.
-    """
-    if not MAPS.exists() or MAPS.read_bytes().count(b"\n") < max_maps:
-        return False
-    import jax  # noqa: PLC0415  # heavy
-
-    jax.clear_caches()
-    return True
 
 
 class Serial(Executor):

@@ -8,12 +8,13 @@ class Operator:
 
     Attributes:
         attends: whether a terminal passes on answers.
+        agrees: whether the arm may resume, since the last question.
     """
 
     def __init__(self) -> None:
         """Nobody attends."""
         self.attends = False
-        self._agrees = False
+        self.agrees = False
 
     def ask(self, text: str) -> None:
         """Show what happened; an earlier answer does not count.
@@ -21,21 +22,12 @@ class Operator:
         Args:
             text: a sentence.
         """
-        self._agrees = False
+        self.agrees = False
         if self.attends:
             sys.stderr.write(
                 f"{text}, and the arm is held. Make sure that nobody touches it, then "
                 "press r to resume; without an answer it goes to rest.\n"
             )
-
-    def agree(self) -> None:
-        """Answer that the arm may resume."""
-        self._agrees = True
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the operator answered since the last question."""
-        return self._agrees
 
 
 OPERATOR = Operator()

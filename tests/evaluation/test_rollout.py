@@ -401,7 +401,7 @@ def test_without_an_operator_a_run_ends_at_rest_after_a_standstill(make_counting
 def test_an_operator_who_agrees_lets_a_run_go_on(make_counting, operator, monkeypatch):
     robot, strategy, task, clock = make_counting()
     operator.attends = True
-    monkeypatch.setattr(operator, "ask", lambda text: operator.agree())
+    monkeypatch.setattr(operator, "ask", lambda text: setattr(operator, "agrees", True))
     episode = rollout(robot, strategy, task, clock=clock)
     # as many as a score of the task needs: the wait is no part of the run
     assert len(episode.running) == STEPS

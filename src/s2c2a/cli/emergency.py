@@ -77,5 +77,5 @@ def _watch_keys(keyboard: int, done: threading.Event) -> None:
         if key in STOP_KEYS:
             EMERGENCY_STOP.trigger("the keyboard")
         if key in RESUME_KEYS:
-            OPERATOR.agree()
+            OPERATOR.agrees = True
     OPERATOR.attends = False

@@ -13,13 +13,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from s2c2a.compilation import forget_programs
 from s2c2a.errors import ClusterError, S2C2AError
 from s2c2a.executors import (
     Given,
     Result,
     Serial,
     cancel,
-    forget_programs,
     limit_jax_to_one_thread,
     max_pending_calls,
     submit,

@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from s2c2a.compilation import MAX_UNROLLED
 from s2c2a.kinematics.bends import (
     Numbers,
     bends_from_configurations,
@@ -76,7 +75,7 @@ def states_from_arcs(
         jnp.moveaxis(axes, -2, 0),
         jnp.moveaxis(rotations_to(axes), -3, 0),
     )
-    _, states = jax.lax.scan(add_arc, base, arcs, unroll=MAX_UNROLLED)
+    _, states = jax.lax.scan(add_arc, base, arcs)
     return jnp.moveaxis(states, 0, -2)
 
 

@@ -90,8 +90,7 @@ class _Search(NamedTuple):
         best: the cheapest knots that were accepted after the start.
         last: the last plan, known after the first pass.
         motion: of the goals, known after the first pass.
-        planned: evaluated beside the knots in this pass.
-        tips: positions of the tip at the knots of this pass [m].
+        evaluated: in this pass, beside the knots and at the knots.
     """
 
     accepted: Int[Array, ""]
@@ -105,8 +104,7 @@ class _Search(NamedTuple):
     best: _Expansion
     last: Candidate
     motion: GoalMotion
-    planned: Candidate
-    tips: Float[Array, "knots 3"]
+    evaluated: Candidate
 
 
 @dataclass(frozen=True)
@@ -147,46 +145,38 @@ class Horizon(Solver):
             lambda search: self._pass(problem, moved, search),
             self._begun(problem, start),
         )
+        planned, at_knots = _split(found.evaluated)
         knots = HorizonMemory(found.best.knots, last)
-        return Solution(found.planned, found.motion, knots, found.tips)
+        tips = at_knots.states[:, -1, POSITION]
+        return Solution(planned, found.motion, knots, tips)
 
     def _begun(self, problem: Problem, knots: Knots) -> _Search:
         """Before the first pass; nothing is known but the shapes of all arrays."""
         last = problem.situation.last
-        size = last.bends.size
-        none = _Expansion(
-            jnp.full_like(knots, jnp.nan),
-            jnp.asarray(jnp.inf),
-            jnp.zeros((len(knots), size)),
-            jnp.zeros((len(knots), size, size)),
+        gradients = jnp.zeros((len(knots), last.bends.size))
+        blocks = gradients[..., None] * gradients[:, None]
+        nowhere = jnp.full_like(knots, jnp.nan)
+        none = _Expansion(nowhere, jnp.asarray(jnp.inf), gradients, blocks)
+        unknown = last._replace(
+            states=jnp.zeros((len(last.bends), 6)),
+            points=jnp.zeros((len(problem.situation.radii), 3)),
+            extrapolation=jnp.zeros(()),
         )
-        memories = jax.tree.map(
-            lambda part: jnp.broadcast_to(part, (len(knots), *part.shape)),
-            problem.memory,
-        )
-        unknown = Candidate(
-            last.configurations,
-            last.bends,
-            jnp.zeros((len(last.bends), 6)),
-            jnp.zeros((len(problem.situation.radii), 3)),
-            jnp.zeros(()),
-        )
-        tips = jnp.zeros((len(knots), 3))
-        count = jnp.zeros((), jnp.int32)
+        memories = _repeated(problem.memory, len(knots))
+        evaluated = _repeated(unknown, 1 + len(knots))
+        counts = (jnp.zeros((), jnp.int32),) * 2
+        goals = unknown, problem.motion
         return _Search(
-            accepted=count,
-            rejected=count,
-            here=last.bends,
-            knots=knots,
-            memories=memories,
-            base=none,
-            full=knots,
-            cheapest=none,
-            best=none,
-            last=unknown,
-            motion=problem.motion,
-            planned=unknown,
-            tips=tips,
+            *counts,
+            last.bends,
+            knots,
+            memories,
+            none,
+            knots,
+            none,
+            none,
+            *goals,
+            evaluated,
         )
 
     def _pass(self, problem: Problem, moved: Bends, search: _Search) -> _Search:
@@ -245,8 +235,7 @@ class Horizon(Solver):
             best=best,
             last=last,
             motion=known.motion,
-            planned=here,
-            tips=candidates.states[1:, -1, POSITION],
+            evaluated=candidates,
         )
 
     def _expansion(
@@ -260,7 +249,7 @@ class Horizon(Solver):
         """The cost of knots with these predictions, the first of which is beside them."""
 
         def terms(candidate: Candidate, slopes: Candidate, goal):
-            later = problem.later(goal)
+            later = problem._replace(situation=problem.situation._replace(goal=goal))
             directional = jax.vmap(
                 lambda slope: jax.jvp(later.residuals, (candidate,), (slope,)),
                 out_axes=(None, 1),
@@ -315,6 +304,11 @@ class Horizon(Solver):
 def _select(condition: Array, new: Any, old: Any) -> Any:
     """One of two pytrees."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
+
+
+def _repeated(row: Any, count: int) -> Any:
+    """A pytree whose arrays have so many equal rows."""
+    return jax.tree.map(lambda part: jnp.broadcast_to(part, (count, *part.shape)), row)
 
 
 def _prepended(first: Array, others: Array) -> Array:

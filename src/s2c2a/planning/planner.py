@@ -189,7 +189,7 @@ class Plan(NamedTuple):
     @property
     def outcome(self) -> Outcome:
         """How the last step was planned; for a single plan, outside compiled code."""
-        return Outcome(int(self.judged))  # type: ignore[call-arg]
+        return Outcome(int(self.judged))
 
 
 class Step(NamedTuple):
@@ -338,7 +338,7 @@ class Step(NamedTuple):
             configurations = configurations_from_bends(bends)
         situation = Situation(
             goal,
-            Candidate.unpredicted(configurations, bends),
+            Candidate(configurations, bends, *[None] * 3),  # type: ignore[arg-type]
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
             geometry.step_limit,

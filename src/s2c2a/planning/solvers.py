@@ -90,7 +90,7 @@ def solve_least_squares(
         damped = current.curvature + current.damping * identity
         step = jnp.linalg.solve(damped, current.gradient)
         point = project(current.point - step.reshape(start.shape))
-        values, jacobian = linearize(residuals, point)
+        values, jacobian = along_axes(residuals, point, 1)
         cost = jnp.sum(values**2)
         accepted = cost < current.cost
         factor = jnp.where(accepted, DAMPING_AFTER_ACCEPTED, DAMPING_AFTER_REJECTED)
@@ -114,13 +114,6 @@ def solve_least_squares(
     )
     final = jax.lax.fori_loop(0, iterations + 1, iterate, initial)
     return final.point, final.cost
-
-
-def linearize(
-    residuals: Residuals, point: Float[Array, "*variables"]
-) -> tuple[Float[Array, " residuals"], Float[Array, "residuals variables"]]:
-    """Residuals at a point, and their Jacobian."""
-    return along_axes(residuals, point, 1)
 
 
 def along_axes(function: Callable[..., Any], point: Array, axis: int) -> Any:
@@ -203,10 +196,6 @@ class Problem(NamedTuple):
             return self.predict(configurations_from_bends(bends), bends, memory)
 
         return along_axes(predicted, bends, 0)
-
-    def later(self, goal: Goal) -> "Problem":
-        """The problem of a later moment: its goal."""
-        return self._replace(situation=self.situation._replace(goal=goal))
 
     def within_limits(self, desired: Configurations) -> Configurations:
         """Configurations within the bend limits and one step limit from the last ones.

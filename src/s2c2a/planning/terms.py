@@ -58,11 +58,6 @@ class Candidate(NamedTuple):
     points: Float[Array, "points 3"]
     extrapolation: Float[Array, ""]
 
-    @classmethod
-    def unpredicted(cls, configurations: Configurations, bends: Bends) -> "Candidate":
-        """A configuration before its prediction."""
-        return cls(configurations, bends, None, None, None)  # type: ignore[arg-type]
-
 
 class Situation(NamedTuple):
     """Quantities that are fixed during one control step.

@@ -26,7 +26,7 @@ from s2c2a.kinematics import norm
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.reach import BATCH, Reachability, RestingArm, obstacle_rows
-from s2c2a.planning.solvers import linearize
+from s2c2a.planning.solvers import along_axes
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import POSITION
 
@@ -446,7 +446,7 @@ def _improved(
         return jnp.concatenate([states[-1, POSITION] / length, depths.reshape(-1)])
 
     def improve(_: int, knots: Array) -> Array:
-        values, slopes = jax.vmap(lambda bends: linearize(seen, bends))(knots)
+        values, slopes = jax.vmap(lambda bends: along_axes(seen, bends, 1))(knots)
         steps = jnp.einsum("dk,kri->drki", changes, slopes[:, :3])
         steps = steps.reshape(-1, inner.size)
         moved = changes @ values[:, :3]
