@@ -63,8 +63,7 @@ def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:
     leaves, structure = jax.tree.flatten(parts)
     arrays, constants = eqx.partition(tuple(leaves), _is_array)
     kinds = tuple(type(constant) for constant in constants)
-    program = _program(function, structure, constants, kinds)
-    return partial(program, arrays)
+    return partial(_program(function, structure, constants, kinds), arrays)
 
 
 def _is_array(leaf: Any) -> bool:
@@ -180,8 +179,12 @@ def scan(
 
 def select_if_finite(new: Any, old: Any) -> Any:
     """Return the new pytree if all its numbers are finite, otherwise the old one."""
-    is_finite = all_finite(new)
-    return jax.tree.map(lambda a, b: jnp.where(is_finite, a, b), new, old)
+    return select(all_finite(new), new, old)
+
+
+def select(condition: Bool[Array, ""], new: Any, old: Any) -> Any:
+    """Return one of two pytrees."""
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
 def all_finite(values: Any) -> Bool[Array, ""]:

@@ -16,6 +16,7 @@ import os
 import pickle
 import platform
 import re
+import stat
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -48,7 +49,7 @@ TRACED = re.compile(
 QUICKLY: dict[str, str | bool] = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA that halve the time of compilation; the programs are as fast
 (`benchmarks/start.py`)."""
-OTHERS_MAY_WRITE = 0o022
+OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 PROCESSOR = Path("/proc/cpuinfo")
 CONFIG: Any = jax.config  # its attributes are made when JAX is imported
 VARIABLES = ("XLA_FLAGS", "PJRT_NPROC", "NPROC", "JAX_PLATFORMS")
@@ -146,16 +147,14 @@ def _environment() -> bytes:
     sources = blake2b()
     for file in sorted(PACKAGE.rglob("*.py")):
         sources.update(file.read_bytes())
-    processor = platform.processor()
+    processor = {platform.processor()}
     if PROCESSOR.exists():
         lines = PROCESSOR.read_text().splitlines()
-        named = [line for line in lines if line.startswith(("flags", "model name"))]
-        processor = "".join(sorted(set(named)))
-    device = jax.devices()[0]
-    settings = [CONFIG.jax_enable_x64, CONFIG.jax_default_matmul_precision]
-    variables = [os.environ.get(name) for name in VARIABLES]
-    known = versions(), processor, str(device.device_kind), len(jax.devices())
-    return sources.digest() + repr((known, settings, variables)).encode()
+        processor |= {line for line in lines if line.startswith(("flags", "model"))}
+    settings = [versions(), sorted(processor), jax.devices()]
+    settings += [CONFIG.jax_enable_x64, CONFIG.jax_default_matmul_precision]
+    settings += [os.environ.get(name) for name in VARIABLES]
+    return sources.digest() + repr(settings).encode()
 
 
 def _changes() -> bytes:
@@ -165,10 +164,9 @@ def _changes() -> bytes:
         if not TRACED.match(name):
             continue
         kinds = [kind for kind in vars(module).values() if isinstance(kind, type)]
-        own = [kind for kind in kinds if kind.__module__ == name]
-        for holder in (module, *own):
-            told = {key: _told(value) for key, value in vars(holder).items()}
-            rows.append(f"{name} {holder.__name__} {sorted(told.items())}")
+        for holder in (vars(module), *map(vars, kinds)):
+            told = {key: _told(value) for key, value in holder.items()}
+            rows.append(f"{name} {sorted(told.items())}")
     return repr(sorted(rows)).encode()
 
 

@@ -1,8 +1,10 @@
 """Operator at a terminal, whom a held arm asks whether it may resume."""
 
 import sys
+from dataclasses import dataclass
 
 
+@dataclass
 class Operator:
     """Somebody who may answer, or nobody; safe from any thread.
 
@@ -11,10 +13,8 @@ class Operator:
         agrees: whether the arm may resume, since the last question.
     """
 
-    def __init__(self) -> None:
-        """Nobody attends."""
-        self.attends = False
-        self.agrees = False
+    attends: bool = False
+    agrees: bool = False
 
     def ask(self, text: str) -> None:
         """Show what happened; an earlier answer does not count.

@@ -9,7 +9,6 @@ model.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -31,7 +30,7 @@ from s2c2a.estimation.sensor_models import (
 )
 from s2c2a.files import LARGEST
 from s2c2a.kinematics import bends_from_configurations, bends_from_states, limit_lengths
-from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
 # control steps in the past: the present one, and two to interpolate between
@@ -116,7 +115,8 @@ class DisturbanceFilter(eqx.Module):
             payload: known payload [kg].
         """
         hysteresis = self.model.start(configuration)
-        moments = self._converged_moments(configuration, payload, hysteresis)
+        known = Disturbances.none(len(configuration))._replace(payload=payload)
+        moments = self.model.settled(known, configuration, hysteresis)
         states = self.model.predict(configuration, hysteresis, moments)
         bends = bends_from_states(states)
         zeros = jnp.zeros(bends.size)
@@ -148,21 +148,6 @@ class DisturbanceFilter(eqx.Module):
             expected_biases=zeros,
             known_payload=payload,
         )
-
-    def _converged_moments(
-        self,
-        configuration: Float[Array, "modules 3"],
-        payload: Float[Array, ""],
-        hysteresis: Any,
-    ) -> Disturbances:
-        """Moments of a known payload at the shape of the loaded arm."""
-        none = Disturbances.none(len(configuration))
-        known = none._replace(payload=payload)
-
-        def iterate(_: Array, before: Disturbances) -> Disturbances:
-            return self.model.with_moments(known, configuration, hysteresis, before)
-
-        return jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, known)
 
     def _initial_std(self, bends: int) -> ArmState:
         options = self.options

@@ -9,12 +9,12 @@ of readings, and the emergency stop.
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.compilation import select
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
@@ -161,7 +161,7 @@ class ControlStep(NamedTuple):
         new = StepMemory(estimate, plan, controller, limited, change, desired)
         held = memory._replace(change=jnp.zeros_like(change), desired=memory.command)
         is_sound = jnp.isfinite(configuration).all()
-        new = jax.tree.map(lambda a, b: jnp.where(is_sound, a, b), new, held)
+        new = select(is_sound, new, held)
         return new.command, new
 
     def _limited(self, desired: Commands, memory: StepMemory) -> Commands:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends
 from s2c2a.kinematics.chain import states_from_configurations
-from s2c2a.models.disturbances import Disturbances
+from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 
 Memory = Any  # a pytree of arrays; () for a model without memory
 
@@ -57,6 +57,32 @@ class ForwardModel(eqx.Module):
         """
         zeros = jnp.zeros_like(disturbances.bend_biases)
         return disturbances._replace(moments=zeros, moments_per_kg=zeros)
+
+    def settled(
+        self,
+        disturbances: Disturbances,
+        configurations: Float[Array, "modules 3"],
+        memory: Memory,
+    ) -> Disturbances:
+        """Disturbances with the moments of their payload on an arm at rest.
+
+        Args:
+            disturbances: payload and bend biases.
+            configurations: present configurations, module frames.
+            memory: of the hysteresis.
+        """
+        none = Disturbances.none(len(configurations))
+        start = disturbances._replace(
+            moments=none.moments, moments_per_kg=none.moments_per_kg
+        )
+        return jax.lax.fori_loop(
+            0,
+            PAYLOAD_ITERATIONS,
+            lambda _, before: self.with_moments(
+                disturbances, configurations, memory, before
+            ),
+            start,
+        )
 
     def with_gains(
         self,

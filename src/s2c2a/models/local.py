@@ -80,7 +80,7 @@ class LocalC2S(WrappedModel):
         self, bends: Float[Array, "modules 2"], memory: HysteresisMemory
     ) -> Tangent:
         """The expansion of the process; zero if it has no samples."""
-        features = self._features_at(bends, memory)
+        features = self.features(self._inputs_at(bends, memory))
         nothing = jnp.zeros_like(self.process.constant)
         values, slopes = jax.lax.cond(
             self.process.is_fitted,
@@ -111,14 +111,11 @@ class LocalC2S(WrappedModel):
     ) -> Array:
         """Values of the expansion; beyond its radius, those at its border."""
         away = limit_lengths(bends - tangent.bends, NEARBY)
-        moved = self._features_at(tangent.bends + away, memory) - tangent.features
+        moved = (
+            self.features(self._inputs_at(tangent.bends + away, memory))
+            - tangent.features
+        )
         return tangent.values + jnp.einsum("of,...f->...o", tangent.slopes, moved)
-
-    def _features_at(
-        self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
-    ) -> Float[Array, "*batch features"]:
-        """Features at bends [rad] that are planned after this memory."""
-        return self.features(self._inputs_at(bends, memory))
 
     def _inputs_at(
         self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory

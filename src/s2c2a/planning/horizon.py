@@ -26,6 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from s2c2a.compilation import select
 from s2c2a.goals import PREVIEW
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -196,7 +197,7 @@ class Horizon(Solver):
             jax.tree.map(_prepended, problem.memory, memories),
         )
         here, _ = _split(candidates)
-        last = _select(is_first, here, search.last)
+        last = select(is_first, here, search.last)
         known = problem.complete(last)
         expansion = self._expansion(known, moved, search.knots, candidates, slopes)
 
@@ -204,13 +205,13 @@ class Horizon(Solver):
         is_uphill = beside_obstacles & (expansion.cost > search.base.cost)
         is_full = search.rejected == 0
         is_cheaper = (expansion.cost < search.cheapest.cost) | (search.rejected == 1)
-        cheapest = _select(is_cheaper, expansion, search.cheapest)
+        cheapest = select(is_cheaper, expansion, search.cheapest)
         fits = is_first | is_last | (is_full & ~is_uphill)
         accepts = fits | (search.rejected == len(SHARES) - 1)
-        chosen = _select(fits, expansion, cheapest)
-        base = _select(accepts, chosen, search.base)
+        chosen = select(fits, expansion, cheapest)
+        base = select(accepts, chosen, search.base)
         is_better = accepts & ~is_first & ~is_last & (chosen.cost < search.best.cost)
-        best = _select(is_better, chosen, search.best)
+        best = select(is_better, chosen, search.best)
 
         accepted = search.accepted + accepts
         rejected = jnp.where(accepts, 0, search.rejected + 1)
@@ -299,11 +300,6 @@ class Horizon(Solver):
         turn = self.acceleration * np.array([1.0, -2.0, 1.0])
         curvature = np.outer(change, change) + np.outer(turn, turn)
         return jnp.asarray(np.kron(curvature, np.eye(size)), dtype=jnp.float32)
-
-
-def _select(condition: Array, new: Any, old: Any) -> Any:
-    """One of two pytrees."""
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
 def _repeated(row: Any, count: int) -> Any:

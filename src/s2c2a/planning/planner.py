@@ -5,7 +5,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import jax
@@ -15,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import all_finite, compiled, select_if_finite
+from s2c2a.compilation import all_finite, compiled, select, select_if_finite
 from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate, ModalFactors
@@ -27,7 +26,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     limit_lengths,
 )
-from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
 from s2c2a.paper import WORKSPACE_SHARE
 from s2c2a.planning import terms
@@ -157,9 +156,9 @@ class Expectation(NamedTuple):
     @classmethod
     def unknown(cls, modules: int, looks_ahead: bool) -> "Expectation":
         """Before the first step."""
-        nothing = partial(jnp.full, fill_value=jnp.nan, dtype=jnp.float32)
-        ahead = nothing((PREVIEW, 3)) if looks_ahead else None
-        return cls(nothing((modules, 6)), nothing(modules), nothing(()), ahead)
+        states = jnp.full((modules, 6), jnp.nan, jnp.float32)
+        ahead = jnp.full((PREVIEW, 3), jnp.nan, jnp.float32) if looks_ahead else None
+        return cls(states, states[:, 0], states[0, 0], ahead)
 
 
 class Plan(NamedTuple):
@@ -237,13 +236,9 @@ class Step(NamedTuple):
         """The plan of an arm at rest; arguments as in `next_plan`."""
         memory = self.model.start(sensed) if hysteresis is None else hysteresis
         if disturbances is not None:
-            none = Disturbances.none(len(sensed))
-            settled = disturbances._replace(
-                moments=none.moments, moments_per_kg=none.moments_per_kg
-            )
-            for _ in range(PAYLOAD_ITERATIONS):
-                settled = self._with_moments(disturbances, sensed, memory, settled)
-            disturbances = self.model.with_gains(settled, sensed, memory)
+            if disturbances.moments is None:
+                disturbances = self.model.settled(disturbances, sensed, memory)
+            disturbances = self.model.with_gains(disturbances, sensed, memory)
         bends = bends_from_configurations(sensed)
         return Plan(
             sensed,
@@ -280,9 +275,10 @@ class Step(NamedTuple):
             lead: of a guide; None for none.
         """
         if disturbances is not None and plan.disturbances is not None:
-            disturbances = self._with_moments(
-                disturbances, sensed, plan.memory, plan.disturbances
-            )
+            if disturbances.moments is None:  # the estimator may have computed them
+                disturbances = self.model.with_moments(
+                    disturbances, sensed, plan.memory, plan.disturbances
+                )
             disturbances = self.model.with_gains(disturbances, sensed, plan.memory)
             disturbances = select_if_finite(disturbances, plan.disturbances)
         if hysteresis is None:
@@ -309,20 +305,7 @@ class Step(NamedTuple):
         old = {name: getattr(plan, name) for name in new}
         # a model need not know its uncertainty
         is_sound = all_finite((planned.configurations, solver, motion))
-        kept = jax.tree.map(lambda a, b: jnp.where(is_sound, a, b), new, old)
-        return last._replace(**kept)
-
-    def _with_moments(
-        self,
-        disturbances: Disturbances,
-        sensed: Configurations,
-        memory: Memory,
-        before: Disturbances,
-    ) -> Disturbances:
-        """Disturbances with payload moments, unless the estimator computed them."""
-        if disturbances.moments is not None:
-            return disturbances
-        return self.model.with_moments(disturbances, sensed, memory, before)
+        return last._replace(**select(is_sound, new, old))
 
     def problem(self, last: Plan, goal: Goal, lead: Lead | None = None) -> Problem:
         """The problem of the solver: the goals to which a guide leads."""
@@ -376,7 +359,7 @@ class Step(NamedTuple):
             ahead = led(ahead, lead, candidate.states[-1, POSITION])
             is_led = jnp.asarray(lead.weight) > 0.0
             first = jax.tree.map(lambda values: values[0], ahead)
-            goal = jax.tree.map(lambda a, b: jnp.where(is_led, a, b), first, goal)
+            goal = select(is_led, first, goal)
             situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
         return begun._replace(situation=situation, motion=motion, ahead=ahead)
 

@@ -23,7 +23,7 @@ from s2c2a.kinematics import (
     limit_lengths,
     norm,
 )
-from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
+from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.outcomes import SIGNIFICANT
@@ -144,11 +144,7 @@ class RestingArm(NamedTuple):
             return None
         none = Disturbances.none(len(configurations))
         payload = none._replace(payload=jnp.asarray(self.payload))
-
-        def iterate(_: int, before: Disturbances) -> Disturbances:
-            return self.model.with_moments(payload, configurations, memory, before)
-
-        loaded = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, none)
+        loaded = self.model.settled(payload, configurations, memory)
         return jax.lax.stop_gradient(loaded)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.compilation import select
 from s2c2a.components import Component
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
@@ -98,10 +99,7 @@ def solve_least_squares(
         trial = _Iterate(
             point, cost, jacobian.T @ values, jacobian.T @ jacobian, damping
         )
-        kept = jax.tree.map(
-            lambda new, old: jnp.where(accepted, new, old), trial, current
-        )
-        return kept._replace(damping=damping)
+        return select(accepted, trial, current)._replace(damping=damping)
 
     # The first iteration makes no step and evaluates the start, so that the model is
     # compiled into the program once, not twice.
