@@ -29,9 +29,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax._src.config import (
-    persistent_cache_min_compile_time_secs as least_seconds_in_cache,
-)
+from jax._src import config as jax_config
 from jax.experimental import serialize_executable
 from pydantic import BaseModel
 
@@ -113,7 +111,7 @@ def made(place: Path | None, lowered: jax.stages.Lowered) -> Callable[..., Any]:
     if place is None:
         return _compiled(lowered)
     # a program out of JAX's cache cannot be kept a second time
-    with least_seconds_in_cache(math.inf):
+    with jax_config.persistent_cache_min_compile_time_secs(math.inf):
         program = _compiled(lowered)
     with suppress(OSError, S2C2AError, ValueError, NotImplementedError):
         place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -151,7 +149,7 @@ def _environment() -> bytes:
     if PROCESSOR.exists():
         lines = PROCESSOR.read_text().splitlines()
         processor |= {line for line in lines if line.startswith(("flags", "model"))}
-    settings = [versions(), sorted(processor), jax.devices()]
+    settings: list[Any] = [versions(), sorted(processor), jax.devices()]
     settings += [CONFIG.jax_enable_x64, CONFIG.jax_default_matmul_precision]
     settings += [os.environ.get(name) for name in VARIABLES]
     return sources.digest() + repr(settings).encode()
