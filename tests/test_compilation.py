@@ -120,7 +120,7 @@ def test_short_and_long_sequences_are_scanned_in_the_same_order(steps, reverse):
 def test_programs_are_forgotten_only_if_there_are_too_many():
     compiled = jax.jit(lambda x: 2.0 * x)
     compiled(1.0)
-    assert not forget_programs(max_maps=10**9)
+    assert not compilation.forget_programs(max_maps=10**9)
     assert compiled._cache_size() == 1
-    assert forget_programs(max_maps=1)
+    assert compilation.forget_programs(max_maps=1)
     assert compiled._cache_size() == 0

@@ -14,7 +14,7 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live", "integrations")
-MAX_CORE = 24_437
+MAX_CORE = 24_438
 """Code lines of the core; the aim is 20,000, and nothing may move away from it but what
 the core did not do before: the last were scene files with solids of all kinds, shapes of
 the whole arm, projection to what is within reach, and arms that are pushed by pressure,

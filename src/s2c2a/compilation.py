@@ -126,7 +126,9 @@ class _Program:
         names = [(shape, str(kind)) for shape, kind in kinds]
         place = executables.place_of(self._description, structure, names)
         kept = executables.load(place, inputs)
-        return kept or executables.made(place, self._jitted.lower(*inputs))
+        is_recurrent = "BiLSTM" in str(self._description[1])
+        options = None if is_recurrent else executables.QUICKLY
+        return kept or executables.made(place, self._jitted.lower(*inputs), options)
 
 
 def forget_programs(max_maps: int = MAX_MAPS) -> bool:

@@ -27,7 +27,6 @@ from types import FunctionType
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax._src import config as jax_config
 from jax.experimental import serialize_executable
@@ -44,9 +43,9 @@ TRACED = re.compile(
     r"|models|obstacles|paper|planning|spaces)\b"
 )
 """Modules of whose functions and constants programs are made."""
-QUICKLY: dict[str, str | bool] = {"xla_cpu_use_fusion_emitters": False}
-"""Options of XLA that halve the time of compilation; the programs are as fast
-(`benchmarks/start.py`)."""
+QUICKLY = {"xla_cpu_use_fusion_emitters": False}
+"""Options of XLA that halve the time of compilation of `best`; its steps are as fast.
+Networks of the paper's kind compile no faster, and their plans take a tenth longer."""
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 PROCESSOR = Path("/proc/cpuinfo")
 CONFIG: Any = jax.config  # its attributes are made when JAX is imported
@@ -103,16 +102,22 @@ def load(place: Path | None, inputs: tuple) -> Callable[..., Any] | None:
 @cache
 def _find_lapack() -> None:
     """Let JAX find LAPACK, as it does when a program that solves is lowered."""
-    jax.jit(jnp.linalg.solve).lower(np.eye(1), np.ones(1))
+    jax.jit(jax.numpy.linalg.solve).lower(np.eye(1), np.ones(1))
 
 
-def made(place: Path | None, lowered: jax.stages.Lowered) -> Callable[..., Any]:
-    """The program, compiled and kept, unless it or the folder cannot be written."""
+def made(place: Path | None, lowered: jax.stages.Lowered, options: Any) -> Any:
+    """The program, compiled and kept, unless it or the folder cannot be written.
+
+    Args:
+        place: file of the program, if it is to be kept.
+        lowered: the program.
+        options: of XLA (`QUICKLY`), or None.
+    """
     if place is None:
-        return _compiled(lowered)
+        return _compiled(lowered, options)
     # a program out of JAX's cache cannot be kept a second time
     with jax_config.persistent_cache_min_compile_time_secs(math.inf):
-        program = _compiled(lowered)
+        program = _compiled(lowered, options)
     with suppress(OSError, S2C2AError, ValueError, NotImplementedError):
         place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_own(place.parent):
@@ -123,9 +128,9 @@ def made(place: Path | None, lowered: jax.stages.Lowered) -> Callable[..., Any]:
     return program
 
 
-def _compiled(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+def _compiled(lowered: jax.stages.Lowered, options: Any) -> jax.stages.Compiled:
     try:
-        return lowered.compile(QUICKLY)
+        return lowered.compile(options)
     except jax.errors.JaxRuntimeError:  # of a version that does not know the options
         return lowered.compile()
 
