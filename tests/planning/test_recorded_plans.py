@@ -1,4 +1,4 @@
-"""Plans of recorded problems, as version 0.3.1-e71687a2 planned them."""
+"""Plans are those of the planner of version 0.3, whose problems were recorded."""
 
 from functools import cache
 from pathlib import Path
