@@ -45,8 +45,9 @@ HEAD = ("", "cache", "processor [s]", "programs", "lines", "step [ms]", "circle 
 
 def started(clone: Path, cache: Path, texts: Path) -> list:
     """Row of a process that starts with this cache."""
+    paths = [str(clone / "src"), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {
-        "PYTHONPATH": str(clone / "src"),
+        "PYTHONPATH": os.pathsep.join(paths),
         "S2C2A_CACHE": str(cache),
         "JAX_DUMP_IR_TO": str(texts),
     }
@@ -65,7 +66,7 @@ def started(clone: Path, cache: Path, texts: Path) -> list:
         programs,
         max(sizes, default=0),
         f"{1000 * step:.2f}",
-        error,
+        f"{error:.3f}",
     ]
 
 

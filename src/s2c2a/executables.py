@@ -152,7 +152,7 @@ def _environment() -> bytes:
         sources.update(file.read_bytes())
     processor = {platform.processor()}
     if PROCESSOR.exists():
-        lines = PROCESSOR.read_text().splitlines()
+        lines = PROCESSOR.read_text("utf-8").splitlines()
         processor |= {line for line in lines if line.startswith(("flags", "model"))}
     settings: list[Any] = [versions(), sorted(processor), jax.devices()]
     settings += [CONFIG.jax_enable_x64, CONFIG.jax_default_matmul_precision]
@@ -177,8 +177,7 @@ def _told(value: Any) -> str:
     """Which constant or function it is; others come and go with caches."""
     function = getattr(value, "__func__", value)
     if isinstance(function, FunctionType):
-        code = function.__code__
-        return f"{function.__module__} {function.__qualname__} {code.co_firstlineno}"
-    is_constant = isinstance(value, bool | int | float | tuple | np.ndarray)
-    text = repr(value) if is_constant else type(value).__name__
-    return re.sub(" at 0x[0-9a-f]+", "", text)
+        return f"{function.__module__} {function.__code__.co_firstlineno}"
+    if isinstance(value, bool | int | float | tuple | np.ndarray):
+        return re.sub(" at 0x[0-9a-f]+", "", repr(value))
+    return type(value).__name__

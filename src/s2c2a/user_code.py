@@ -95,11 +95,12 @@ def _files_of_name(name: str) -> Iterator[Path]:
 @cache
 def _entry_point_modules() -> dict[str, str]:
     """Modules of all entry points that values can name, by name."""
+    points = entry_points()
     return {
         point.name: point.module
         for kind, group in GROUPS.items()
         if kind != "command"
-        for point in entry_points(group=group)
+        for point in points.select(group=group)
     }
 
 

@@ -1,15 +1,17 @@
 """Paths of module ends in the views of the paper's figures."""
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from s2c2a.errors import S2C2AError
 from s2c2a.viz.arrays import Point, Points
 from s2c2a.viz.charts import FRONT, Colors, seen
 from s2c2a.viz.colors import DESIRED, MUTED
 from s2c2a.viz.mounting import View
-from s2c2a.viz.trace import Trace
+from s2c2a.viz.trace import Trace, check_not_empty
 
 
 def draw_ends(
@@ -57,3 +59,19 @@ def draw_ring(axes: Axes, place: Point, view: View, size: float, label: str) -> 
         "markeredgecolor": DESIRED,
     }
     axes.plot(*seen(place, view), "o", linestyle="none", label=label, **style)
+
+
+def check_unique_labels(traces: Collection[Trace]) -> None:
+    """Check that there is at least one trace and that all labels differ.
+
+    Raises:
+        S2C2AError: there is no trace, or two have the same label.
+    """
+    check_not_empty(traces)
+    labels = set()
+    for trace in traces:
+        if trace.label in labels:
+            raise S2C2AError(
+                f"several traces are labeled '{trace.label}'; give each its own label"
+            )
+        labels.add(trace.label)

@@ -16,8 +16,13 @@ from s2c2a.viz.charts import FRONT, padded_limits, seen
 from s2c2a.viz.colors import DESIRED, INK, POINTING, colors_by_label, module_colors
 from s2c2a.viz.mounting import ABOVE, SIDE, View
 from s2c2a.viz.solids import surface
-from s2c2a.viz.trace import Trace, check_not_empty, check_unique_labels
-from s2c2a_experiments.figures.paths import draw_ring, draw_run, label_path_ends
+from s2c2a.viz.trace import Trace, check_not_empty
+from s2c2a_experiments.figures.paths import (
+    check_unique_labels,
+    draw_ring,
+    draw_run,
+    label_path_ends,
+)
 
 NAMES = {ABOVE: "from above", SIDE: "from the side"}
 

@@ -25,8 +25,13 @@ from s2c2a.viz.charts import (
 from s2c2a.viz.colors import DESIRED, OBSTACLE, colors_by_label
 from s2c2a.viz.figures import draw_coordinate
 from s2c2a.viz.mounting import ABOVE
-from s2c2a.viz.trace import Trace, check_unique_labels, standing
-from s2c2a_experiments.figures.paths import draw_ends, draw_run, label_path_ends
+from s2c2a.viz.trace import Trace, standing
+from s2c2a_experiments.figures.paths import (
+    check_unique_labels,
+    draw_ends,
+    draw_run,
+    label_path_ends,
+)
 
 SENSED = "#2b9a4b"
 UPRIGHT_DEG = 3.0  # from the vertical; a smaller tilt has no meaningful azimuth

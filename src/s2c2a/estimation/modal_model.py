@@ -14,10 +14,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.linalg import eigh, expm
-from scipy.ndimage import uniform_filter1d
-from scipy.optimize import minimize
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import ArmGeometry
@@ -145,7 +143,7 @@ def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> Moda
     rates[bends : 2 * bends, :bends] = -inverse_mass @ stiffness
     rates[bends : 2 * bends, bends : 2 * bends] = -inverse_mass @ damping
     rates[bends : 2 * bends, 2 * bends :] = inverse_mass @ stiffness
-    step = expm(rates * period)[: 2 * bends]
+    step = scipy.linalg.expm(rates * period)[: 2 * bends]
     return ModalStep(step[:, : 2 * bends], step[:, 2 * bends :], stiffness)
 
 
@@ -219,7 +217,9 @@ def first_mode(
     stiffness = float(factors.stiffness)
     # the stiffness is never singular; masses of very unequal modules may be
     squares = [
-        eigh(_masses(loaded), _stiffness(loaded, stiffness), eigvals_only=True)[-1]
+        scipy.linalg.eigh(
+            _masses(loaded), _stiffness(loaded, stiffness), eigvals_only=True
+        )[-1]
         for loaded in map(linearized.with_payload, payloads)
     ]
     return payloads, 1.0 / np.sqrt(squares)
@@ -255,7 +255,7 @@ def identify_modal_factors(
 
     def fast_error(predicted: np.ndarray) -> float:
         errors = predicted - targets
-        fast = errors - uniform_filter1d(errors, window, axis=1)
+        fast = errors - scipy.ndimage.uniform_filter1d(errors, window, axis=1)
         return float(np.sqrt(np.mean(fast**2)))
 
     def cost(log_factors: np.ndarray) -> float:
@@ -265,7 +265,7 @@ def identify_modal_factors(
 
     start = np.log([float(nominal.stiffness), float(nominal.damping)])
     options = {"maxfev": 80, "xatol": 0.02, "fatol": 1e-6}
-    result = minimize(cost, start, method="Nelder-Mead", options=options)
+    result = scipy.optimize.minimize(cost, start, method="Nelder-Mead", options=options)
     without = fast_error(inputs)
     return _factors(result.x), np.rad2deg(without), np.rad2deg(float(result.fun))
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.ndimage import distance_transform_edt
 
 from s2c2a.errors import TargetError
 from s2c2a.files import MAX_BYTES
@@ -66,7 +66,8 @@ def _voxels(file: Path) -> tuple[np.ndarray, np.ndarray, float]:
     mesh = _read(file)
     pitch = float(mesh.extents.max()) / RESOLUTION
     grid = mesh.voxelized(pitch).fill()
-    depths = distance_transform_edt(np.pad(grid.matrix, 1))[1:-1, 1:-1, 1:-1]
+    padded = np.pad(grid.matrix, 1)
+    depths = scipy.ndimage.distance_transform_edt(padded)[1:-1, 1:-1, 1:-1]
     # a voxel at the surface reaches half an edge inward
     return grid.points, pitch * (depths[grid.matrix] - 0.5), pitch
 

@@ -237,22 +237,6 @@ def check_not_empty(traces: Collection) -> None:
         raise S2C2AError("there is no trace to draw; give at least one")
 
 
-def check_unique_labels(traces: Collection[Trace]) -> None:
-    """Check that there is at least one trace and that all labels differ.
-
-    Raises:
-        S2C2AError: there is no trace, or two have the same label.
-    """
-    check_not_empty(traces)
-    labels = set()
-    for trace in traces:
-        if trace.label in labels:
-            raise S2C2AError(
-                f"several traces are labeled '{trace.label}'; give each its own label"
-            )
-        labels.add(trace.label)
-
-
 def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """Check that there is a trace and that all have as many modules as the arm.
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh
+import scipy
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import cables_present
@@ -155,7 +155,7 @@ def _explicit_springs_are_stable(
     stiffness = hardening_factor * np.diag(model.jnt_stiffness)
     stiffness = stiffness + levers.T @ (cable_stiffnesses[:, None] * levers)
     limit = 4.0 * masses + 2.0 * step * np.diag(model.dof_damping)
-    largest = eigh(stiffness, limit, eigvals_only=True)[-1]
+    largest = scipy.linalg.eigh(stiffness, limit, eigvals_only=True)[-1]
     return bool(step**2 * largest < 0.5)
 
 
