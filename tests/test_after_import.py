@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from marks import slow_after
+
 MAKE = "environment = gymnasium.make('s2c2a:S2C2A/Reach-v0', arm='planar_finger'); "
 SHOW = "print(type(environment.unwrapped).__name__)"
 
@@ -27,7 +29,8 @@ def test_waiting_for_gymnasium_loads_no_slow_module():
 
 
 @pytest.mark.parametrize(
-    "imports", ["gymnasium", "s2c2a, gymnasium", "gymnasium, s2c2a"]
+    "imports",
+    slow_after(1, ["gymnasium, s2c2a", "s2c2a, gymnasium", "gymnasium"]),
 )
 def test_environments_are_found_in_every_order_of_imports(imports):
     pytest.importorskip("gymnasium")

@@ -68,6 +68,7 @@ def test_the_first_program_runs(twin, pcc, monkeypatch, tmp_path, capsys):
     assert episode.options["task"] == "short"
 
 
+@pytest.mark.slow
 def test_a_complete_recording_is_read_again(twin, tmp_path):
     collect = partial(s2c2a.collect, twin, tmp_path / "a.episodes", samples=8)
     first = collect(episodes=1)

@@ -59,6 +59,7 @@ def test_all_benchmarks_are_collected_and_the_cheapest_one_runs(tmp_path):
     assert "jax" in figures["machine_info"]["versions"]
 
 
+@pytest.mark.slow
 def test_a_missing_gpu_is_rejected():
     pytest.importorskip(
         "pytest_benchmark",

@@ -61,6 +61,7 @@ def test_distances_of_turned_boxes_agree_with_their_nearest_points():
         assert 0.0 < nearest - found + 1e-9 < 0.01
 
 
+@pytest.mark.slow
 def test_gradients_are_finite_everywhere_and_of_length_one_outside():
     solids = jnp.array([core(), core((0, 0, 0.2)), core((0.1, 0.1, 0.1), 0.05)])
     slope = jax.vmap(jax.grad(distances), (None, None, 0))
@@ -76,6 +77,7 @@ def test_rows_of_spheres_get_points_as_cores():
     assert not rows[..., 4:].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", [np, jnp])
 def test_what_moves_covers_its_way_and_what_is_absent_stays_absent(library):
     box = core((0.1, 0.1, 0.1))
@@ -90,6 +92,7 @@ def test_what_moves_covers_its_way_and_what_is_absent_stays_absent(library):
     np.testing.assert_array_equal(covering[1:], cores[1:])
 
 
+@pytest.mark.slow
 def test_what_stands_still_covers_no_way_and_what_moves_has_a_gradient():
     def covered(ways):
         return jnp.sum(swept(jnp.ones(1), jnp.zeros((1, 8)), ways)[1])

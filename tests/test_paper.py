@@ -26,6 +26,8 @@ from s2c2a.tasks import circle
 from s2c2a.training import FitOptions, Trained
 from s2c2a.training.trained import as_batch
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 NEUTRAL = ArmGeometry.of(TWIN).action_neutral
 close = partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-5)
@@ -148,6 +150,7 @@ def test_training_losses_are_those_of_the_recipe(recording):
         close(ours, loss(C2A_RECIPE, batch, key))
 
 
+@pytest.mark.slow
 def test_scalings_and_sizes_before_training_are_those_of_the_recipe(recording):
     recipe = RECIPES["paper"]
     network_key, _ = jax.random.split(jax.random.key(2))
@@ -162,7 +165,7 @@ def test_scalings_and_sizes_before_training_are_those_of_the_recipe(recording):
     assert fit == recipe.c2s_fit == recipe.c2a_fit
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", slow_after(1, [11, 12, 13]))
 def test_the_cost_is_that_of_the_recipe(seed):
     last = jnp.asarray(configurations(seed))
     now = jnp.asarray(configurations(seed + 2))
@@ -176,7 +179,7 @@ def test_the_cost_is_that_of_the_recipe(seed):
     )
 
 
-@pytest.mark.parametrize("seed", [14, 15])
+@pytest.mark.parametrize("seed", slow_after(1, [14, 15]))
 def test_the_plan_is_that_of_the_recipe(seed):
     planner = Planner(TWIN, C2S_RECIPE, PAPER)
     plan = planner.start(Estimate(configurations(seed)))
@@ -211,6 +214,7 @@ def test_control_steps_are_those_of_the_recipe():
         normalized(planned, strategy.diagnostics()["planned"])
 
 
+@pytest.mark.slow
 def test_training_lowers_the_loss_and_moves_no_scaling(recording):
     samples = paper.c2s_samples(recording, "training")
     key = jax.random.key(3)

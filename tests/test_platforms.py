@@ -90,6 +90,7 @@ def test_every_text_file_names_its_encoding():
     assert {name: calls for name, calls in found.items() if calls} == {}
 
 
+@pytest.mark.slow
 def test_all_modules_are_imported_without_what_only_posix_has():
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", IMPORT_ALL],

@@ -150,6 +150,7 @@ def identified_again(arm):
     return ArmSpec.model_validate(table)
 
 
+@pytest.mark.slow
 def test_a_plan_of_a_planar_arm_stays_in_its_plane():
     arm = load_arm("planar_finger")
     strategy = PlainPCC().build(arm, recipe_named("best"), None, RunOptions())

@@ -126,6 +126,7 @@ def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, li
     assert f"(did you mean {likely}?)" in failing(capsys, *arguments.split())
 
 
+@pytest.mark.slow
 def test_a_reader_that_closes_the_output_is_no_fault():
     command = f"{sys.executable} -u -m s2c2a arm describe twin_arm | true"
     done = subprocess.run(
@@ -283,6 +284,7 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
     assert "trains differently" in output
 
 
+@pytest.mark.slow
 def test_the_recipe_sets_the_default_number_of_episodes(
     tmp_path,
 ):
@@ -304,6 +306,7 @@ def test_the_recipe_sets_the_default_number_of_episodes(
         assert (options["episodes"], options["babbling"]) == (count, "staged")
 
 
+@pytest.mark.slow
 def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):
     folder = tmp_path / "quick"
     run("run", "circle", "--strategy", "pcc", "--pace", "8", "--out", str(folder))

@@ -35,6 +35,7 @@ def path(tmp_path):
     return file
 
 
+@pytest.mark.slow
 def test_a_target_within_reach_is_reached_by_a_shape(capsys):
     printed = said(capsys, "--target 0.2 0.1 0.5")
     assert "without --weights, modules bend as arcs" in printed
@@ -77,6 +78,7 @@ def test_a_path_within_reach_is_said_in_a_sentence(tmp_path, capsys):
     assert "all of 10 moments are within reach" in said(capsys, f"--csv {file}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["--target 0 0 0.7", "--csv"])
 def test_a_map_is_drawn(what, path, tmp_path, capsys):
     figure = tmp_path / "map.png"

@@ -24,6 +24,7 @@ def weights(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_recording_becomes_a_report_and_a_file_as_old_as_itself_beside_the_weights(
     weights, tmp_path, capsys
 ):

@@ -56,6 +56,7 @@ def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
     assert capsys.readouterr().out == without
 
 
+@pytest.mark.slow
 def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
     far = {3, 4, 5, 8, 11, 12}
     rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]

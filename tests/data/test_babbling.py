@@ -128,6 +128,7 @@ def test_mixed_babbling_changes_from_one_path_to_one_for_each_module(twin):
     assert 0.1 < between < own
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("babbling", BABBLING)
 def test_no_step_is_longer_than_the_fastest(twin, babbling):
     paths = np.stack(
@@ -137,6 +138,7 @@ def test_no_step_is_longer_than_the_fastest(twin, babbling):
     assert steps.max() <= fastest(babbling, 3, SPEEDS) * (1 + 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("babbling", BABBLING)
 @pytest.mark.parametrize("episode", slow_after(1, range(6)))
 def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode):
@@ -251,6 +253,7 @@ def test_targets_are_visited_one_after_the_other(twin):
     assert distances.max(axis=(-2, -1)).min(axis=0).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modules", slow_after(1, [2, 1, 4]))
 def test_nominal_plans_reach_their_workspace_evenly(make_arm, modules):
     geometry = ArmGeometry.of(make_arm(modules))
@@ -262,6 +265,7 @@ def test_nominal_plans_reach_their_workspace_evenly(make_arm, modules):
     assert np.ptp(tips[:, :2], axis=0).min() > 0.3 * geometry.lengths.sum()
 
 
+@pytest.mark.slow
 def test_nominal_plans_prefer_small_differences_between_modules(make_arm):
     geometry = ArmGeometry.of(make_arm(3))
     random = np.random.default_rng(0)

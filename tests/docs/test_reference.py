@@ -88,6 +88,7 @@ def test_meanings_of_keys_are_complete(made):
         assert not empty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", API_PAGES, ids=lambda page: page.stem)
 def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -172,6 +172,7 @@ def last_block(path):
     return path.read_bytes().rindex(blocks.WORD)
 
 
+@pytest.mark.slow
 def test_a_file_truncated_in_its_last_episode_can_be_continued(grown, three):
     whole = grown.read_bytes()
     for end in range(last_block(grown), len(whole)):

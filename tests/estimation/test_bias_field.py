@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from s2c2a.estimation.bias_field import (
     FIT_INTERVAL,
@@ -102,6 +103,7 @@ def test_the_newest_pictures_count():
     np.testing.assert_allclose(at(field, jnp.zeros(2)), -BIASES, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_a_known_payload_is_no_bias():
     known = 0.05
     by_payload = np.full(2, 1.0, np.float32)

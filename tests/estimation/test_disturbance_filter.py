@@ -177,6 +177,7 @@ def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
     assert not camera.is_unused(lasting)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jump", [0.1, 0.3])
 def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(
     jump, camera, update_camera
@@ -262,5 +263,6 @@ def test_rejected_pictures_and_those_after_a_jump_teach_nothing(camera, update_c
     assert np.abs(lasting.expected_biases).max() < 0.01
 
 
+@pytest.mark.slow
 def test_without_sight_of_the_ends_no_field_is_kept(disturbance_filter):
     assert start(disturbance_filter).field is None

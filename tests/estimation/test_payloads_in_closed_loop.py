@@ -70,6 +70,7 @@ def with_and_then_without(strategy):
     return run(strategy, PAYLOAD), run(strategy)
 
 
+@pytest.mark.slow
 def test_inertial_sensors_show_the_payload(with_and_then_without):
     (episode, errors), _ = with_and_then_without
     assert episode.ran("payload")[-1] == pytest.approx(PAYLOAD, rel=0.3)

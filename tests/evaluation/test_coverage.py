@@ -34,6 +34,7 @@ def recorded(make_arm):
     return make
 
 
+@pytest.mark.slow
 def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
     c_shape = [[0.3, 0.4], [0.3, 0.4]]
     s_shape = [[-0.3, -0.4], [0.3, 0.4]]
@@ -45,6 +46,7 @@ def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
     assert coverage.opposed_share(0) == 0.5
 
 
+@pytest.mark.slow
 def test_straight_arms_have_no_share_of_s_shapes(recorded):
     coverage = Coverage.of([recorded(np.zeros((5, 3, 2)))])
     np.testing.assert_array_equal(coverage.neighboring_bends(1), 0.0)

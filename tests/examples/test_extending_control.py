@@ -77,6 +77,7 @@ def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_pa
     assert run(waypoints, tmp_path / "run", *options)["s2c2a"] < 10.0
 
 
+@pytest.mark.slow
 def test_an_own_strategy_is_trained_and_compared_in_one_table(
     recording, waypoints, tmp_path
 ):

@@ -62,6 +62,7 @@ def waypoints(folder: Path) -> Path:
     return folder / "path.csv"
 
 
+@pytest.mark.slow
 def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
     out = tmp_path / "run"
     main(

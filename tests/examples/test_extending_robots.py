@@ -91,6 +91,7 @@ def test_a_custom_robot_fulfills_the_interface_contract(capsys, twin, tmp_path):
     assert "own_robot.py:LaggingArm lag=0.02 fulfills the interface contract" in output
 
 
+@pytest.mark.slow
 def test_a_custom_robot_is_recorded_in_wall_clock_time(recorded):
     _, recording = recorded
     loaded = load_recording(recording)
@@ -193,6 +194,7 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     assert np.isfinite(rows[0]["mean"])
 
 
+@pytest.mark.slow
 def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
     arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     recording = str(tmp_path / "no_flex.episodes")

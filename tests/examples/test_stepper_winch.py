@@ -485,6 +485,7 @@ def sketch(request, tmp_path_factory):
     return program, request.param
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_the_emulator_follows_the_sketch(sketch, name):
     script = SCRIPTS[name]

@@ -365,6 +365,7 @@ def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
+@pytest.mark.slow
 def test_equal_success_is_ranked_by_error_and_the_users_own_is_in_color(
     own, tmp_path, monkeypatch
 ):
@@ -418,6 +419,7 @@ def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
     assert names["orientation"] == ["position", "orientation"]
 
 
+@pytest.mark.slow
 def test_tuning_starts_from_the_entrant_as_it_is_and_refuses_what_it_ignores(own):
     for each in untuned():
         for varied in (

@@ -84,6 +84,7 @@ def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
         } == kinds
 
 
+@pytest.mark.slow
 def test_the_search_reduces_the_misfit_of_a_detuned_arm(record):
     record(episodes=3, samples=200)
     twin = load_arm("twin_creep")

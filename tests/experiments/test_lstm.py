@@ -191,6 +191,7 @@ def test_a_tip_lstm_takes_any_module_and_cable_count(make_arm, modules, cables):
     assert np.isfinite(actions).all()
 
 
+@pytest.mark.slow
 def test_large_outputs_of_a_tip_lstm_are_limited_to_the_range_of_the_arm():
     model = a_tip_lstm(SIMULATED)
     desired = numbers(12, 50, 3)

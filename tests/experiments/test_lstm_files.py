@@ -57,6 +57,7 @@ def rewrite(file, forged):
     return write
 
 
+@pytest.mark.slow
 def test_a_loaded_lstm_answers_alike_to_the_last_bit(file, trained, twin):
     random = np.random.default_rng(0)
     desired, *past = (
@@ -158,6 +159,7 @@ def test_a_file_without_its_curve_is_refused(rewrite):
         load_networks(rewrite(without=("curve.LSTM",)))
 
 
+@pytest.mark.slow
 def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
     loaded = load_networks(
         rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})

@@ -79,6 +79,7 @@ def bends_of(arm, actions) -> np.ndarray:
     return np.rad2deg(shares * geometry.bend_limits[:, None])
 
 
+@pytest.mark.slow
 def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
     goals = [
         TARGET,
@@ -138,6 +139,7 @@ def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
     assert 0.5 < percent.mean() < 25
 
 
+@pytest.mark.slow
 def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
     recording, options, split
 ):
@@ -199,6 +201,7 @@ def test_training_on_a_recording_cut_short_is_refused(recording, options):
         train(short, options, seed=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm_name", ["twin", "simulated"])
 def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(
     arm_name, request
@@ -258,6 +261,7 @@ def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
     assert actions[-1].max() > 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("modules", "cables"), [(1, 3), (2, 5), (4, 4)])
 def test_it_drives_an_arm_of_any_module_and_cable_count(make_arm, modules, cables):
     arm = make_arm(modules, cables)

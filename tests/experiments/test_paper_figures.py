@@ -26,6 +26,8 @@ from s2c2a_experiments.figures.time import (
     orientation_figure,
 )
 
+from marks import slow_after
+
 TIMES = np.arange(50) / 10
 
 
@@ -99,12 +101,14 @@ def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(
     )
 
 
+@pytest.mark.slow
 @every_figure
 def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
     trace = drawn("one", [0.0], make_trace().states[:1])
     assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
 
 
+@pytest.mark.slow
 @every_figure_of_obstacles
 def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_path):
     absent = np.tile([[np.nan, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0]], (200, 1, 1))
@@ -113,6 +117,7 @@ def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_pat
     )
 
 
+@pytest.mark.slow
 @every_figure_of_obstacles
 def test_a_box_and_a_wall_are_drawn(draw, make_trace, tmp_path):
     unturned = [0.0, 0.0, 0.0, 1.0]
@@ -125,7 +130,9 @@ def test_a_box_and_a_wall_are_drawn(draw, make_trace, tmp_path):
     assert np.isfinite(distances).all()
 
 
-@pytest.mark.parametrize("draw", [plan_view_figure, poses_figure, obstacles_figure])
+@pytest.mark.parametrize(
+    "draw", slow_after(1, [plan_view_figure, poses_figure, obstacles_figure])
+)
 def test_each_task_has_its_panel(draw, make_trace, tmp_path):
     assert is_sensible_png(draw(many(make_trace(), 5), tmp_path / "figure.png"))
 
@@ -136,6 +143,7 @@ def test_no_task_is_refused(draw, tmp_path):
         draw({}, tmp_path / "figure.png")
 
 
+@pytest.mark.slow
 def test_runs_of_one_task_lie_over_each_other(traces, tmp_path):
     assert is_sensible_png(
         obstacles_figure({"reach": traces, "alone": traces[0]}, tmp_path / "figure.png")

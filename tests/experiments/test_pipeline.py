@@ -69,6 +69,7 @@ def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
     assert trained[name].percent["C2S"][0] <= 1.0
 
 
+@pytest.mark.slow
 def test_the_controller_tracks_an_unseen_reference(trained):
     assert track_reference(trained["twin_arm"], 1.0, steps=100).mean() <= 1.5
 

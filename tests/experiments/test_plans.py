@@ -35,6 +35,7 @@ def small():
         yield
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_problems_and_every_kind_of_goal():
     first, again, other = (sample_problems(TWIN, MODEL, 8, seed) for seed in (0, 0, 1))
     np.testing.assert_array_equal(first.histories, again.histories)

@@ -30,6 +30,8 @@ from s2c2a_experiments.real_models import (
 )
 from s2c2a_experiments.tip_lstm import LSTM
 
+from marks import slow_after
+
 METRICS = ["tip", "tip, rms", "tip, 95 %", "log likelihood", "coverage"]
 
 
@@ -115,7 +117,9 @@ def test_equal_pulls_cannot_be_split(recording):
         split_largest(constant, 0.15)
 
 
-@pytest.mark.parametrize("name", ["kernels", "kernels with plays", "pcc-fitted"])
+@pytest.mark.parametrize(
+    "name", slow_after(1, ["kernels", "kernels with plays", "pcc-fitted"])
+)
 def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, name):
     split = split_end(recording, 100)
     rows = list(split_rows(recording, split, [name], [0]))

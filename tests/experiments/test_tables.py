@@ -125,6 +125,7 @@ def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
         make_table("speed", tmp_path, [0], list, recipe_named("paper"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("table", ["interaction", "constraint"])
 def test_further_strategies_run_in_every_block_of_a_table(tmp_path, table):
     class RequestedError(Exception):

@@ -62,6 +62,7 @@ def test_resting_shapes_match_the_aged_and_settled_simulated_arm(mismatched, rea
         np.testing.assert_allclose(robot.states(), states, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_reachable_tip_position_is_found(reach):
     tips = reach.states(reach.random_actions(3, np.random.default_rng(5)))[
         :, -1, POSITION
@@ -70,6 +71,7 @@ def test_a_reachable_tip_position_is_found(reach):
         assert reach.nearest(Goal.of(3).with_position(tip)).error < TOLERANCE
 
 
+@pytest.mark.slow
 def test_a_target_above_the_arm_is_approached_from_straight_below(reach):
     highest = reach.nearest(Goal.of(3).with_position([0.0, 0.0, 0.9])).states[
         -1, POSITION

@@ -409,6 +409,7 @@ COMMANDS = {
 """What a user may do with files of a stranger."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_no_command_runs_the_code_that_data_names(
     command, ran, evil_recording, evil_weights, tmp_path, monkeypatch, capsys

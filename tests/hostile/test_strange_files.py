@@ -228,6 +228,7 @@ print(int(status["VmHWM"].split()[0]) // 1024)
 """
 
 
+@pytest.mark.slow
 def test_huge_files_are_rejected_before_they_are_read(tmp_path):
     paths = [tmp_path / name for name in READERS]
     for path in paths:
@@ -309,6 +310,7 @@ def test_malicious_toml_is_rejected(tmp_path, text):
         load_recipe(path)
 
 
+@pytest.mark.slow
 def test_tables_may_have_many_waypoints_up_to_a_limit(tmp_path, monkeypatch):
     path = tmp_path / "long.csv"
     path.write_text(

@@ -41,6 +41,7 @@ def test_a_step_of_the_shipped_networks_in_c_is_that_of_jax(tmp_path):
     assert np.median(result.seconds_c) < 1.5 * np.median(result.seconds_jax)
 
 
+@pytest.mark.slow
 def test_a_control_step_is_that_of_the_loop():
     strategy = pcc_strategy(load_arm("twin_arm"))
     control = ControlStep.of(strategy)
@@ -54,6 +55,7 @@ def test_a_control_step_is_that_of_the_loop():
     np.testing.assert_allclose(commands, sent, atol=1e-4 * np.ptp(sent))
 
 
+@pytest.mark.slow
 def test_the_last_command_holds_after_a_reading_that_is_not_finite():
     strategy = pcc_strategy(load_arm("twin_arm"))
     control = ControlStep.of(strategy)
@@ -87,6 +89,7 @@ def test_names_of_files_become_names_of_c(tmp_path):
     assert name_of(tmp_path / "2arms.c") == "arm_2arms"
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_header_has_the_name_that_the_source_includes(tmp_path, monkeypatch):
     strategy = pcc_strategy(load_arm("planar_finger"))
@@ -98,6 +101,7 @@ def test_the_header_has_the_name_that_the_source_includes(tmp_path, monkeypatch)
         export_c(tmp_path / "any.safetensors", tmp_path / "only.h")
 
 
+@pytest.mark.slow
 def test_only_weights_are_exported_to_c(tmp_path):
     missing = tmp_path / "none.safetensors"
     with pytest.raises(StrategyError, match="no"):

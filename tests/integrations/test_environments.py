@@ -248,6 +248,7 @@ def test_noise_of_a_sensor_reaches_the_observation():
     assert (first != second).any()
 
 
+@pytest.mark.slow
 def test_the_jacobian_policy_reaches_the_goals_of_an_arm():
     batch = begun(arm="twin_arm", count=3, seconds=4.0)
     policy = JacobianPolicy(batch.controls)

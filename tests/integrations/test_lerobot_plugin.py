@@ -80,6 +80,7 @@ def test_a_frame_advances_a_simulated_arm_by_one_control_period(driven):
     np.testing.assert_allclose(np.diff(times), PERIOD)
 
 
+@pytest.mark.slow
 def test_numbers_of_observations_are_named_as_in_exports(driven):
     task = load_task("reach-0", ARM)
     episode = run(SimulatedRobot(ARM), pcc_strategy(ARM), task)

@@ -51,6 +51,7 @@ def test_the_models_are_valid_and_name_their_units(strategy, models):
     assert about["command"] == "command of every cable [m or N], base first"
 
 
+@pytest.mark.slow
 def test_recorded_steps_in_onnx_are_those_of_jax(strategy):
     differences, _ = onnx_differences(strategy, STEPS)
     assert len(differences) == STEPS

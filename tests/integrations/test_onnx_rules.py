@@ -60,6 +60,7 @@ def run_all():
     return lambda x: dict(zip(operations, run({"x": x}), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_after(1, range(3)))
 def test_every_operation_is_that_of_jax(run_all, seed):
     x = np.random.default_rng(seed).normal(size=(3, 4)).astype(np.float32)

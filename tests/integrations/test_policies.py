@@ -33,6 +33,7 @@ def random_layers(width=8, inputs=None, seed=0):
     ]
 
 
+@pytest.mark.slow
 def test_a_saved_policy_runs_a_task(tmp_path):
     file = tmp_path / "policy.safetensors"
     save_policy(file, FINGER, random_layers())
@@ -76,6 +77,7 @@ def test_a_file_keeps_the_numbers(tmp_path, activation):
     np.testing.assert_allclose(read._act(values), given._act(values), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_runs_of_a_command_use_the_options_of_the_file(tmp_path):
     file = tmp_path / "policy.safetensors"
     save_policy(file, FINGER, random_layers(), "tanh", squashed=False)

@@ -119,6 +119,7 @@ def is_at(control, stage):
     return lambda: control.latest.stage is stage
 
 
+@pytest.mark.slow
 def test_the_tip_follows_the_target_and_stays_when_keys_are_released(control):
     driver = Driver(control)
     time.sleep(0.05)
@@ -180,6 +181,7 @@ def record(driver, velocity, seconds=6.0):
     driver.press(Button.RECORD)
 
 
+@pytest.mark.slow
 def test_every_demonstration_is_an_episode_that_other_commands_read(control, tmp_path):
     path = tmp_path / "demos.episodes"
     driver = Driver(control, path)
@@ -406,6 +408,7 @@ class Short:
 """
 
 
+@pytest.mark.slow
 def test_the_command_drives_a_simulated_arm_and_writes_the_file(tmp_path, capsys):
     (tmp_path / "short.py").write_text(SHORT)
     out = tmp_path / "demos.episodes"

@@ -390,6 +390,7 @@ def test_errors_of_the_cluster_become_cluster_errors(error, message, scheduler):
         raise error
 
 
+@pytest.mark.slow
 def test_errors_of_the_work_pass_unchanged(scheduler):
     with (
         pytest.raises(ValueError, match="the work's own"),

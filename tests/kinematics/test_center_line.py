@@ -40,6 +40,7 @@ def test_a_straight_arm_has_its_points_evenly_on_the_axis():
     np.testing.assert_allclose(line, [[0, 0, height] for height in heights], atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [0.0, 1.0, 2.5, -2.0])
 @pytest.mark.parametrize("angle_deg", [1, 25, 50])
 def test_the_error_of_a_module_of_20_cm_is_below_1_mm_up_to_50_degrees(
@@ -93,6 +94,7 @@ def test_the_last_point_of_each_module_is_its_end(lengths):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [1, 5, 16])
 def test_arrays_of_numpy_and_of_jax_have_one_center_line(points):
     states = np.asarray(
@@ -117,6 +119,7 @@ def test_arrays_of_numpy_and_of_jax_have_one_center_line(points):
     assert np.isfinite(slopes).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [(4,), (2, 3)])
 def test_a_batch_of_arms_is_its_members_one_by_one(batch):
     bends = random_bends(*batch, 3)

@@ -118,6 +118,7 @@ def test_viser_accepts_connections_of_the_gate_only(page):
             browser(page, origin, port=viser_port)
 
 
+@pytest.mark.slow
 def test_a_browser_drives_on_arrival_and_the_arm_holds_when_it_leaves(control, page):
     rows = []
     control.watch(rows.append)

@@ -3,6 +3,7 @@
 import time
 
 import msgspec
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_gate import CAMERA, browser  # type: ignore[import-not-found]
@@ -82,6 +83,7 @@ def message(sample, uuids):
     }
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(MESSAGES, min_size=10, max_size=60))
 def test_the_next_driver_has_a_complete_panel(control, page, samples):

@@ -39,6 +39,7 @@ def control(twin):
     running.stop()
 
 
+@pytest.mark.slow
 def test_it_obeys_requests_changes_strategies_and_ends_at_rest(twin):
     control = start_process(twin)
     control.wait_until_ready()
@@ -105,6 +106,7 @@ def test_only_tasks_that_fit_the_arm_are_offered(twin, make_arm):
         few["hold-middle"]
 
 
+@pytest.mark.slow
 def test_it_ends_when_the_pipe_closes(control):
     control._pipe.close()
     until_ended(control)

@@ -76,6 +76,7 @@ def test_a_target_inside_the_ball_can_be_dragged(window, twin, chromium):
     tab.page.close()
 
 
+@pytest.mark.slow
 def test_the_live_page_shows_the_ball_with_the_planned_arm(still_page):
     latest = still_page._control.latest
     predicted = np.array(latest.predicted)

@@ -36,6 +36,7 @@ def double_precision():
         yield
 
 
+@pytest.mark.slow
 def test_one_taut_cable_bends_against_the_stiffness_of_the_arm():
     # (stiffness + 1) bend = pull, because the other two cables are slack
     columns = np.array([[0.3, -1.0, -1.0]])
@@ -49,6 +50,7 @@ def test_tensions_bend_against_the_stiffness_of_the_arm_alone():
     np.testing.assert_allclose(bends[0, 0], [0.3 / STIFFNESS, 0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_gradients_equal_finite_differences():
     columns = np.array([[0.3, -0.1, -0.2]])
 

@@ -38,6 +38,7 @@ def test_errors_that_last_as_long_as_a_few_motions_are_not_reported(seed):
     assert find_frame_motion(drives, positions, 0.1 * np.arange(count)) is None
 
 
+@pytest.mark.slow
 def test_a_jump_is_reported_with_time_and_size(log):
     drives, positions, time = log
     positions[ROWS // 2 :] += SHIFT
@@ -47,6 +48,7 @@ def test_a_jump_is_reported_with_time_and_size(log):
     assert motion.row == 750
 
 
+@pytest.mark.slow
 def test_a_drift_is_reported_with_its_size(log):
     drives, positions, time = log
     positions += np.linspace(0, 2, ROWS)[:, None, None] * SHIFT

@@ -102,6 +102,7 @@ def write(path, header, time, values):
     np.savetxt(path, table, "%.6f", ",", header=header, comments="")
 
 
+@pytest.mark.slow
 def test_the_tip_is_joined_at_the_true_times_of_the_drives(folder):
     log_map = load_map(folder / "map.toml")
     paths = [folder / "motors.csv", folder / "camera.csv"]

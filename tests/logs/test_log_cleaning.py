@@ -30,6 +30,7 @@ def with_jumps(path, rows, module):
     return damaged
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tip_only", [False, True])
 def test_jumps_are_excluded_and_reported_and_others_are_kept(
     recording, tip_only, tmp_path

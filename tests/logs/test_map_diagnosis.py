@@ -88,6 +88,7 @@ def test_exchanged_columns_are_named(table, outcome):
     assert "exchange the columns 'z0' and 'y0'" in outcome(table)
 
 
+@pytest.mark.slow
 def test_exchanged_drives_are_named(table, outcome):
     first, second = [drive for drive in table["drives"] if drive["module"] == 1][:2]
     first["angle_deg"], second["angle_deg"] = second["angle_deg"], first["angle_deg"]

@@ -85,6 +85,7 @@ def is_read_or_refused(path, content: bytes) -> None:
         read_mat(path, ANY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [SMALL, PACKED])
 def test_no_byte_can_end_the_process(tmp_path, whole):
     """SciPy's reader ends with a segmentation fault for some of these files."""

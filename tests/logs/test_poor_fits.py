@@ -62,6 +62,7 @@ def warn(stated: str, random_ends: bool = False, measured: bool = False) -> str:
     return describe_poor_fit([session], log_map(stated), given, TRUE, ROWS)  # type: ignore[list-item]
 
 
+@pytest.mark.slow
 def test_the_other_choice_of_commands_is_named_where_it_fits():
     text = warn("settled")
     assert 'rows.commands = "sent"' in text

@@ -59,6 +59,7 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, message, first
         import_session([log.path], changed, recording)
 
 
+@pytest.mark.slow
 def test_a_drive_that_winds_more_cable_than_the_arm_is_long_is_refused(first):
     log, _ = first
     text = log.map.replace('"m3"\nunit = "mm"', '"m3"\nunit = "m"')

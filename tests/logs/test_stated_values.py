@@ -37,6 +37,7 @@ def log() -> Observations:
     return Observations(columns, states, np.eye(3), False, STD, 0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "wrong", "deviation", "text"),
     slow_after(
@@ -75,6 +76,7 @@ def test_true_statements_are_not_contradicted(log, name):
     np.testing.assert_allclose(np.exp(fit.parameters.lengths), [0.1, 0.2], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_deviations_of_lengths_are_the_same_with_a_stated_sum(log):
     """A bound that is not reached changes variables, not deviations."""
     noise = np.random.default_rng(1).normal(0, 1e-3, log.states.shape)

@@ -81,6 +81,7 @@ def of_kind(make_arm, kind, modules=3, cables=3) -> ArmSpec:
     return make_arm(modules, cables, **kinds[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["true", "coupled", "tension"])
 def test_untrained_without_statics_it_says_arcs_of_the_sensed_bends(make_arm, kind):
     model, configurations = untrained(of_kind(make_arm, kind)), way(1, 1, 3)[0]
@@ -148,6 +149,7 @@ def test_for_planning_it_predicts_the_same(make_arm, kind):
         memory = observe(model, one, memory)
 
 
+@pytest.mark.slow
 def test_for_planning_a_motor_within_its_play_has_a_slope_where_the_true_one_is_nearly_zero(
     make_arm,
 ):
@@ -197,6 +199,7 @@ def test_without_plays_filters_and_weight_on_the_last_it_remembers_nothing(make_
     np.testing.assert_allclose(one, other, atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "modules", "cables"),
     slow_after(

@@ -89,6 +89,7 @@ def test_the_loss_falls_and_every_epoch_has_a_row(trained):
     assert trained.curve[-1, 2] < trained.curve[0, 2]
 
 
+@pytest.mark.slow
 def test_the_same_key_trains_the_same_model_and_another_key_another(trained, make_arm):
     again = train(make_arm(2))
     other = train(make_arm(2), seed=1)
@@ -101,6 +102,7 @@ def test_the_same_key_trains_the_same_model_and_another_key_another(trained, mak
     assert np.abs(other.curve - trained.curve).max() > 0.0
 
 
+@pytest.mark.slow
 def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
     trained, make_arm
 ):

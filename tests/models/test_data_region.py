@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from s2c2a.models.data_region import DataRegion, fit_region
 
@@ -36,6 +37,7 @@ def test_it_grows_beyond_the_reach_of_the_data():
     assert narrow > 5 * wide + 0.005
 
 
+@pytest.mark.slow
 def test_a_change_of_a_constant_feature_is_extrapolation():
     features = np.random.default_rng(0).uniform(-1, 1, (300, 2))
     features[:, 1] = 0.0

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import (
@@ -91,6 +92,7 @@ def test_the_sweeps_of_a_model_are_near_convergence():
     )
 
 
+@pytest.mark.slow
 def test_couplings_have_no_gradient_for_planning():
     model = equilibrium(give=np.log(0.05), coupling=(0.25, 0.0))
 

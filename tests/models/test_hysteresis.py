@@ -191,6 +191,7 @@ def test_creep_is_begun_at_given_weights_of_one_sign():
     np.testing.assert_allclose(begun, weights, atol=0.02)
 
 
+@pytest.mark.slow
 def test_creep_on_a_held_step_is_monotone_however_slow_the_motion():
     """Weights of both signs would first rise, then fall."""
     hysteresis = a_hysteresis(widths=(), shares=(0.1, 0.02, 0.002), seed=4)

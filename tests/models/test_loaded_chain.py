@@ -19,6 +19,8 @@ from s2c2a.models.disturbances import Disturbances, moments_of_weights
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks
 
+from marks import slow_after
+
 
 @eqx.filter_jit
 def with_moments(model, disturbances, sensed, memory, before):
@@ -45,6 +47,7 @@ def payload_of(kilograms, modules=3) -> Disturbances:
     return Disturbances(jnp.asarray(kilograms, jnp.float32), jnp.zeros((modules, 2)))
 
 
+@pytest.mark.slow
 def test_a_weight_beside_the_base_bends_a_module_by_its_lever():
     """A straight horizontal module: the moment about its middle is m g L / 2."""
     down = jnp.array([GRAVITY, 0.0, 0.0])
@@ -71,6 +74,7 @@ def test_an_end_gives_way_across_and_not_along():
     np.testing.assert_allclose(along[0, :3], [0.0, 0.0, 0.2], atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensing", ["encoders", "true"])
 def test_no_payload_and_no_bias_change_nothing(sensing):
     arm = load_arm("twin_arm").model_copy(update={"sensing": sensing})
@@ -84,6 +88,7 @@ def test_no_payload_and_no_bias_change_nothing(sensing):
     )
 
 
+@pytest.mark.slow
 def test_bend_biases_are_added_to_the_predicted_bends():
     model = shipped_networks(load_arm("twin_arm")).c2s
     sensed = configurations_from_bends(jnp.full((3, 2), 0.2))
@@ -99,6 +104,7 @@ def test_bend_biases_are_added_to_the_predicted_bends():
     np.testing.assert_allclose(bends[1] - bends[0], biases, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_moments_follow_a_changed_payload_in_proportion():
     model = shipped_networks(load_arm("twin_arm")).c2s
     sensed = configurations_from_bends(jnp.full((3, 2), 0.2))
@@ -110,7 +116,9 @@ def test_moments_follow_a_changed_payload_in_proportion():
     )
 
 
-@pytest.mark.parametrize(("kilograms", "most"), [(0.05, 1.0), (0.1, 0.8)])
+@pytest.mark.parametrize(
+    ("kilograms", "most"), slow_after(1, [(0.1, 0.8), (0.05, 1.0)])
+)
 def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms, most):
     """With 100 g, bends change by a quarter more than under constant moments, or further."""
     model = shipped_networks(load_arm("twin_arm")).c2s
@@ -139,6 +147,7 @@ def test_gains_are_the_change_of_a_loaded_arm_that_has_settled(kilograms, most):
     assert np.linalg.norm(without) < most * np.linalg.norm(expected)
 
 
+@pytest.mark.slow
 def test_a_model_trained_without_payload_predicts_its_effect():
     """Poses of the twin with 50 g: three times nearer with the payload than without."""
     arm = load_arm("twin_arm")

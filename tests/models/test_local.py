@@ -81,6 +81,7 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
     assert errors[0] < 0.5 * errors[1]
 
 
+@pytest.mark.slow
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])
@@ -106,6 +107,7 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
         memory = observe(trained, now, memory)
 
 
+@pytest.mark.slow
 def test_near_a_configuration_it_says_the_same_and_has_the_same_slopes(arm, trained):
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
     memory, here = trained.start(sensed[40]), bends_from_configurations(sensed[41])
@@ -175,6 +177,7 @@ def test_errors_on_data_held_out_are_about_those_that_it_expects(arm, trained):
     )
 
 
+@pytest.mark.slow
 def test_a_plan_stops_short_of_what_the_data_do_not_show_and_says_so(
     arm, trained, monkeypatch
 ):
@@ -230,6 +233,7 @@ def test_where_cables_move_together_that_counts_too(arm):
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
 
 
+@pytest.mark.slow
 def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, trained):
     inputs = jnp.asarray(hysteresis_inputs(trained.chain, data_of(arm, seed=2))[0, -1])
     look = eqx.filter_jit(lambda model, inputs: model.states(inputs))

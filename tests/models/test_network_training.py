@@ -135,6 +135,7 @@ def test_positions_share_one_scale_half_the_widest_extent():
     np.testing.assert_allclose(scaling.center, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
 
 
+@pytest.mark.slow
 def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
     training_data, control_split, tiny_recipe
 ):
@@ -167,6 +168,7 @@ def test_the_same_key_trains_the_same_network_and_another_key_another(
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_too_few_samples_are_rejected(training_data, tiny_recipe):
     few = TrainingData(
         training_data.arm,

@@ -31,6 +31,7 @@ def zeros(arm, episodes: int, samples: int) -> TrainingData:
     )
 
 
+@pytest.mark.slow
 def test_mean_and_spread_of_two_models_are_those_of_every_parameter(twin):
     chain = SIZE.untrained(twin, jax.random.key(0))
     models = [with_stiffness(chain, 1.0), with_stiffness(chain, 2.0)]

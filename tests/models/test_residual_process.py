@@ -84,6 +84,7 @@ def test_far_from_the_samples_the_mean_is_that_of_the_residual(fitted):
     )
 
 
+@pytest.mark.slow
 def test_vibration_is_noise_though_it_follows_each_motion():
     """Neighbors in time are alike: a process of all samples would interpolate them."""
     random = np.random.default_rng(0)
@@ -103,6 +104,7 @@ def test_the_motion_of_a_second_is_no_longer_than_the_length_scale(fitted):
     assert np.linalg.norm(smooth.rates * motion) < 1.001
 
 
+@pytest.mark.slow
 def test_given_other_samples_it_keeps_its_hyperparameters_and_knows_these_alone(fitted):
     features, targets = samples(300, seed=2)
     near = features[:, 0] < 0.0
@@ -116,6 +118,7 @@ def test_given_other_samples_it_keeps_its_hyperparameters_and_knows_these_alone(
     assert deviations.min() > 0.999 * np.sqrt(float(fitted.noise))
 
 
+@pytest.mark.slow
 def test_the_kernel_is_one_at_its_point_falls_with_distance_and_is_smooth():
     points = jnp.array([[0.0, 0.0], [1.0, 0.0]])
     values = matern(jnp.zeros(2), points)

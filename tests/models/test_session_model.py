@@ -15,6 +15,8 @@ from s2c2a.models.session_fit import fit_session
 from s2c2a.spaces import AXIS
 from s2c2a.training import TrainingData
 
+from marks import slow_after
+
 ARM = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(ARM)
 TRANSLATION = np.array([3e-3, -2e-3, 3.5e-3])
@@ -84,7 +86,7 @@ def test_offsets_and_gains_act_on_the_bends():
     np.testing.assert_allclose(bends, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("tip_only", [False, True])
+@pytest.mark.parametrize("tip_only", slow_after(1, [True, False]))
 @pytest.mark.parametrize(
     ("parts", "cause"),
     [
@@ -103,6 +105,7 @@ def test_a_session_finds_each_cause(parts, cause, tip_only):
         assert (np.abs(found - value) < 4.0 * np.asarray(std[name]) + 1e-5).all(), name
 
 
+@pytest.mark.slow
 def test_causes_add_up_to_the_whole_reduction():
     true = change(translation=TRANSLATION, offsets=OFFSETS, gains=GAINS)
     fit = fit_session(MODEL, data(true))
@@ -110,6 +113,7 @@ def test_causes_add_up_to_the_whole_reduction():
     assert total == pytest.approx(fit.before - fit.after, abs=0.05 * fit.before)
 
 
+@pytest.mark.slow
 def test_what_the_motion_does_not_show_keeps_its_prior():
     still = data(DayChange.none(ARM.module_count), tip_only=True)
     at_rest = np.repeat(still.sensed[:, :1], still.sensed.shape[1], axis=1)
@@ -119,6 +123,7 @@ def test_what_the_motion_does_not_show_keeps_its_prior():
     assert np.max(np.asarray(fit.posterior.std.gains)) > 0.08
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_put_up_elsewhere_is_no_noise():
     moved = change(translation=[0.1, 0.0, 0.0], rotation=np.deg2rad([0.0, 10.0, 0.0]))
     fit = fit_session(MODEL, data(moved, noise=5e-3, tip_only=True))
@@ -128,6 +133,7 @@ def test_a_camera_that_was_put_up_elsewhere_is_no_noise():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("samples", "is_enough"), [(1, False), (2, False), (4, True)])
 def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
     few = data(change(offsets=OFFSETS))

@@ -147,6 +147,7 @@ def slopes(displacements, engaged):
     )
 
 
+@pytest.mark.slow
 def test_a_slack_cable_has_no_gradient_unless_engaged():
     true = slopes([-0.5, FAR, FAR], engaged=False)
     engaged = slopes([-0.5, FAR, FAR], engaged=True)

@@ -63,7 +63,8 @@ def goals(**obstacles):
 
 @BOTH
 @pytest.mark.parametrize(
-    "obstacles", [{}, {"centers": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}]
+    "obstacles",
+    slow_after(1, [{"centers": [[0.1, 0.0, 0.55]], "thresholds": [0.05]}, {}]),
 )
 def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
     """Five plans in chunks of four: the last chunk is padded."""
@@ -79,6 +80,7 @@ def test_each_plan_is_that_of_the_planner(batch_of, options, obstacles):
     np.testing.assert_allclose(many.configurations, each, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_threads():
     desired = Goal.stacked(goals())
     sensed = somewhere(5)
@@ -89,6 +91,7 @@ def test_results_do_not_depend_on_threads():
     np.testing.assert_array_equal(*results)
 
 
+@pytest.mark.slow
 def test_invalid_counts_are_rejected(batch_of):
     batch = batch_of(PAPER)
     sensed = somewhere(3)

@@ -19,6 +19,7 @@ TWIN = load_arm("twin_arm")
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("guides", "least"),
     slow_after(1, [(BEST.guides, CLOSEST * 0.04 * TWIN.length), ((), 0.02)]),

@@ -53,6 +53,7 @@ def clearance(way, spheres):
     ).min()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", slow_after(1, [2, 1]))
 @pytest.mark.parametrize("turn_deg", slow_after(1, [160.0, 0.0]))
 def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
@@ -70,12 +71,14 @@ def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
     np.testing.assert_allclose(way.bends[0], STRAIGHT, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_free_way_is_straight_in_bends(roadmap):
     way = roadmap.find(STRAIGHT, goal_with((-0.3, 0.0, 0.5, 0.05)), LEAST, MARGIN)
     assert way.is_straight
     assert way.miss < 2e-3
 
 
+@pytest.mark.slow
 def test_a_target_in_an_obstacle_is_approached_to_its_border(roadmap):
     goal = goal_with((*TARGET, 0.08))
     way = roadmap.find(STRAIGHT, goal, LEAST, MARGIN)
@@ -130,6 +133,7 @@ def test_plans_are_led_past_spheres_and_come_to_rest():
     assert ways[-20:].max() < 1e-3
 
 
+@pytest.mark.slow
 def test_an_arm_waits_for_the_way_to_a_target_that_jumps():
     first, second = goal_with(*SPHERES, target=[-0.1, 0.0, 0.58]), goal_with(*SPHERES)
     shapes, _ = drive(Planner(TWIN, MODEL, BEST), [first] * 40 + [second] * 40)
@@ -138,6 +142,7 @@ def test_an_arm_waits_for_the_way_to_a_target_that_jumps():
     assert np.abs(shapes[-1] - shapes[39]).max() > np.deg2rad(10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("beside", "is_led"), [(0.05, True), (0.12, False)])
 def test_a_straight_way_leads_where_it_comes_near_to_an_obstacle(beside, is_led):
     leader = Detour().leader(TWIN, MODEL, "arm")
@@ -149,6 +154,7 @@ def test_a_straight_way_leads_where_it_comes_near_to_an_obstacle(beside, is_led)
         assert leads[-1].room > LEAST
 
 
+@pytest.mark.slow
 def test_an_arm_does_not_wait_while_obstacles_or_targets_move():
     moving = [goal_with((0.5 - 0.01 * k, 0.3, 0.3, 0.05)) for k in range(40)]
     shapes, _ = drive(Planner(TWIN, MODEL, BEST), moving)
@@ -174,6 +180,7 @@ def test_plans_go_where_a_way_has_less_room_than_their_margin(roadmap):
     assert gaps.min() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", slow_after(1, ["axis", "inner module"]))
 def test_other_targets_do_not_pull_against_a_way(other):
     goal = goal_with(*SPHERES)
@@ -189,6 +196,7 @@ def test_other_targets_do_not_pull_against_a_way(other):
     assert errors[0] < errors[1] + 0.01
 
 
+@pytest.mark.slow
 def test_a_guarded_tip_goes_where_an_obstacle_touches_the_body_alone():
     goal = goal_with((0.0, 0.0, 0.1, 0.06))
     shapes, outcomes = drive(Planner(TWIN, MODEL, BEST), [goal] * 60)

@@ -26,6 +26,7 @@ APPROACH = Approach.of(TWIN, NOMINAL)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("knots", "size"), [(12, 6), (1, 2), (2, 4), (5, 20)])
 def test_the_minimum_is_that_of_the_whole_system(knots, size):
     random = np.random.default_rng(knots)
@@ -94,6 +95,7 @@ def approached(xs, start=0.0, approach=APPROACH, payload=0.0) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [0.0, 0.1])
 def test_a_jump_is_approached_no_faster_than_the_slowest_mode(payload):
     jump = 0.2
@@ -116,6 +118,7 @@ def test_an_arm_approaches_its_first_goal_and_follows_one_that_moves():
         np.testing.assert_allclose(approached(xs, start=xs[0]), xs, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", slow_after(1, [10.0, 5.0, 20.0, 50.0, 100.0]))
 @pytest.mark.parametrize("told", [True, False])
 def test_a_jump_is_approached_alike_at_every_rate_and_if_it_was_told(rate, told):
@@ -225,6 +228,7 @@ class Lagging(ForwardModel):
         return self
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", slow_after(1, [10.0, 50.0]))
 def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     """A plan that counts on the lag for good overshoots its target and returns."""
@@ -240,6 +244,7 @@ def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     assert np.rad2deg(last.max()) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", slow_after(1, [10.0, 100.0]))
 def test_an_obstacle_beside_the_way_does_not_slow_the_arm(rate):
     limits = {"control_rate": rate, "step_limit_deg": 40.0 / rate}
@@ -274,6 +279,7 @@ def test_without_an_iteration_nothing_is_planned():
         replace(BEST, solver=Horizon(iterations=0))
 
 
+@pytest.mark.slow
 def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
     goal = Goal.of(3).with_position([0.15, 0.0, 0.55])
     shown = []

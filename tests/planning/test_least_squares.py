@@ -226,6 +226,7 @@ def test_an_arm_beyond_its_bend_limit_returns_step_by_step(planner):
     assert bend_angles(planned)[-10:].max() <= 47.0 + 0.01
 
 
+@pytest.mark.slow
 def test_planned_vectors_have_length_one(planner):
     np.testing.assert_allclose(
         np.linalg.norm(drive(planner, jumping_goals(1, 60)), axis=-1), 1.0, atol=1e-6
@@ -257,6 +258,7 @@ def test_without_a_target_nothing_moves(planner, weight):
     np.testing.assert_allclose(planned, np.tile(start, (11, 1, 1)), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_same_goals_make_the_same_plan(planner):
     goals = jumping_goals(2, 40)
     np.testing.assert_array_equal(drive(planner, goals), drive(planner, goals))
@@ -269,7 +271,7 @@ def test_with_a_far_target_the_arm_comes_to_rest(planner):
 
 
 @pytest.mark.parametrize(
-    "name", slow_after(2, ["reach-1", "risk-a", "reach-2", "risk-c"])
+    "name", slow_after(1, ["reach-1", "risk-a", "reach-2", "risk-c"])
 )
 def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     planner, name
@@ -283,6 +285,7 @@ def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
     assert clearance(tips[:, None], task) > 0.0
 
 
+@pytest.mark.slow
 def test_if_every_path_is_too_long_the_tip_waits_outside(planner):
     task = load_task("risk-b", TWIN)
     tips = tips_of(drive(planner, task.goals))
@@ -290,6 +293,7 @@ def test_if_every_path_is_too_long_the_tip_waits_outside(planner):
     assert np.ptp(tips[-30:], axis=0).max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_guarded_arm_passes_an_obstacle_with_all_points_outside(
     guarding_planner,
 ):

@@ -25,6 +25,7 @@ def finger(turn_deg):
     return arm.model_copy(update={"modules": modules})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn_deg", [0.0, 35.0])
 def test_rounding_of_inputs_does_not_decide_where_a_planar_arm_goes(turn_deg):
     arm = finger(turn_deg)

@@ -138,6 +138,7 @@ def test_a_reachable_target_is_reached_to_a_millimeter_and_held(fine_planner, ta
     assert distances[-30:].max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]]
 )
@@ -186,6 +187,7 @@ def test_planned_vectors_have_length_one(paper_planner):
     )
 
 
+@pytest.mark.slow
 def test_a_wide_step_limit_is_kept_too():
     planner = planner_of(
         an_arm(1, bend_limit_deg=80.0, step_limit_deg=60.0),
@@ -200,6 +202,7 @@ def test_a_wide_step_limit_is_kept_too():
     assert angles_between(planned[1:], planned[:-1]).max() <= 60.0 + 0.1
 
 
+@pytest.mark.slow
 def test_a_bend_limit_beyond_a_right_angle_is_kept_on_the_way_too():
     planner = planner_of(
         an_arm(1, bend_limit_deg=140.0, step_limit_deg=8.0),
@@ -262,6 +265,7 @@ def test_the_same_goals_make_the_same_plan(paper_planner):
     )
 
 
+@pytest.mark.slow
 def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
     planner = planner_of(an_arm(2), on_sphere=False)
     start = 0.7 * straight(2)
@@ -280,6 +284,7 @@ def compilations(caplog):
     ]
 
 
+@pytest.mark.slow
 def test_the_first_plan_compiles_and_the_next_ones_do_not(caplog):
     with jax.log_compiles(), caplog.at_level(logging.DEBUG):
         planner = planner_of(an_arm(1))

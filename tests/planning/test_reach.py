@@ -64,6 +64,7 @@ def test_a_point_on_the_axis_below_the_straight_tip_is_reached_by_an_s(column, h
     )
 
 
+@pytest.mark.slow
 def test_two_modules_of_three_reach_the_target_of_the_middle(column):
     assert gaps(column, [[0, 0, 0.396]], module=1)[0] < 1e-4
 
@@ -113,6 +114,7 @@ def drawn_states(count):
     return np.asarray(states_from_bends(bends, np.full(3, 0.2, np.float32)))
 
 
+@pytest.mark.slow
 def test_the_search_ends_as_near_as_one_from_many_starts(arcs, monkeypatch):
     within = drawn_states(10)[:, -1, POSITION]
     random = np.random.default_rng(0)
@@ -157,6 +159,7 @@ def test_a_goal_without_a_target_is_refused(arcs):
         arcs.nearest(Goal.stacked([EMPTY]))
 
 
+@pytest.mark.slow
 def test_a_payload_lowers_a_bent_arm():
     model = load_networks(WEIGHTS, TWIN).c2s
     bends = np.tile(np.array([0.5, 0.0], np.float32), (3, 1))

@@ -25,13 +25,15 @@ from s2c2a.planning import (
 )
 from s2c2a.planning.planner import Step
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
 @pytest.mark.parametrize(
-    "target", [[0.22, 0.0, 0.54], [-0.1, 0.2, 0.5], [2.0, 0.0, 0.3]]
+    "target", slow_after(1, [[0.22, 0.0, 0.54], [-0.1, 0.2, 0.5], [2.0, 0.0, 0.3]])
 )
 def test_adam_strictly_lowers_the_objective(target):
     step = Step.of(TWIN, MODEL, PAPER)

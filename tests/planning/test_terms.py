@@ -17,6 +17,8 @@ from s2c2a.planning.planner import AXES_WEIGHT, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
 from s2c2a.planning.terms import GuardedPoints
 
+from marks import slow_after
+
 TWIN = load_arm("twin_arm")
 MODEL = PCCForwardModel.of(TWIN)
 LENGTHS = jnp.full(3, 0.2)
@@ -305,7 +307,7 @@ def test_an_arm_at_rest_without_targets_has_zero_gradient():
     np.testing.assert_array_equal(gradient, np.zeros((3, 3)))
 
 
-@pytest.mark.parametrize("options", [PAPER, BEST], ids=["paper", "best"])
+@pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 def test_terms_of_both_recipes_work_with_both_solvers(options):
     """Sum of norms and sum of squares use the same residuals."""
     step = Step.of(TWIN, MODEL, options)
@@ -524,6 +526,7 @@ def test_an_obstacle_near_a_tip_without_target_changes_nothing(residuals_at):
         np.testing.assert_allclose(block, 0.0, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_tip_alone_or_the_whole_center_line_is_guarded():
     states = jnp.asarray(state_of(LAST))
     np.testing.assert_array_equal(TIP_ONLY(states), states[-1:, :3])

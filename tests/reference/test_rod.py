@@ -5,6 +5,7 @@ import pytest
 
 from s2c2a.errors import ActionError, SimulationError
 
+from marks import slow_after
 from rod import _curvature, _segments, rod_shape
 from rod_cases import rod_cases
 
@@ -23,7 +24,7 @@ def module_like_case_a(**changes):
     return CASES["A"].arm.modules[0].model_copy(update=changes)
 
 
-@pytest.mark.parametrize("case", rod_cases(), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", slow_after(1, rod_cases()))
 def test_the_tip_agrees_with_separate_code(case):
     states = rod_shape(case.arm, case.tensions, case.tip_force)
     np.testing.assert_allclose(states[-1, :3], case.tip, atol=2e-6)
@@ -67,6 +68,7 @@ def test_a_module_without_weight_is_a_circular_arc():
     np.testing.assert_allclose(base, arc, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", rod_cases(), ids=lambda case: case.name)
 def test_halving_the_grid_hardly_moves_the_modules(case):
     coarse, fine = (
@@ -126,6 +128,7 @@ def test_impossible_tensions_are_refused(tensions):
         rod_shape(CASES["A"].arm, tensions)
 
 
+@pytest.mark.slow
 def test_a_load_beyond_what_shooting_can_follow_is_reported():
     arm = arm_like_case_a(modules=(module_like_case_a(),))
     with pytest.raises(SimulationError, match="reduce the load"):

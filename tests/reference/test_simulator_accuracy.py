@@ -9,6 +9,7 @@ from simulator_accuracy import settled_tip
 CASES = {case.name: case for case in rod_cases()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["C", "D", "E"])
 def test_the_accurate_arm_comes_to_rest_within_1_5_mm_of_the_rod(name):
     case = CASES[name]

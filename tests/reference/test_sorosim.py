@@ -27,6 +27,7 @@ def test_the_tip_rests_within_a_third_of_a_percent_of_the_length_from_their_rod(
     assert max(errors) < LENGTH / 300
 
 
+@pytest.mark.slow
 def test_a_chain_of_half_as_many_segments_errs_at_least_twice_as_much():
     shapes = read_shapes(PIECE / "statics_tpu.csv.gz")
     coarse, fine = (

@@ -133,6 +133,7 @@ def test_a_session_is_measured_against_the_networks_of_the_training_alone(
     assert weights.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
     networks, weights, short
 ):
@@ -162,6 +163,7 @@ def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
     assert max(fit.explained, key=fit.explained.__getitem__) == "frame"
 
 
+@pytest.mark.slow
 def test_slack_changes_what_a_model_of_cables_predicts(networks, short):
     data = training_data(short, networks.recipe)
     none = DayChange.none(data.arm.module_count)
@@ -191,6 +193,7 @@ def test_a_plan_near_a_configuration_keeps_the_session(networks, short):
     )
 
 
+@pytest.mark.slow
 def test_runs_with_and_without_a_session_are_kept_apart(measured, weights, networks):
     plain = GivenNetworks.read(weights, networks.arm)
     other = GivenNetworks.read(weights, networks.arm, session=measured[0])

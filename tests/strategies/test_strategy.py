@@ -27,6 +27,8 @@ from s2c2a.strategies import (
     train_s2c2a,
 )
 
+from marks import slow_after
+
 REST = Goal.of(3)
 
 
@@ -123,13 +125,16 @@ def compilations(caplog):
 
 @pytest.mark.parametrize(
     ("strategy", "arm", "watched"),
-    [
-        ("trained", "twin", True),
-        ("trained", "twin", False),
-        ("best", "twin", True),
-        ("best", "twin", False),
-        ("simulated_pcc", "simulated", True),
-    ],
+    slow_after(
+        1,
+        [
+            ("best", "twin", True),
+            ("best", "twin", False),
+            ("trained", "twin", True),
+            ("trained", "twin", False),
+            ("simulated_pcc", "simulated", True),
+        ],
+    ),
 )
 def test_nothing_compiles_after_a_strategy_is_built(
     strategy, arm, watched, request, compilations
@@ -152,6 +157,7 @@ class SummingModel(PCCForwardModel):
 
 
 # the planner sees what an estimator does that follows no hysteresis
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator_follows", [True, False])
 def test_every_reading_advances_the_hysteresis_once(twin, estimator_follows):
     pcc = PCC.of(twin)

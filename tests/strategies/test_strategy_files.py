@@ -400,6 +400,7 @@ def test_a_file_with_bytes_more_than_it_says_is_refused(strategy_file, tmp_path)
         load_networks(tmp_path / "longer")
 
 
+@pytest.mark.slow
 def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
     with open(tmp_path / "large", "wb") as file:
         file.truncate(10**12)  # holds nothing: a hole on the disk

@@ -101,6 +101,7 @@ def test_a_module_takes_what_is_at_its_place():
     np.testing.assert_array_equal(interpolation_weights(3, 1), [[0.0, 1.0, 0.0]])
 
 
+@pytest.mark.slow
 def test_weights_bend_a_standing_arm_further_and_a_hanging_one_less(
     tiny_best_recipe, twin
 ):
@@ -117,6 +118,7 @@ def test_weights_bend_a_standing_arm_further_and_a_hanging_one_less(
     assert leant[0] > leant[1] > leant[2]
 
 
+@pytest.mark.slow
 def test_a_local_model_of_another_count_knows_where_its_arm_would_be_moved(
     twin, tiny_best_recipe
 ):
@@ -180,6 +182,7 @@ def test_other_cables_and_actuation_are_refused(
         transferred(tiny_best_networks, simulated)
 
 
+@pytest.mark.slow
 def test_other_counts_are_refused_where_cables_are_not_felt(
     tiny_best_recipe, simulated
 ):
@@ -204,6 +207,7 @@ def test_networks_of_another_recipe_are_refused(
         train_s2c2a(recording, tiny_best_recipe, 0, start=tiny_networks)
 
 
+@pytest.mark.slow
 def test_models_that_begin_from_nothing_say_so(tiny_networks: TrainedNetworks, twin):
     with pytest.raises(TrainingError, match="begin from nothing"):
         transferred(tiny_networks, twin)

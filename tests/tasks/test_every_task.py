@@ -62,6 +62,7 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_TARGET)
 def test_no_desired_position_jumps(name):
     """Once around at 0.22 m in 160 steps is the fastest: 8.6 mm a step."""
@@ -133,6 +134,7 @@ def misses(task, step, lengths):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MORE_THAN_A_POSITION)
 @pytest.mark.parametrize("step", slow_after(1, [104, 19, 39, 199]))
 def test_all_targets_of_a_step_are_within_reach_together(name, step):

@@ -36,6 +36,7 @@ def inside(task):
     return task.scores[1].steps
 
 
+@pytest.mark.slow
 def test_following_takes_six_hundred_and_ninety_eight_steps(task):
     assert (task.name, len(task.goals)) == ("follow", 50 + 480 + 54 + 20 + 54 + 40)
     assert not task.foreseen  # a hand tells nobody where it goes
@@ -129,6 +130,7 @@ def test_position_is_scored_within_reach_except_approach_and_recovery(task, insi
     np.testing.assert_array_equal(task.scores[0].steps, expected)
 
 
+@pytest.mark.slow
 def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
     path, inside
 ):

@@ -1,6 +1,7 @@
 """Targets out of reach are moved to the nearest within; others stay."""
 
 import numpy as np
+import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models.forward_model import PCCForwardModel
@@ -10,6 +11,7 @@ from s2c2a.tasks.lines import goal_at
 from s2c2a.tasks.projection import projected
 
 
+@pytest.mark.slow
 def test_only_targets_out_of_reach_are_moved():
     arm = load_arm("twin_arm")
     reachability = Reachability(arm, PCCForwardModel.of(arm))

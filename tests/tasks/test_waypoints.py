@@ -324,6 +324,7 @@ def test_no_tracks_are_rejected():
         waypoints_task("mine", [], TWIN)
 
 
+@pytest.mark.slow
 def test_waypoints_out_of_reach_have_module_time_and_gap(table):
     """The arm is 0.6 m long, its base module 0.2 m."""
     tracks = load_waypoints(

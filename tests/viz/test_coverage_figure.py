@@ -44,6 +44,7 @@ def axes_of(monkeypatch, tmp_path):
     return draw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("modules", "panels"), [(1, 2), (2, 2), (3, 3), (8, 8)])
 def test_each_pair_of_neighbors_has_a_panel_and_speeds_have_one(
     wandering, axes_of, modules, panels

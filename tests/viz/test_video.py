@@ -10,6 +10,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.viz.video import SIZE, VideoStage, save_video
 
 
+@pytest.mark.slow
 def test_a_run_becomes_a_small_gif(make_trace, arm, tmp_path):
     path = save_video(make_trace(), arm, tmp_path / "run", "gif")
     with Image.open(path) as video:

@@ -30,6 +30,7 @@ def states_at(arm, bends):
     return np.asarray(states_from_bends(bends, lengths))
 
 
+@pytest.mark.slow
 def test_ideal_arcs_reach_tip_and_axis(twin):
     target = states_at(twin, BENDS)[-1]
     goal = Goal.of(3).with_position(target[POSITION]).with_axis(target[AXIS])

@@ -27,6 +27,7 @@ def twin():
     return load_arm("twin_arm")
 
 
+@pytest.mark.slow
 def test_the_tip_arrives_exactly(twin):
     goal = Goal.of(3).with_position([0.2, -0.1, 0.5])
     _, states = drive_ideal(built(twin), twin, [goal] * STEPS)

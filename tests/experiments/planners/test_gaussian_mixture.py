@@ -63,6 +63,7 @@ def driven(arm, trained, goals) -> tuple[np.ndarray, np.ndarray]:
     return drive_ideal(driver, arm, goals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_it_reaches_targets_with_and_without_axes(twin, trained, shape):
     lengths = ArmGeometry.of(twin).lengths.astype(np.float32)

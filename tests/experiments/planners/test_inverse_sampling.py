@@ -24,6 +24,7 @@ def driver(finger):
     return OPTIONS.build(finger, recipe_named("paper"), None, RunOptions())
 
 
+@pytest.mark.slow
 def test_it_reaches_a_target_and_holds_still_without_one(driver, finger):
     goal = Goal.of(finger.module_count).with_position(finger.length * TARGET)
     resting = Goal.of(finger.module_count)

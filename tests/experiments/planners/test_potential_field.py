@@ -30,6 +30,7 @@ def target(twin):
     return np.asarray(states_from_bends(BENDS, lengths))[-1, POSITION]
 
 
+@pytest.mark.slow
 def test_beetles_reach_the_target_the_same_way_every_time(driver, twin, target):
     goals = [Goal.of(3).with_position(target)] * STEPS
     bends, states = drive_ideal(driver, twin, goals)

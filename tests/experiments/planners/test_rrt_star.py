@@ -29,6 +29,7 @@ def driver(finger):
     return driver_for(finger)
 
 
+@pytest.mark.slow
 def test_it_reaches_a_target_and_holds_still_without_one(driver, finger):
     goal = Goal.of(finger.module_count).with_position(finger.length * TARGET)
     resting = Goal.of(finger.module_count)

@@ -19,6 +19,7 @@ NEEDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", NEEDS)
 def test_an_error_names_no_temporary_path(form, tmp_path):
     pytest.importorskip(NEEDS[form])

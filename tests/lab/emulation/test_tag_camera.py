@@ -88,6 +88,7 @@ def test_a_tracker_follows_a_painted_camera():
     assert np.allclose(states[0, 3:], POSES["end-1"].z_axis, atol=0.01)
 
 
+@pytest.mark.slow
 def test_accuracy_counts_missing_and_wrong_poses():
     arm = load_arm("twin_arm")
     layout = TagLayout.collars(arm.module_count)

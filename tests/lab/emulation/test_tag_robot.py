@@ -13,6 +13,7 @@ ARM = load_arm("twin_arm")
 CAMERA = Camera(rate=10.0, delay=0.1, sees="tip")
 
 
+@pytest.mark.slow
 def test_the_tip_is_measured_by_its_tags_and_late():
     arm = ARM.model_copy(update={"sensors": Sensors(camera=CAMERA)})
     with TagCameraRobot(arm) as robot:

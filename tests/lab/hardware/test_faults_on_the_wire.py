@@ -48,6 +48,7 @@ def feetech_wire(make_wire):
         yield make_wire("feetech")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -64,6 +65,7 @@ def test_a_servo_that_fails_leads_the_arm_to_rest(wire, fault, text):
     wire.check_records()
 
 
+@pytest.mark.slow
 def test_a_supply_out_of_range_leads_the_arm_to_rest(wire):
     with wire.driven():
         wire.steps(6)
@@ -72,6 +74,7 @@ def test_a_supply_out_of_range_leads_the_arm_to_rest(wire):
     wire.check_records()
 
 
+@pytest.mark.slow
 def test_a_hot_servo_leads_the_arm_to_rest_before_it_switches_off(wire):
     with wire.driven():
         wire.steps(6)

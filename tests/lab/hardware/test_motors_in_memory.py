@@ -345,6 +345,7 @@ def test_one_silent_servo_is_named(make_bench, verb, protocol):
         bench.run(verb)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_bus_that_is_silent_altogether_is_told_apart(make_bench, verb, protocol):
@@ -354,6 +355,7 @@ def test_a_bus_that_is_silent_altogether_is_told_apart(make_bench, verb, protoco
         bench.run(verb)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("overlaps", [False, True])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("verb", ["jog", "home", "check", "timing"])
@@ -404,6 +406,7 @@ def test_a_failed_check_names_the_age_of_the_calibration(make_bench):
         make_bench().run("check")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_scan_lists_servos_and_tells_silent_and_doubled_ones_apart(
     make_bench, capsys, protocol
@@ -418,6 +421,7 @@ def test_a_scan_lists_servos_and_tells_silent_and_doubled_ones_apart(
     assert "more than one answer from servo 8" in text
 
 
+@pytest.mark.slow
 def test_a_scan_of_a_silent_bus_fails(make_bench):
     bench = make_bench()
     bench.port.servos.clear()
@@ -431,6 +435,7 @@ def test_timing_ends_with_a_verdict(make_bench, capsys, monkeypatch):
     assert "ok: the bus is fit for 50 Hz" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gone", "text"),
     [

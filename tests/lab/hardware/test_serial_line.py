@@ -14,6 +14,8 @@ from s2c2a.lab.hardware.dynamixel import DynamixelBus
 from s2c2a.lab.hardware.feetech import FeetechBus
 from s2c2a.lab.hardware.serial_line import SerialLine, import_serial
 
+from marks import slow_after
+
 MODULES = ("servo_robot", "buses", "bring_up", "feetech", "dynamixel")
 WITHOUT_PYSERIAL = "import sys; sys.modules['serial'] = None; import " + ", ".join(
     f"s2c2a.lab.hardware.{name}" for name in MODULES
@@ -126,7 +128,7 @@ def test_an_unplugged_port_is_lost():
         bus.scan([1])
 
 
-@pytest.mark.parametrize("kind", [DynamixelBus, FeetechBus])
+@pytest.mark.parametrize("kind", slow_after(1, [DynamixelBus, FeetechBus]))
 def test_a_line_full_of_noise_ends_with_an_error(monkeypatch, kind):
     serve(NoisyPort(), monkeypatch)
     bus = kind("fake", 1_000_000)
@@ -135,6 +137,7 @@ def test_a_line_full_of_noise_ends_with_an_error(monkeypatch, kind):
         bus.set_torque([1], False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [DynamixelBus, FeetechBus])
 def test_a_port_that_takes_no_bytes_is_a_servo_without_an_answer(monkeypatch, kind):
     serve(StuckPort(), monkeypatch)

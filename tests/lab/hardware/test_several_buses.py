@@ -88,6 +88,7 @@ def test_faults_of_groups_are_named(group, fault):
         Servos.model_validate({"ids": [[1, 2, 3]], "groups": [group]})
 
 
+@pytest.mark.slow
 def test_the_arm_moves_and_every_bus_keeps_its_limits(wire):
     with wire.driven():
         records = wire.steps(12)
@@ -161,6 +162,7 @@ def test_a_silent_servo_of_the_other_port_is_named(two_ports):
         two_ports.sees("gone 8", r"servo 8 \(module 3, cable 2\)", 5)
 
 
+@pytest.mark.slow
 def test_homing_check_scan_and_timing_use_both_ports(emulator, tmp_path, capsys):
     path = tmp_path / "arm.toml"
     save_arm(arm_on(tmp_path, model="xl330-m288", proximal="xl330-m288"), path)

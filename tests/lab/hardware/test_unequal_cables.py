@@ -54,6 +54,7 @@ def test_an_arm_file_with_a_wrong_number_of_ids_is_refused():
         arm_from_toml(text.replace("4,\n", "").replace("[3, 0, 2]", ""))
 
 
+@pytest.mark.slow
 def test_the_robot_follows_commands_and_reads_zeros_without_a_cable(
     emulator, tmp_path, arm
 ):

@@ -168,6 +168,7 @@ def test_a_chirp_is_small_and_within_the_limits_and_ends_at_rest(
     assert np.abs(waves).sum(axis=1).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("load", "frequency", "damping"),
     slow_after(1, [(0.0, 1.52, 0.14), (0.05, 1.01, 0.11)]),

@@ -33,6 +33,7 @@ def emergency_stop():
     EMERGENCY_STOP.reset()
 
 
+@pytest.mark.slow
 def test_the_latency_of_a_simulated_tracker_is_found():
     robot = TrackedSimulation(ARM)
     tracker = SimulatedTracker(robot, latency=0.02, noise=0.001)

@@ -8,6 +8,8 @@ from s2c2a.lab.tracking.latency import (
     find_latency,
 )
 
+from marks import slow_after
+
 ARM = load_arm("twin_arm")
 OMEGA = 2 * np.pi * 1.5
 DAMPING = 0.14
@@ -59,7 +61,7 @@ def cables_at(bend):
     return geometry.actions_at(shares)
 
 
-@pytest.mark.parametrize("latency", [0.005, 0.08])
+@pytest.mark.parametrize("latency", slow_after(1, [0.08, 0.005]))
 def test_the_latency_is_not_the_lag_of_the_arm(latency):
     found = find_latency(ARM, record_of(latency))
     assert abs(found.seconds - latency) < 0.003
@@ -78,6 +80,7 @@ def test_a_tracker_that_stands_still_is_refused(record):
         find_latency(ARM, frozen)
 
 
+@pytest.mark.slow
 def test_a_tracker_of_something_else_is_refused(record):
     random = np.random.default_rng(1)
     walk = random.normal(0.0, 0.002, record.positions.shape).cumsum(axis=0)

@@ -180,6 +180,7 @@ def test_true_states_are_never_rejected(name):
         assert not any(check(states, 0.0).reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [0.0, 0.1])
 @pytest.mark.parametrize("name", SERVO_PRESETS)
 def test_violent_motions_are_never_rejected(name, payload):

@@ -133,6 +133,7 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
     assert "+ 0." in texts[0] or "- 0." in texts[0]
 
 
+@pytest.mark.slow
 def test_a_shifted_frame_is_identified_and_reported(start):
     seen = recorded(start, 60)
     shifted = np.array(seen["sensor.states"])

@@ -36,6 +36,7 @@ def test_every_cable_has_its_own_backlash(make_arm):
     np.testing.assert_allclose(felt[0, 0], [5e-3, 4e-3, 3e-3])
 
 
+@pytest.mark.slow
 def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_arm):
     arm = make_arm(motor=Motor(homing_error=3e-4, noise_ticks=0), modules=3)
     robots = [SimulatedRobot(arm, seed=seed) for seed in range(60)]

@@ -168,6 +168,7 @@ def random_stream(random):
     return b"".join(pieces)
 
 
+@pytest.mark.slow
 def test_no_value_of_random_packets_is_taken_against_its_checksum():
     random = np.random.default_rng(20)
     last = status(77, b"the last one")

@@ -184,6 +184,7 @@ def outcome(content, version, parse):
         return error
 
 
+@pytest.mark.slow
 def test_random_datagrams_raise_our_errors_or_give_plausible_poses():
     rng = random.Random(0)
     contents = [mutated(rng) for _ in range(20_000)]

@@ -79,6 +79,7 @@ def test_a_blurred_tag_is_missing(blur):
     assert estimate_poses(image, CAMERA, LAYOUT).poses == {}
 
 
+@pytest.mark.slow
 def test_a_covered_tag_is_missing_or_right():
     true = collar_pose(turn_deg=135)
     clear = estimate_poses(picture({BODY: true}), CAMERA, LAYOUT)

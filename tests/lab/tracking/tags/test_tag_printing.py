@@ -50,6 +50,7 @@ def test_tags_stay_on_the_paper_and_off_the_ruler():
             assert placed.bottom > 0.015
 
 
+@pytest.mark.slow
 def test_a_printed_board_is_found_and_has_its_size(tmp_path):
     board = Board()
     (path,) = print_board(board, tmp_path / "board.png")

@@ -202,6 +202,7 @@ sys.stdout.flush()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "end", ["os.abort()", "sys.stdout.buffer.write(HEADER.pack(0.0, 10**9, 1, 1))"]
 )
