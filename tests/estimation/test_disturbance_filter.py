@@ -218,6 +218,7 @@ def test_currents_of_cables_that_push_are_rejected():
     assert current.is_unused(after(update, state, {"tensions": -measured}, 1))[0]
 
 
+@pytest.mark.slow
 def test_a_silent_sensor_is_unused(camera, update_camera):
     ends = shown_ends(camera)
     state = after(update_camera, start(camera), ends(), 20)
@@ -242,6 +243,7 @@ def shown_ends(disturbance_filter):
     return ends
 
 
+@pytest.mark.slow
 def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(camera, update_camera):
     """The walk of the biases fades within seconds, what was learned does not."""
     ends = shown_ends(camera)
@@ -256,6 +258,7 @@ def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(camera, update_
     )
 
 
+@pytest.mark.slow
 def test_rejected_pictures_and_those_after_a_jump_teach_nothing(camera, update_camera):
     ends = shown_ends(camera)
     state = after(update_camera, start(camera), ends(), 60)

@@ -77,6 +77,7 @@ def test_inertial_sensors_show_the_payload(with_and_then_without):
     assert errors.mean() < 0.8
 
 
+@pytest.mark.slow
 def test_without_a_payload_they_do_no_harm(with_and_then_without):
     _, (episode, errors) = with_and_then_without
     assert episode.ran("payload")[60:].max() < 0.01
@@ -108,6 +109,7 @@ def test_currents_show_a_payload_that_is_added_during_the_run():
     assert errors[-50:].mean() < 5.0
 
 
+@pytest.mark.slow
 def test_the_next_start_begins_without_an_estimate(with_and_then_without):
     _, (episode, _) = with_and_then_without
     assert episode.ran("payload")[0] < PAYLOAD / 2

@@ -81,6 +81,7 @@ def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
     assert (out / "results.json").exists()
 
 
+@pytest.mark.slow
 def test_its_options_round_trip_through_recipe_and_strategy_file(
     recipe, strategy, tmp_path
 ):
@@ -93,6 +94,7 @@ def test_its_options_round_trip_through_recipe_and_strategy_file(
     assert again.training == load_recipe(recipe).training
 
 
+@pytest.mark.slow
 def test_a_strategy_file_alone_does_not_run_its_code(
     strategy, forged, tmp_path, monkeypatch, capsys
 ):

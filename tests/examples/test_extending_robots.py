@@ -102,6 +102,7 @@ def test_a_custom_robot_is_recorded_in_wall_clock_time(recorded):
     assert np.median(np.diff(loaded.time, axis=1)) > 0.8 * 0.02
 
 
+@pytest.mark.slow
 def test_a_custom_robot_is_run_and_scored(recorded, tmp_path):
     """A short lateral motion."""
     arm, _ = recorded

@@ -332,6 +332,7 @@ def test_workers_with_other_versions_are_rejected(cluster, scheduler, odd_worker
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_late_worker_with_another_version_is_rejected(cluster, monkeypatch):
     monkeypatch.setattr(cluster, "_versions", {"s2c2a": "9.9.9"})
     with pytest.raises(
@@ -340,6 +341,7 @@ def test_a_late_worker_with_another_version_is_rejected(cluster, monkeypatch):
         next(in_order(cluster, abs, [1]))
 
 
+@pytest.mark.slow
 def test_an_error_on_a_worker_is_raised_here(cluster):
     with pytest.raises(SimulationError, match="blew up") as raised:
         next(in_order(cluster, blow_up, [1]))
@@ -375,6 +377,7 @@ def test_a_missing_extra_raises_with_the_install_command():
         require("sweep", "no_such_package")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "message"),
     [

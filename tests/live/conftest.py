@@ -10,16 +10,16 @@ from s2c2a.live.page import LivePage
 from s2c2a.live.workspace import survey
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import WallClock
-from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import TASKS, load_task
 
+from light_control import light_strategy  # type: ignore[import-not-found]
 from live_tabs import CHROMIUM, FLAGS, WIDE, Tab
 
 
 @pytest.fixture(scope="session")
 def strategy():
-    """A strategy of the shipped networks of the twin."""
-    return s2c2a_strategy(shipped_networks(load_arm("twin_arm")))
+    """A strategy for the twin that compiles quickly."""
+    return light_strategy(load_arm("twin_arm"))
 
 
 @pytest.fixture

@@ -12,5 +12,11 @@ from s2c2a.strategies.pcc import PlainPCC
 def light_control(release_after=60.0) -> ArmControl:
     """Control of the simulated twin by `pcc`, which compiles quickly."""
     arm = load_arm("twin_arm")
-    build = partial(PlainPCC().build, arm, recipe_named("best"), None, RunOptions())
-    return ArmControl(SimulatedRobot(arm), {"pcc": build}, {}, release_after)
+    return ArmControl(
+        SimulatedRobot(arm), {"pcc": partial(light_strategy, arm)}, {}, release_after
+    )
+
+
+def light_strategy(arm):
+    """`pcc` as in the recipe `best`."""
+    return PlainPCC().build(arm, recipe_named("best"), None, RunOptions())

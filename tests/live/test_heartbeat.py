@@ -84,6 +84,7 @@ def test_a_control_that_hangs_is_reported_and_obeys_a_stop_afterwards(live):
     until(lambda: control.latest.stage is Stage.RUN, what="running again")
 
 
+@pytest.mark.slow
 def test_a_killed_control_is_reported_and_cannot_be_reset(live):
     control, page = live
     os.kill(control.process, signal.SIGKILL)

@@ -6,14 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.live.control import ArmControl
 from s2c2a.live.page import LivePage
 from s2c2a.live.session import GHOST
 from s2c2a.live.window import Window
-from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies import RunOptions, recipe_named
-from s2c2a.strategies.pcc import PlainPCC
 
+from light_control import light_control  # type: ignore[import-not-found]
 from live_tabs import Tab, until  # type: ignore[import-not-found]
 
 TIP = (0.1, 0.2, 0.4)
@@ -28,10 +25,9 @@ def window(twin):
 
 
 @pytest.fixture
-def still_page(twin, tmp_path):
+def still_page(tmp_path):
     """A page of an arm without networks, whose frames the test draws."""
-    strategy = PlainPCC().build(twin, recipe_named("best"), None, RunOptions())
-    control = ArmControl(SimulatedRobot(twin), {"pcc": lambda: strategy}, {}, 2.0)
+    control = light_control()
     control.start()
     page = LivePage(control, 0, tmp_path)
     until(lambda: page.frames > 0, what="the first frame")

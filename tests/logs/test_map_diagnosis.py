@@ -110,6 +110,7 @@ def test_exchanged_ends_are_named(table, outcome):
     assert "write module = 0 for the end 'x0'" in outcome(table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unit", "factor"), slow_after(1, [("mm", 1.0), ("m", 1e3)]))
 def test_a_wrong_unit_of_the_ends_is_named(table, outcome, unit, factor):
     for end in table["ends"]:

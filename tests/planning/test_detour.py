@@ -224,6 +224,7 @@ def test_a_search_without_a_way_is_said():
     assert outcomes[-1] is Outcome.BLOCKED
 
 
+@pytest.mark.slow
 def test_in_real_time_a_step_waits_for_no_search(monkeypatch):
     begun, ended, release = [], [], threading.Event()
 

@@ -1,5 +1,6 @@
 """Emulated servos at the other end of a serial port in memory, with a clock of its own."""
 
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -75,6 +76,8 @@ class ServosInMemory:
     def read(self, count):
         data = bytes(self._received[:count])
         del self._received[:count]
+        if not data:
+            time.sleep(0.001)  # a port waits, too
         return data
 
     def reset_input_buffer(self):
