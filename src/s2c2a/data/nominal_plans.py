@@ -72,7 +72,7 @@ def _spread_positions(
     bends = commanded_part(
         shares * geometry.action_bends[..., None], geometry.steerable
     )
-    states = states_from_bends(
+    states = jax.jit(states_from_bends)(
         jnp.asarray(bends, jnp.float32), jnp.asarray(geometry.lengths, jnp.float32)
     )
     positions = np.asarray(states)[..., -1, POSITION]

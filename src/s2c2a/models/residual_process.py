@@ -346,13 +346,9 @@ def _precisions(
     samples: np.ndarray, points: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Kernel of the points, the same with samples, and kernel from samples to points."""
-    prior = _double_matern(points, points) + JITTER * np.eye(len(points))
-    kernel = _double_matern(samples, points)
+    prior = matern(points, points) + JITTER * np.eye(len(points))
+    kernel = matern(samples, points)
     return prior, prior + kernel.T @ kernel / noise, kernel
-
-
-def _double_matern(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return np.asarray(matern(jnp.asarray(x), jnp.asarray(points)), np.float64)
 
 
 def _root(prior: np.ndarray, posterior: np.ndarray) -> np.ndarray:
