@@ -346,9 +346,14 @@ def _precisions(
     samples: np.ndarray, points: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Kernel of the points, the same with samples, and kernel from samples to points."""
-    prior = matern(points, points) + JITTER * np.eye(len(points))
-    kernel = matern(samples, points)
+    prior = _single_matern(points, points) + JITTER * np.eye(len(points))
+    kernel = _single_matern(samples, points)
     return prior, prior + kernel.T @ kernel / noise, kernel
+
+
+def _single_matern(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The kernel as it is used later: rounded to single precision."""
+    return matern(x.astype(np.float32), points.astype(np.float32)).astype(np.float64)
 
 
 def _root(prior: np.ndarray, posterior: np.ndarray) -> np.ndarray:
