@@ -115,20 +115,23 @@ class _Program:
         leaves, structure = jax.tree.flatten(inputs)
         if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
             return self._jitted(*inputs)
-        kinds = tuple((np.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-        if (structure, kinds) not in self._executables:
-            self._executables[structure, kinds] = self._made(structure, kinds, inputs)
-        self._last = self._executables[structure, kinds]
-        return self._last(*inputs)
+        kinds = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
+        if (structure, kinds) in self._executables:
+            self._last = self._executables[structure, kinds]
+            return self._last(*inputs)
+        self._last, result = self._made(structure, kinds, inputs)
+        self._executables[structure, kinds] = self._last
+        return result
 
-    def _made(self, structure: Any, kinds: tuple, inputs: tuple) -> Callable[..., Any]:
-        """The executable for these inputs, from disk if it is there."""
-        names = [(shape, str(kind)) for shape, kind in kinds]
-        place = executables.place_of(self._description, structure, names)
-        kept = executables.load(place, inputs)
+    def _made(self, structure: Any, kinds: tuple, inputs: tuple) -> tuple[Any, Any]:
+        """The executable for these inputs, from disk if it is there, and its result."""
+        place = executables.place_of(self._description, structure, kinds)
+        if kept := executables.load(place, inputs):
+            return kept
         is_recurrent = "BiLSTM" in str(self._description[1])
         options = None if is_recurrent else executables.QUICKLY
-        return kept or executables.made(place, self._jitted.lower(*inputs), options)
+        program = executables.made(place, self._jitted.lower(*inputs), options)
+        return program, program(*inputs)
 
 
 def forget_programs(max_maps: int = MAX_MAPS) -> bool:

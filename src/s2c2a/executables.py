@@ -18,7 +18,6 @@ import platform
 import re
 import stat
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import blake2b
@@ -83,20 +82,19 @@ class _Description(pickle.Pickler):
         return NotImplemented
 
 
-def load(place: Path | None, inputs: tuple) -> Callable[..., Any] | None:
-    """The program, if it is kept and runs here with these inputs."""
+def load(place: Path | None, inputs: tuple) -> tuple[Any, Any] | None:
+    """The program and its result for these inputs, if it is kept and runs here."""
     if place is None or not (_is_own(place.parent) and _is_own(place)):
         return None
     _find_lapack()
     try:
         saved = pickle.loads(place.read_bytes())
         program = serialize_executable.deserialize_and_load(*saved)
-        jax.block_until_ready(program(*inputs))
+        return program, jax.block_until_ready(program(*inputs))
     except Exception:  # a damaged file, or one of another machine
         with suppress(OSError):
             place.unlink()
         return None
-    return program
 
 
 @cache

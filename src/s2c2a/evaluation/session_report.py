@@ -157,8 +157,7 @@ def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -
     if len(value) == 1:
         shown = f"{factor * value[0]:+.1f}"
     text = f"{shown} ± {factor * std:.1f} {unit}"
-    if value @ np.linalg.solve(covariance, value) < scipy.special.chdtri(
-        len(value), UNLIKELY
-    ):
+    limit = scipy.special.chdtri(len(value), UNLIKELY)
+    if value @ np.linalg.solve(covariance, value) < limit:
         text += " (not distinguishable from none)"
     return text
