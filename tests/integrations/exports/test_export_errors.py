@@ -12,7 +12,6 @@ NEEDS = {
     "csv": "numpy",
     "lerobot": "pyarrow",
     "mcap": "foxglove",
-    "minari": "minari",
     "npz": "numpy",
     "parquet": "pyarrow",
     "rrd": "rerun",
