@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from s2c2a.integrations.pytorch import state_of
 from s2c2a.models import C2A, C2S
 from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, module_labels
@@ -28,12 +27,29 @@ class TorchBiLSTM(nn.Module):
             bidirectional=True,
         )
         self.head = nn.Linear(network.weight_head.shape[0], outputs)
-        state = {name: tensor(values) for name, values in state_of(network).items()}
-        self.load_state_dict(state)
+        self.load_state_dict(state_of(network))
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Outputs of every module, shape (batch, modules, outputs)."""
         return self.head(self.lstm(inputs)[0])
+
+
+def state_of(network: BiLSTM) -> dict[str, Tensor]:
+    """The weights by PyTorch's names."""
+    state = {
+        "head.weight": tensor(network.weight_head.T),
+        "head.bias": tensor(network.bias_head),
+    }
+    for number, directions in enumerate(network.layers):
+        for direction, ending in zip(directions, ("", "_reverse"), strict=True):
+            place = f"_l{number}{ending}"
+            state |= {
+                f"lstm.weight_ih{place}": tensor(direction.weight_input.T),
+                f"lstm.weight_hh{place}": tensor(direction.weight_hidden.T),
+                f"lstm.bias_ih{place}": tensor(direction.bias),
+                f"lstm.bias_hh{place}": tensor(np.zeros(direction.bias.shape)),
+            }
+    return state
 
 
 class TorchScaling:

@@ -32,8 +32,8 @@ def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -
             mine.safetensors.
         out: where to write, such as mine.csv; replaced if it exists. By default, the
             name of the file with the form as its ending, in the current folder.
-        to: the form: csv, parquet, npz, mat, c, lerobot, mcap, onnx, pytorch,
-            rrd, of a plug-in, or module:function; by default, the ending of --out.
+        to: the form: csv, parquet, npz, mat, c, lerobot, mcap, onnx, rrd, of
+            a plug-in, or module:function; by default, the ending of --out.
     """
     form = to or (out.suffix.removeprefix(".") if out else "")
     if not form:
