@@ -22,7 +22,6 @@ GROUPS = {
         "session",
         "run",
         "live",
-        "teleoperate",
         "ros",
         "view",
     ),

@@ -38,7 +38,6 @@ GROUPS = {
     "tracker": "s2c2a.trackers",
     "export": "s2c2a.exports",
     "stream": "s2c2a.streams",
-    "teleoperation_device": "s2c2a.teleoperation_devices",
 }
 """Groups of entry points, by the kind of objects that they hold."""
 

@@ -109,6 +109,6 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         "response",
         "session",
     }
-    # `live` and `ros` obey the signal in their control process, `teleoperate` in its own
-    # loop; `motors` has its own tests (hardware/test_motors_in_memory.py)
-    assert moving == here | {"live", "ros", "teleoperate"}
+    # `live` and `ros` obey the signal in their control process; `motors` has its own
+    # tests (hardware/test_motors_in_memory.py)
+    assert moving == here | {"live", "ros"}

@@ -24,7 +24,6 @@ REFUSED = {
     "reach --csv path.csv --axis 0 0 1 --module 2": ["axis", "module"],
     "reach --target 0 0 0.5 --payload-g 50": ["payload_g"],
     "run circle --axis 0 0 1": ["axis"],
-    "teleoperate twin_arm --robot dynamixel --seed 3 --out d.episodes": ["seed"],
     "ros twin_arm --robot dynamixel --seed 3": ["seed"],
     "run --target 0.1 0 0.5 --pace 0.5": ["pace"],
     "run circle --strategy lstm --recipe paper": ["recipe"],

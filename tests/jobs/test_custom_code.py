@@ -108,7 +108,7 @@ ARTIFACTS = {
     "tracker": tracker_artifacts,
 }
 """By kind of custom code: all artifacts that depend on it."""
-WITHOUT_RESULTS = {"export", "stream", "teleoperation_device"}
+WITHOUT_RESULTS = {"export", "stream"}
 """What it makes is not cached."""
 KEPT_BY_CONTENT = {"task"}
 """The goals that the code made are in the key (`test_artifacts`)."""

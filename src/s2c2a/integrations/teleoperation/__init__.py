@@ -1,1 +1,0 @@
-"""Teleoperation: a person moves the target of an arm, and demonstrations are recorded."""
