@@ -26,7 +26,7 @@ GROUPS = {
         "view",
     ),
     "Arms": ("arm", "robot"),
-    "Real arms": ("motors", "tracking", "response", "emulate"),
+    "Real arms": ("motors", "tracking", "emulate"),
     "Results and installation": (
         "reproduce",
         "benchmark",

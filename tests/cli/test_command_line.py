@@ -23,7 +23,6 @@ COMMANDS = [
     "train",
     "reach",
     "run",
-    "response",
     "sweep",
     "benchmark",
     "bench",

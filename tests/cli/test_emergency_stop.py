@@ -13,7 +13,6 @@ from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
 from s2c2a.lab.cli import tracking_calibration
-from s2c2a.lab.cli.response import response
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
 from s2c2a_experiments.sweep_command import sweep
 
@@ -48,12 +47,6 @@ def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
     monkeypatch.setattr("s2c2a.runtime.check_robot", signal_this_process)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         check_contract()
-
-
-def test_a_signal_stops_the_measurement_of_a_response(monkeypatch):
-    monkeypatch.setattr("s2c2a.lab.response.excitation.excite", signal_this_process)
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        response()
 
 
 @pytest.mark.parametrize("verb", ["latency", "frames"])
@@ -106,7 +99,6 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         "latency",
         "frames",
         "sweep",
-        "response",
         "session",
     }
     # `live` and `ros` obey the signal in their control process; `motors` has its own

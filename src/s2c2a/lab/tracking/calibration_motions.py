@@ -13,7 +13,6 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.spec import counts_of
 from s2c2a.errors import RobotError
-from s2c2a.lab.response.excitation import chirp
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
     FrameResidual,
@@ -37,6 +36,8 @@ POLL_PERIOD = 0.002  # s
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
 CHIRP_BEND_DEG = 12.0
+LIMIT_SHARE = 0.7  # of the limits of rate and acceleration
+FADE = 0.03  # of a chirp, at both ends
 HELD_BEND_DEG = 15.0
 OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
@@ -402,3 +403,35 @@ class CalibrationFile:
         save_tracking_calibration(calibration, self._path)
         self._calibration = calibration
         return self._path
+
+
+def chirp(
+    arm: ArmSpec,
+    frequencies: tuple[float, float],
+    duration: float,
+    amplitudes: Float[np.ndarray, " modules"],
+    rate: float,
+) -> Float[np.ndarray, "steps modules"]:
+    """Bends of an exponential chirp [rad].
+
+    Amplitudes fall where the limits of speed (as 1 / f) and acceleration (as 1 / f^2)
+    of the arm require it, so that the arm moves as fast as it may.
+
+    Args:
+        arm: limits of its commands.
+        frequencies: first and last one [Hz].
+        duration: [s].
+        amplitudes: largest bends [rad].
+        rate: of the commands [Hz].
+    """
+    geometry = ArmGeometry.of(arm)
+    times = np.arange(round(duration * rate)) / rate
+    first, last = frequencies
+    growth = np.log(last / first) / duration
+    omega = 2.0 * np.pi * first * np.exp(growth * times)
+    by_speed = geometry.step_limit * arm.control_rate / omega
+    by_acceleration = geometry.acceleration_limit * arm.control_rate**2 / omega**2
+    allowed = LIMIT_SHARE * np.minimum(by_speed, by_acceleration)
+    fade = np.minimum(1.0, np.minimum(times, duration - times) / (FADE * duration))
+    wave = fade * np.sin((omega - omega[0]) / growth)
+    return wave[:, None] * np.minimum(amplitudes, allowed[:, None])

@@ -2,7 +2,7 @@
 
 The arm itself lags behind its cables and vibrates, so that the lag of a plain cross
 correlation is not the latency. A causal model therefore goes together with the delay
-(`lab.response.delayed_response`): two vibration modes, backlash of the cables, and
+(`lab.tracking.delayed_response`): two vibration modes, backlash of the cables, and
 first-order terms for relaxation.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.lab.response.delayed_response import Motion, SearchRanges, identify_response
+from s2c2a.lab.tracking.delayed_response import Motion, SearchRanges, identify_response
 from s2c2a.lab.tracking.poses import TrackingError
 
 GRID_PERIOD = 0.002  # s, of the simulated modes

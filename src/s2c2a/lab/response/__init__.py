@@ -1,1 +1,0 @@
-"""Response of an arm to chirps: excitation, identification, and what models expect."""
