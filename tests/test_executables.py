@@ -1,21 +1,18 @@
 """Programs on disk: what makes them others, and what happens to strange files."""
 
+import time
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from s2c2a import executables
 from s2c2a.compilation import compilations, compiled, forget_programs
+from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import horizon
 
-INPUT = np.arange(3.0, dtype=np.float32)
-RESULT = [1.0, 4.0, 7.0]
-
-
-def solved(matrix, values):
-    return jnp.linalg.solve(jnp.eye(3), matrix * values) + 1.0
+LENGTHS = np.full(3, 0.2, np.float32)
+BENDS = np.full((3, 2), 0.3, np.float32)
 
 
 @pytest.fixture
@@ -32,13 +29,19 @@ def folder(monkeypatch, tmp_path):
     return tmp_path / "executables"
 
 
+def lengthened(lengths, bends):
+    """Custom code."""
+    return states_from_bends(bends, 2.0 * lengths)
+
+
 def made_after_a_start() -> int:
     """Number of programs that a process compiles which starts now."""
     forget_programs(max_maps=0)
     before = compilations()
-    result = compiled(solved, np.full(3, 3.0, np.float32))(INPUT)
-    np.testing.assert_allclose(result, RESULT)
-    return compilations() - before
+    states = compiled(states_from_bends, BENDS)(LENGTHS)
+    count = compilations() - before
+    np.testing.assert_allclose(states, states_from_bends(BENDS, LENGTHS), atol=1e-6)
+    return count
 
 
 def test_a_later_start_compiles_nothing(folder):
@@ -48,21 +51,49 @@ def test_a_later_start_compiles_nothing(folder):
     assert made_after_a_start() == 0
 
 
-def test_a_damaged_file_is_replaced(folder):
+@pytest.mark.parametrize(
+    "change", [lambda whole: whole[: len(whole) // 2], lambda whole: whole[:-1] + b"!"]
+)
+def test_a_damaged_file_is_replaced(folder, change):
     made_after_a_start()
     (file,) = folder.iterdir()
     whole = file.read_bytes()
-    file.write_bytes(whole[: len(whole) // 2])
+    file.write_bytes(change(whole))
     assert made_after_a_start() == 1
     assert made_after_a_start() == 0
 
 
-@pytest.mark.parametrize("part", ["file", "folder"])
-def test_what_others_can_write_is_not_opened(folder, part):
+def test_what_others_can_write_is_not_read(folder):
     made_after_a_start()
     (file,) = folder.iterdir()
-    (file if part == "file" else folder).chmod(0o777)
+    file.chmod(0o666)
     assert made_after_a_start() == 1
+
+
+def test_a_link_is_not_followed(folder, tmp_path):
+    made_after_a_start()
+    (file,) = folder.iterdir()
+    file.rename(tmp_path / "elsewhere")
+    file.symlink_to(tmp_path / "elsewhere")
+    assert made_after_a_start() == 1
+
+
+def test_custom_code_is_not_kept(folder):
+    for function in (lengthened, lambda lengths, bends: bends):
+        compiled(function, LENGTHS)(BENDS)
+    assert not folder.exists()
+
+
+def test_lambdas_of_one_name_are_two_programs(folder):
+    first, second = compiled(lambda x: x + 1.0), compiled(lambda x: 2.0 * x)
+    assert float(first(np.float32(5.0))) == 6.0
+    assert float(second(np.float32(5.0))) == 10.0
+
+
+def test_nothing_is_kept_once_sources_have_changed(folder, monkeypatch):
+    monkeypatch.setattr(executables, "IMPORTED", time.time() - 1e9)
+    assert made_after_a_start() == 1
+    assert not folder.exists()
 
 
 def test_a_changed_constant_or_function_makes_another_program(folder, monkeypatch):
@@ -71,8 +102,11 @@ def test_a_changed_constant_or_function_makes_another_program(folder, monkeypatc
         changed.setattr(horizon, "DAMPING", 2.0 * horizon.DAMPING)
         places.add(executables.place_of("program"))
     with monkeypatch.context() as changed:
-        changed.setattr(horizon.Horizon, "coupling", lambda self, size: None)
+        changed.setattr(horizon.Horizon, "coupling", horizon.Horizon.next)
         places.add(executables.place_of("program"))
+    with monkeypatch.context() as changed:
+        changed.setattr(horizon.Horizon, "coupling", lambda self, size: None)
+        assert executables.place_of("program") is None  # whatever the lambda does
     assert len(places) == 3
     assert executables.place_of("program") in places
 

@@ -10,7 +10,9 @@ import platformdirs
 
 from s2c2a.after_import import import_after
 
-MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the last start of a day
+MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the first start of a day
+IMPORTED = time.time()
+"""When `import s2c2a` read the first sources [s]."""
 
 
 def cache_folder() -> Path:

@@ -24,8 +24,10 @@ from jax import monitoring
 from jaxtyping import Array, Bool, Float
 
 from s2c2a import executables
-from s2c2a.user_code import code_digest
 
+EMITTERS = "xla_cpu_use_fusion_emitters"
+"""Option of XLA, without which `best` compiles in half the time, and its steps are as fast.
+Networks of the paper's kind compile no faster, and their plans take a tenth longer."""
 MAX_UNROLLED = 8  # steps of `scan`; longer sequences compile faster as loops
 MAPS = Path("/proc/self/maps")  # Linux only
 MAX_MAPS = 20_000
@@ -85,8 +87,7 @@ def _program(
 
     # profiles and compilation logs show this name
     run.__name__ = getattr(function, "__name__", "run")
-    custom = code_digest(structure.unflatten(constants), function)
-    return _Program(run, (function, structure, constants, kinds, custom))
+    return _Program(run, (function, structure, constants, kinds))
 
 
 class _Program:
@@ -109,33 +110,35 @@ class _Program:
         self._last: Callable[..., Any] | None = None
 
     def __call__(self, *inputs: Any) -> Any:
-        if self._last is not None:
+        if last := self._last:
             with suppress(TypeError, ValueError):  # of other shapes, or traced
-                return self._last(*inputs)
+                return last(*inputs)
         leaves, structure = jax.tree.flatten(inputs)
         if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
             return self._jitted(*inputs)
         kinds = tuple((np.shape(leaf), str(jnp.result_type(leaf))) for leaf in leaves)
-        if (structure, kinds) in self._executables:
-            self._last = self._executables[structure, kinds]
-            return self._last(*inputs)
-        self._last, result = self._made(structure, kinds, inputs)
-        self._executables[structure, kinds] = self._last
+        if program := self._executables.get((structure, kinds)):
+            result = program(*inputs)
+        else:
+            program, result = self._made(structure, kinds, inputs)
+            self._executables[structure, kinds] = program
+        self._last = program
         return result
 
     def _made(self, structure: Any, kinds: tuple, inputs: tuple) -> tuple[Any, Any]:
         """The executable for these inputs, from disk if it is there, and its result."""
-        place = executables.place_of(self._description, structure, kinds)
+        options = {EMITTERS: "BiLSTM" in str(self._description[1])}
+        place = executables.place_of(self._description, structure, kinds, options)
         if kept := executables.load(place, inputs):
             return kept
-        is_recurrent = "BiLSTM" in str(self._description[1])
-        options = None if is_recurrent else executables.QUICKLY
         program = executables.made(place, self._jitted.lower(*inputs), options)
         return program, program(*inputs)
 
 
 def forget_programs(max_maps: int = MAX_MAPS) -> bool:
-    """Forget all compiled programs if they occupy too much of a limited resource.
+    """Forget compiled programs if they occupy too much of a limited resource.
+
+    Those of strategies that are in use stay.
 
     Every program occupies several memory maps, and Linux allows 65,530 for each process
     (`vm.max_map_count`). A worker that makes many networks and runs would exceed that.

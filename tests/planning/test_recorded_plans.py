@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.compilation import compilations
+from s2c2a.compilation import compilations, forget_programs
 from s2c2a.estimation import Estimate, EstimationSettings
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.planning.guides import Lead
@@ -25,9 +25,9 @@ PROBLEMS = {
     "payload": ("twin_arm", RunOptions(estimation=LOAD)),
     "hold": ("simulated_arm", RunOptions()),
 }
-NEAR = 1e-4  # of configurations and states [1, m]: rounding grows from step to step
+NEAR = 3e-4  # of configurations and states [1, m]: rounding grows from step to step
 PROGRAMS = 8  # at the start of a run, with what an estimate of a payload needs
-LINES = 6_500
+OF_A_FILTER = 4  # small ones, which convert its tables
 
 
 @cache
@@ -69,10 +69,12 @@ def test_plans_are_those_that_were_recorded(name, monkeypatch):
     arm_name, options = PROBLEMS[name]
     arm = load_arm(arm_name)
     problem = recorded(name)
+    forget_programs(max_maps=0)
     before = compilations()
-    strategy = strategy_of(networks_from("shipped", arm), options)
-    assert compilations() - before <= PROGRAMS
-    planner, model = strategy.planner, strategy.estimator.model
+    networks = networks_from("shipped", arm)
+    strategy = strategy_of(networks, options)
+    assert compilations() - before <= PROGRAMS + OF_A_FILTER * (name == "hold")
+    planner, model = strategy.planner, networks.c2s
     payload = options.estimation.known_payload
     observe = jax.jit(lambda sensed, memory: model.observe(sensed, memory))
     memory = jax.jit(lambda sensed: model.start(sensed))(problem["start"])

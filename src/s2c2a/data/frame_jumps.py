@@ -6,12 +6,10 @@ an end that is carried aside by a bend turns with it. Smooth motion is taken out
 velocity before and after. A knock during fast motion stays unseen.
 """
 
-from collections import deque
-
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.spaces import AXIS, POSITION
 
 LEAST = 0.005
 """Smallest jump, as a share of the arm's length."""
@@ -22,9 +20,9 @@ In 7200 steps of fast simulated motion of three arms, none is below it that is l
 UNUSUAL = 3.0
 """Ratio of a jump to the largest common shift before: the base body's noise is one."""
 
-_USUAL = 30  # steps before that are compared: 1 to 3 s of a tracker
+USUAL = 30  # steps before that are compared: 1 to 3 s of a tracker
 _FEWEST = 8  # of them; the largest of fewer is no measure of the noise
-_AROUND = 3  # rows on either side of a jump
+AROUND = 3  # rows on either side of a jump
 
 
 def find_frame_jumps(
@@ -41,7 +39,7 @@ def find_frame_jumps(
         times: of the rows [s].
         length: of the arm [m].
     """
-    if len(states) < 2 * _AROUND:
+    if len(states) < 2 * AROUND:
         return {}
     shifts = _sudden(states[..., POSITION], times)
     turns = _sudden(states[..., AXIS], times)
@@ -83,7 +81,7 @@ def _sudden(
 
 
 def _is_unusual(noise: Float[np.ndarray, " steps"], step: int) -> bool:
-    earlier = noise[max(step - 1 - _USUAL, 0) : max(step - 1, 0)]
+    earlier = noise[max(step - 1 - USUAL, 0) : max(step - 1, 0)]
     return len(earlier) >= _FEWEST and bool(noise[step] > UNUSUAL * earlier.max())
 
 
@@ -96,33 +94,3 @@ def describe_frame_jump(shift: Float[np.ndarray, "3"]) -> str:
         "before and after it do not fit each other; calibrate the tracking again, and "
         "record anew (docs/guides/tracking.md)"
     )
-
-
-class FrameJumps:
-    """Finds jumps of the frame in frames as they arrive, two frames after the first."""
-
-    def __init__(self, length: float):
-        """A detector without a history.
-
-        Args:
-            length: of the arm [m].
-        """
-        self._length = length
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all frames."""
-        self._rows: deque[tuple[States, float]] = deque(maxlen=_USUAL + 2 * _AROUND)
-
-    def find(self, states: States, time: float) -> Float[np.ndarray, "3"] | None:
-        """Add a frame; return the jump two frames before [m], None if there is none.
-
-        Args:
-            states: end position [m] and end axis, base frame; NaN where missing.
-            time: of the measurement, on any steady clock [s].
-        """
-        self._rows.append((states, time))
-        history = np.stack([row for row, _ in self._rows])
-        times = np.array([time for _, time in self._rows])
-        jumps = find_frame_jumps(history, times, self._length)
-        return jumps.get(len(history) - _AROUND)

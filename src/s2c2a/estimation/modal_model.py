@@ -217,9 +217,7 @@ def first_mode(
     stiffness = float(factors.stiffness)
     # the stiffness is never singular; masses of very unequal modules may be
     squares = [
-        scipy.linalg.eigh(
-            _masses(loaded), _stiffness(loaded, stiffness), eigvals_only=True
-        )[-1]
+        scipy.linalg.eigvalsh(_masses(loaded), _stiffness(loaded, stiffness))[-1]
         for loaded in map(linearized.with_payload, payloads)
     ]
     return payloads, 1.0 / np.sqrt(squares)

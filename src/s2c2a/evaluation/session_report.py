@@ -3,8 +3,9 @@
 from collections.abc import Iterable
 
 import numpy as np
-import scipy
 from jaxtyping import Float
+from scipy.interpolate import make_interp_spline
+from scipy.special import chdtri
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
@@ -84,9 +85,7 @@ def describe_disagreement(episode: Episode) -> str:
         episode["predicted"][steps, -1, POSITION],
         episode["predictive_std"][steps],
     )
-    between = scipy.interpolate.make_interp_spline(steps, np.hstack(columns), k=1)(
-        shown[within] - 1
-    )
+    between = make_interp_spline(steps, np.hstack(columns), k=1)(shown[within] - 1)
     predicted, std = between[:, POSITION], between[:, -1]
     errors = episode.sensor(seen)[within, -1, POSITION] - predicted
     known = np.isfinite(errors).all(axis=-1) & (std > 0.0)
@@ -96,7 +95,7 @@ def describe_disagreement(episode: Episode) -> str:
     time = samples_per_independent_one(relative)
     # of all coordinates of the samples that are independent
     freedom = relative.size / time
-    if (relative**2).sum() / time <= scipy.special.chdtri(freedom, UNLIKELY):
+    if (relative**2).sum() / time <= chdtri(freedom, UNLIKELY):
         return ""
     distance = 1000 * np.sqrt((errors[known] ** 2).sum(axis=-1).mean())
     stated = 1000 * np.sqrt((std[known] ** 2).mean())
@@ -157,7 +156,6 @@ def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -
     if len(value) == 1:
         shown = f"{factor * value[0]:+.1f}"
     text = f"{shown} ± {factor * std:.1f} {unit}"
-    limit = scipy.special.chdtri(len(value), UNLIKELY)
-    if value @ np.linalg.solve(covariance, value) < limit:
+    if value @ np.linalg.solve(covariance, value) < chdtri(len(value), UNLIKELY):
         text += " (not distinguishable from none)"
     return text

@@ -54,7 +54,7 @@ class PCC(eqx.Module):
         else:
             stiffness = per_module(arm, "bending_stiffness") / geometry.lengths
             moments = per_unit_of_pull(arm) * geometry.cable_radii / stiffness
-            moments = jnp.asarray(moments)[:, None, None]
+            moments = np.asarray(moments)[:, None, None]
             to_bends = -matrices.swapaxes(-1, -2) * moments
             to_actions = -geometry.bend_matrices.swapaxes(-1, -2) / moments
         return cls(

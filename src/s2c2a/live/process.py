@@ -122,7 +122,9 @@ class ControlProcess(Control):
             S2C2AError: the control could not be built, the arm did not open, or the
                 process has ended.
         """
-        while not self._ready.wait(HEARTBEAT):  # Ctrl-C ends no longer wait on Windows
+        while not self._ready.wait(
+            HEARTBEAT
+        ):  # Ctrl-C cannot end longer ones on Windows
             pass
         if self._fault:
             raise S2C2AError(self._fault)

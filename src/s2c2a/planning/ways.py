@@ -14,8 +14,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from s2c2a.arm import ArmSpec
 from s2c2a.compilation import compiled
@@ -161,7 +163,7 @@ class Roadmap:
         self._bends = np.asarray(table.bends)
         self._tips = np.asarray(table.states)[:, -1, POSITION]
         flat = self._bends.reshape(len(self._bends), -1)
-        self._tree = scipy.spatial.cKDTree(flat)
+        self._tree = cKDTree(flat)
         _, near = self._tree.query(flat, NEIGHBORS + 1)
         pairs = np.stack(np.broadcast_arrays(near[:, :1], near[:, 1:]), axis=-1)
         self._edges = np.unique(np.sort(pairs.reshape(-1, 2), axis=1), axis=0)
@@ -349,11 +351,8 @@ def _shortest(
 ) -> tuple[Float[np.ndarray, " nodes"], Int[np.ndarray, " nodes"]]:
     """Distance of every node from the start, and the node before it."""
     kept = np.isfinite(costs)
-    entries = costs[kept], edges[kept].T
-    graph = scipy.sparse.coo_matrix(entries, shape=(count, count)).tocsr()
-    return scipy.sparse.csgraph.dijkstra(
-        graph, directed=False, indices=start, return_predecessors=True
-    )
+    graph = coo_matrix((costs[kept], edges[kept].T), shape=(count, count)).tocsr()
+    return dijkstra(graph, directed=False, indices=start, return_predecessors=True)
 
 
 def _nodes(before: Int[np.ndarray, " nodes"], last: int) -> list[int]:

@@ -11,10 +11,10 @@ from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import scipy
 import tomli_w
 from jaxtyping import Float
 from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
+from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between
@@ -154,10 +154,8 @@ class _Turned(Solid):
     )
 
     @property
-    def _turn(self) -> "scipy.spatial.transform.Rotation":
-        return scipy.spatial.transform.Rotation.from_euler(
-            "xyz", self.rotation_deg, degrees=True
-        )
+    def _turn(self) -> Rotation:
+        return Rotation.from_euler("xyz", self.rotation_deg, degrees=True)
 
 
 class Box(_Turned):
@@ -372,9 +370,7 @@ def solid_of(row: Row) -> AnySolid:
     """The solid of a row at rest, with lengths to a micrometer."""
     threshold, core = float(row[THRESHOLD]), row[CORE]
     half, disc = core[HALF_EDGES], float(core[DISC])
-    turn = scipy.spatial.transform.Rotation.from_quat(
-        core[TURN] if core[TURN].any() else [0, 0, 0, 1]
-    )
+    turn = Rotation.from_quat(core[TURN] if core[TURN].any() else [0, 0, 0, 1])
     axis = turn.apply([0.0, 0.0, half[2]])
     values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
     if is_half_space(row):

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.data.frame_jumps import FrameJumps
 from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.tracking import DropReason, ModuleEnds, UdpTracker
 from s2c2a.lab.tracking.datagrams import DatagramError
 from s2c2a.lab.tracking.frozen_bodies import RESPONSE, FrozenBodies
+from s2c2a.lab.tracking.knocks import FrameJumps
 from s2c2a.lab.tracking.plausibility import StateCheck
 
 RATE = 100.0  # Hz
