@@ -26,8 +26,8 @@ PROBLEMS = {
     "hold": ("simulated_arm", RunOptions()),
 }
 UNLIKE = "hold"
-"""Starts 12 programs, and differs by 1 %: its estimator is a filter, whose memory was not
-recorded."""
+"""An arm of tensions: starts 12 programs, and its plans differ by 1 % from the recorded
+ones. The cause is not known."""
 NEAR = 1e-4  # of configurations and states [1, m]: rounding grows from step to step
 PROGRAMS = 8  # at the start of a run, with what an estimate of a payload needs
 

@@ -122,9 +122,8 @@ class ControlProcess(Control):
             S2C2AError: the control could not be built, the arm did not open, or the
                 process has ended.
         """
-        while not self._ready.wait(
-            HEARTBEAT
-        ):  # Ctrl-C cannot end longer ones on Windows
+        # on Windows, Ctrl-C cannot interrupt a longer wait
+        while not self._ready.wait(HEARTBEAT):
             pass
         if self._fault:
             raise S2C2AError(self._fault)

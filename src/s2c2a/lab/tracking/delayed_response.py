@@ -1,17 +1,15 @@
 """Backlash, vibration modes and a delay, identified from inputs and outputs.
 
-    y(t + T) = sum_i R_i x_i(t) + sum_j S_j v_j(t) + Q m(t) + c + d t
+    y(t + T) = sum_i R_i x_i(t) + sum_j S_j v_j(t) + c + d t
     x_i'' + 2 z_i w_i x_i' + w_i^2 (x_i - p) = 0
     s_j v_j' + v_j = p,   p = play(u)
 
-m is the mean of p over the last control period, for faster modes, which follow at once.
-
 The delay T, the backlash of the inputs u, and frequency and damping ratio of every mode
-are free; the time constants s_j are given, and m may be left out. The phase of a mode
-saturates at 180 deg, that of a delay grows with frequency without bound. The gains
-follow linearly (variable projection). The fit to whole recordings (output-error method)
-tolerates noise; its last round whitens the residuals by an autoregressive model of
-every output, so that it minimizes the error of one-step predictions.
+are free; the time constants s_j are given. The phase of a mode saturates at 180 deg, that
+of a delay grows with frequency without bound. The gains follow linearly (variable
+projection). The fit to whole recordings (output-error method) tolerates noise; its last
+round whitens the residuals by an autoregressive model of every output, so that it
+minimizes the error of one-step predictions.
 """
 
 from collections.abc import Callable
@@ -67,14 +65,12 @@ class SearchRanges:
         starts: rows of parameters, shape (starts, 2 + 2 modes). Many fits end in a
             local minimum; the best one counts.
         lags: time constants of the first-order terms [s].
-        averaged: duration of the mean that stands for faster modes [s]; 0 for none.
     """
 
     low: Float[np.ndarray, " 4"]
     high: Float[np.ndarray, " 4"]
     starts: Float[np.ndarray, "starts parameters"]
-    lags: tuple[float, ...] = ()
-    averaged: float = 0.0
+    lags: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +80,13 @@ class DelayedResponse:
     Attributes:
         delay: [s].
         delay_std: standard deviation of the delay, from noise [s].
-        backlash: half-width, in the unit of the inputs.
         frequencies: of the modes [Hz], shape (modes,).
-        dampings: ratios, shape (modes,).
-        gains: static gains of modes, first-order terms and the mean, shape (terms,
-            outputs).
         residuals: outputs that are not explained, shape (frames, outputs).
     """
 
     delay: float
     delay_std: float
-    backlash: float
     frequencies: Float[np.ndarray, " modes"]
-    dampings: Float[np.ndarray, " modes"]
-    gains: Float[np.ndarray, "terms outputs"]
     residuals: Float[np.ndarray, "frames outputs"]
 
 
@@ -180,14 +169,11 @@ class _Fit:
         regressors = self._regressors(result.x)
         gains = np.linalg.lstsq(regressors, outputs, rcond=None)[0]
         covariance = np.linalg.pinv(result.jac.T @ result.jac)
-        frequencies, dampings = np.exp(result.x[2:]).reshape(2, -1)
+        frequencies, _ = np.exp(result.x[2:]).reshape(2, -1)
         return DelayedResponse(
             float(result.x[0]),
             float(np.sqrt(covariance[0, 0])),
-            float(result.x[1]),
             frequencies,
-            dampings,
-            gains[:-2],
             outputs - regressors @ gains,
         )
 
@@ -211,9 +197,6 @@ class _Fit:
             terms.append(second_order_response(path, period, frequency, damping))
         for lag in self.search.lags:
             terms.append(_first_order_response(path, period, lag))
-        if self.search.averaged:
-            count = round(self.search.averaged / period)
-            terms.append(lfilter(np.full(count, 1.0 / count), 1.0, path))
         moments = self.motion.output_times - values[0]
         columns = [np.interp(moments, self.grid, term) for term in terms]
         columns += [np.ones_like(moments), moments - moments.mean()]
