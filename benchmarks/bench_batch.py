@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from s2c2a.executors import all_cores
+from s2c2a.execution.executors import all_cores
 from s2c2a.planning import Goal
 from s2c2a.planning.batch import CHUNK
 from s2c2a.strategies import s2c2a_batch_planner

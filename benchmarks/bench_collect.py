@@ -3,7 +3,7 @@
 import pytest
 
 from s2c2a.data import collect
-from s2c2a.executors import all_cores
+from s2c2a.execution.executors import all_cores
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import recipe_named
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.compilation import compilations
+from s2c2a.execution.compilation import compilations
 from s2c2a.live.cli.live import running_page
 
 pytest.importorskip(

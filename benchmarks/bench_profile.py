@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from operations import count_operations
-from s2c2a.compilation import compiled
 from s2c2a.estimation import Estimate
+from s2c2a.execution.compilation import compiled
 from s2c2a.planning import LeastSquares
 from s2c2a.tasks import circle
 

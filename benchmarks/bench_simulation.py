@@ -6,7 +6,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import episode_actions
-from s2c2a.executors import all_cores
+from s2c2a.execution.executors import all_cores
 from s2c2a.robots.simulation import SimulatedRobot
 
 from driving import hold

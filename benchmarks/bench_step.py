@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a.compilation import compiled
 from s2c2a.control import Controller, CorrectedController, InversePCC, NetworkController
+from s2c2a.execution.compilation import compiled
 from s2c2a.kinematics import PCC
 from s2c2a.tasks import circle
 from s2c2a.tasks.lines import reach

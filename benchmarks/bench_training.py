@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from s2c2a.executors import all_cores, limit_jax_to_one_thread
+from s2c2a.execution.executors import all_cores, limit_jax_to_one_thread
 from s2c2a.jobs import Cache, RecordingArtifact, made
 from s2c2a.strategies import Recipe, recipe_named, train_s2c2a
 

@@ -53,8 +53,8 @@ def pytest_collection_finish(session):
 
 
 def pytest_benchmark_update_machine_info(config, machine_info):
-    from s2c2a.executors import all_cores
-    from s2c2a.versions import versions
+    from s2c2a.execution.executors import all_cores
+    from s2c2a.execution.versions import versions
 
     options = {name: config.getoption(f"--{name}") for name in ("arm", "device")}
     machine_info |= options | {

@@ -10,7 +10,7 @@ from pathlib import Path
 from distributed import LocalCluster
 
 import s2c2a
-from s2c2a.executors import Serial, all_cores, in_order
+from s2c2a.execution.executors import Serial, all_cores, in_order
 from s2c2a.jobs.cluster import Cluster
 
 WORKERS = int(sys.argv[1]) if len(sys.argv) > 1 else all_cores()

@@ -18,10 +18,10 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
-from s2c2a.compilation import forget_programs
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
-from s2c2a.plugins import trust_of_one_command
+from s2c2a.execution.compilation import forget_programs
+from s2c2a.plugins.discovery import trust_of_one_command
 from s2c2a.strategies import Recipe, TrainedNetworks, load_networks
 from s2c2a.viz import Trace
 

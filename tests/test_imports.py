@@ -55,7 +55,7 @@ def test_planning_loads_a_small_part_of_the_package(loaded_by_planning):
 
 def test_the_package_alone_loads_neither_jax_nor_mujoco():
     names = loaded("s2c2a")
-    assert "s2c2a.jax_settings" in names
+    assert "s2c2a.execution.jax_settings" in names
     assert {"jax", "mujoco", "numpy"}.isdisjoint(names)
 
 

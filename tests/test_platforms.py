@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a import executors
 from s2c2a.cli import interrupts
+from s2c2a.execution import executors
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.live.cli import live
 

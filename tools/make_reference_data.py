@@ -16,10 +16,10 @@ from s2c2a.arm import ArmSpec, load_arm, save_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.cli.console import progress_bar
 from s2c2a.data import collect
-from s2c2a.files import write_atomically
+from s2c2a.execution.versions import versions
+from s2c2a.files.text import write_atomically
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import recipe_named
-from s2c2a.versions import versions
 
 PRESETS = ("twin_arm", "simulated_arm")
 RANDOMIZED = ((0.5, (0, 1, 2, 3)), (1.0, (0, 1)))

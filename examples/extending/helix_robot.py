@@ -19,9 +19,9 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.emergency import EMERGENCY_STOP
 from s2c2a.errors import RobotError
 from s2c2a.robots import Robot, checked_action
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 from s2c2a.spaces import Reading, Sensor
 
 TENDONS = 9

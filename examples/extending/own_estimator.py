@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from s2c2a.compilation import compiled
 from s2c2a.estimation import Estimate, EstimatorOptions, StateEstimator
+from s2c2a.execution.compilation import compiled
 from s2c2a.kinematics import bends_from_configurations, bends_from_states
 
 

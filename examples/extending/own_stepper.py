@@ -14,11 +14,11 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import cables_present
-from s2c2a.emergency import EMERGENCY_STOP
 from s2c2a.errors import RobotError
 from s2c2a.lab.hardware.bus import PortLostError
 from s2c2a.lab.hardware.serial_line import SerialLine
 from s2c2a.robots import Robot, checked_action
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 from s2c2a.spaces import Reading, Sensor
 
 BOOT_TIME = 4.0  # s; many boards restart when their port opens

@@ -17,9 +17,9 @@ import numpy as np
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import all_cores
-from s2c2a.files import write_atomically
-from s2c2a.versions import versions
+from s2c2a.execution.executors import all_cores
+from s2c2a.execution.versions import versions
+from s2c2a.files.text import write_atomically
 from s2c2a_experiments.first_action import default_model_and_strategy
 
 MAX_SYSTEM_LOAD = 0.5

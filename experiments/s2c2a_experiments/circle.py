@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.control import NetworkController
 from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg
+from s2c2a.execution.compilation import compiled
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading

@@ -229,7 +229,7 @@ def calibration(
         out: file of the optimized arm; ARM-calibrated.toml by default.
         overwrite: replace that file if it exists.
     """
-    from s2c2a.executors import limit_jax_to_one_thread
+    from s2c2a.execution.executors import limit_jax_to_one_thread
     from s2c2a_experiments import calibration as study
 
     limit_jax_to_one_thread()

@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import Estimate
+from s2c2a.execution.compilation import compiled
 from s2c2a.kinematics import (
     bends_from_cables,
     configurations_from_states,

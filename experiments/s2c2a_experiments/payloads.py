@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera, Sensors
-from s2c2a.compilation import compiled
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
 from s2c2a.estimation import DisturbanceFilter, KalmanEstimator
 from s2c2a.estimation.filter_state import FilterState
 from s2c2a.estimation.sensor_models import CameraSensor, Measurements
 from s2c2a.evaluation.report import Row, over_seeds
+from s2c2a.execution.compilation import compiled
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import TrainedNetworks, estimator_of, training_data
 

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.evaluation import Row
+from s2c2a.execution.compilation import compiled
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,

@@ -19,8 +19,8 @@ from jaxtyping import Array, Bool, Float
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import center_line
-from s2c2a.compilation import compiled
 from s2c2a.evaluation import Row
+from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths, norm
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel

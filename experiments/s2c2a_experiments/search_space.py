@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.options import options_from
+from s2c2a.plugins.options import options_from
 from s2c2a.strategies import Recipe, strategy_named
 from s2c2a.strategies.registry import OPTION
 

@@ -20,11 +20,11 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.evaluation import METRICS
 from s2c2a.evaluation.report import save_csv
-from s2c2a.files import list_in_manifest
+from s2c2a.execution.progress import Progress, quiet
+from s2c2a.files.text import list_in_manifest
 from s2c2a.jobs.artifacts import Cache
 from s2c2a.jobs.execution import Make, in_groups, made, try_all
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, jobs_for
-from s2c2a.progress import Progress, quiet
 from s2c2a.strategies import Recipe, save_networks, save_recipe, strategy_named
 from s2c2a.tasks import Task
 from s2c2a_experiments.figures.trials import trials_figure

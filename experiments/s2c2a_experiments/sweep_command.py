@@ -28,7 +28,7 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import Serial
+from s2c2a.execution.executors import Serial
 
 if TYPE_CHECKING:
     from s2c2a_experiments.sweep import Sweep, Trial

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.report import Row, pair, save_csv, save_rows
-from s2c2a.files import read_text, write_atomically
+from s2c2a.files.text import read_text, write_atomically
 
 MAX_BYTES = 20_000_000  # of a table; the largest of the project has a thousandth
 _LATEX_ESCAPES = str.maketrans(

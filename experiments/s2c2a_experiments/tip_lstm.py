@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.data import Split
 from s2c2a.data.windows import Histories
 from s2c2a.models.actions import Actions, train_actions
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import ACTION_HISTORY
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
 from s2c2a.training.trained import Trained

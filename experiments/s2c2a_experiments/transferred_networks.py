@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from s2c2a import strategies
 from s2c2a.data import CollectOptions
+from s2c2a.execution.progress import Progress
 from s2c2a.jobs import NetworksArtifact, PriorNetworks, RecordingArtifact
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, digest_of
-from s2c2a.progress import Progress
 from s2c2a.strategies import TrainedNetworks
 
 

@@ -52,8 +52,8 @@ through these names. Other names are in the packages, such as `s2c2a.planning`.
 
 import lazy_loader
 
-from s2c2a.after_import import import_after
-from s2c2a.jax_settings import configure_jax
+from s2c2a.execution.after_import import import_after
+from s2c2a.execution.jax_settings import configure_jax
 
 __version__ = "0.3.0"
 

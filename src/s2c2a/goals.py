@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from s2c2a.errors import TargetError
-from s2c2a.files import LARGEST
-from s2c2a.immutable import immutable
+from s2c2a.files.text import LARGEST
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
+from s2c2a.plugins.immutable import immutable
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer

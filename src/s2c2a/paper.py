@@ -28,7 +28,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
-from s2c2a.compilation import scan
+from s2c2a.execution.compilation import scan
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,

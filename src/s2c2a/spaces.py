@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import ReadingError, did_you_mean
-from s2c2a.immutable import immutable_table, immutable_value, rebuilt
+from s2c2a.plugins.immutable import immutable_table, immutable_value, rebuilt
 
 POSITION = slice(0, 3)  # of a state, as above
 AXIS = slice(3, 6)  # likewise

@@ -5,14 +5,20 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a import plugins
 from s2c2a.arm import arm_to_toml, load_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.user_code import code_digest
 from s2c2a.lab.tracking import sources
-from s2c2a.plugins import located, resolve, run_with_trust, trusted_code
-from s2c2a.user_code import code_digest
+from s2c2a.plugins import discovery
+from s2c2a.plugins.discovery import (
+    located,
+    resolve,
+    run_with_trust,
+    trust_of_one_command,
+    trusted_code,
+)
 
 PLACES = {
     "sensor": lambda name: {"sensing": name},
@@ -33,7 +39,7 @@ def folders(tmp_path, monkeypatch):
     current.mkdir()
     monkeypatch.chdir(current)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(plugins, "_trusted", {})
+    monkeypatch.setattr(discovery, "_trusted", {})
     return beside, current
 
 
@@ -91,7 +97,7 @@ def test_workers_find_code_beside_an_arm_file(twin, folders, monkeypatch):
     code_file(beside, "worked_beside")
     load_arm(arm_file(twin, beside, sensing="worked_beside.py:Mine"))
     sent = trusted_code()
-    monkeypatch.setattr(plugins, "_trusted", {})  # as in a new process
+    monkeypatch.setattr(discovery, "_trusted", {})  # as in a new process
     name = "worked_beside.py:Mine"
     assert run_with_trust(sent, resolve, "sensor", name, {}).value == 1
 
@@ -100,7 +106,7 @@ def test_the_folder_of_one_command_is_forgotten_by_the_next(twin, folders):
     beside, _ = folders
     code_file(beside, "forgotten_beside")
     name = "forgotten_beside.py:Mine"
-    with plugins.trust_of_one_command():
+    with trust_of_one_command():
         load_arm(arm_file(twin, beside, sensing=name))
     assert located(name, "forgotten_beside.py") == Path("forgotten_beside.py")
     with pytest.raises(S2C2AError, match="a recording or a weight file cannot run"):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from s2c2a.cli import emergency
-from s2c2a.emergency import EMERGENCY_STOP
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 
 pty = pytest.importorskip("pty")
 termios = pytest.importorskip("termios")

@@ -16,7 +16,7 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
-from s2c2a.plugins import trust_code
+from s2c2a.plugins.discovery import trust_code
 from s2c2a.spaces import Reading
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")

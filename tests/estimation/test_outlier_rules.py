@@ -18,7 +18,7 @@ from s2c2a.estimation.outliers import (
     remaining_rejection,
 )
 from s2c2a.estimation.sensor_models import Innovation
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.spaces import NOISE_LIMIT
 
 PERIOD = 0.1

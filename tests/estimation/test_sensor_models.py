@@ -16,7 +16,7 @@ from s2c2a.estimation.sensor_models import (
 )
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.plugins import trust_code
+from s2c2a.plugins.discovery import trust_code
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 

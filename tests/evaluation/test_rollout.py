@@ -9,9 +9,9 @@ from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RecordingError, S2C2AError, SimulationError
 from s2c2a.evaluation import position_errors, rollout, score_run
 from s2c2a.goals import Goal
-from s2c2a.operator import OPERATOR
 from s2c2a.robots import Robot, checked_action
 from s2c2a.runtime import StepClock
+from s2c2a.runtime.operator import OPERATOR
 from s2c2a.spaces import Reading, Sensor, Stage
 from s2c2a.tasks import Task
 

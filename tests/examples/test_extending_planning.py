@@ -15,7 +15,7 @@ from s2c2a.estimation import Estimate
 from s2c2a.kinematics import bends_from_configurations, states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal, Planner
-from s2c2a.plugins import trust_of_one_command
+from s2c2a.plugins.discovery import trust_of_one_command
 from s2c2a.strategies import (
     load_networks,
     load_recipe,

@@ -14,7 +14,7 @@ from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.estimation import configuration_map_for
 from s2c2a.live.control import arm_control
-from s2c2a.plugins import trust_code
+from s2c2a.plugins.discovery import trust_code
 from s2c2a.robots.factory import robot_class
 from s2c2a.runtime import check_robot
 from s2c2a.spaces import Stage

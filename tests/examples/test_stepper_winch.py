@@ -15,11 +15,11 @@ import pytest
 
 from s2c2a.arm import load_arm, save_arm
 from s2c2a.cli.main import main
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.lab.hardware.bus import BusError, PortLostError
 from s2c2a.robots.factory import robot_class
 from s2c2a.runtime import Loop
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.runtime.player import Player, play
 
 FOLDER = Path(__file__).parents[2] / "examples" / "extending"

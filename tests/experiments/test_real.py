@@ -10,7 +10,7 @@ import pytest
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
-from s2c2a.progress import quiet
+from s2c2a.execution.progress import quiet
 from s2c2a.strategies import recipe_named, training_data
 from s2c2a_experiments import real_process
 from s2c2a_experiments.real import (

@@ -4,8 +4,8 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.progress import quiet
 from s2c2a.jobs import Cache
-from s2c2a.progress import quiet
 from s2c2a.strategies import STRATEGIES, load_recipe, recipe_named
 from s2c2a.tasks import load_task
 from s2c2a_experiments import sweep

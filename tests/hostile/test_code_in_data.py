@@ -15,19 +15,19 @@ from s2c2a.arm import ArmSpec, arm_from_toml, load_arm, save_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.cli.main import main
-from s2c2a.components import CustomComponent, Registry
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError, UntrustedCodeError
 from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
-from s2c2a.executors import submit
+from s2c2a.execution.executors import submit
 from s2c2a.lab.tracking import tracker_of
 from s2c2a.logs.arm_file import CableLayout, format_arm
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
-from s2c2a.plugins import GROUPS, resolve, trust_code
+from s2c2a.plugins.components import CustomComponent, Registry
+from s2c2a.plugins.discovery import GROUPS, resolve, trust_code
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import (
     load_networks,
@@ -137,12 +137,14 @@ def test_only_the_gate_imports_by_name():
             }:
                 importers.add(path.relative_to(SOURCE).as_posix())
     constants = {
-        "after_import.py",
+        "execution/after_import.py",
         "live/cli/live.py",
     }
-    readers = {"user_code.py"}  # of files that entry points name; it imports nothing
-    own = {"executables.py"}  # pickles that only this user can have written
-    assert importers == {"plugins.py"} | constants | readers | own
+    readers = {
+        "execution/user_code.py"
+    }  # of files that entry points name; it imports nothing
+    own = {"execution/executables.py"}  # pickles that only this user can have written
+    assert importers == {"plugins/discovery.py"} | constants | readers | own
 
 
 def with_raw_sensor(arm: ArmSpec, name: str) -> ArmSpec:

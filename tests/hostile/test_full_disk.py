@@ -14,7 +14,7 @@ import pytest
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import RecordingError, S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.viz.charts import save_figure
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a.errors import RecordingError, S2C2AError, TargetError
-from s2c2a.files import MAX_COUNT
+from s2c2a.files.text import MAX_COUNT
 from s2c2a.goals import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.stages import Patience

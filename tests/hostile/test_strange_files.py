@@ -24,7 +24,7 @@ from s2c2a.errors import (
     StrategyError,
     TargetError,
 )
-from s2c2a.files import holds, write_atomically
+from s2c2a.files.text import holds, write_atomically
 from s2c2a.lab.hardware.calibration import load_calibration
 from s2c2a.lab.tracking.calibration import load_or_empty, load_tracking_calibration
 from s2c2a.lab.tracking.tags.camera import load_camera

@@ -5,7 +5,6 @@ import time
 import numpy as np
 import pytest
 
-from s2c2a.emergency import EMERGENCY_STOP
 from s2c2a.integrations.ros.driver import MAX_RATE, RosDriver
 from s2c2a.integrations.ros.inputs import Inputs
 from s2c2a.integrations.ros.messages import (
@@ -22,6 +21,7 @@ from s2c2a.integrations.ros.reporter import Reporter
 from s2c2a.live.request import RequestLimits
 from s2c2a.live.snapshot import Control, Snapshot, straight
 from s2c2a.runtime import StepRecord
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 from s2c2a.spaces import Reading, Stage
 
 pytest.importorskip("rosbags")

@@ -21,11 +21,11 @@ from s2c2a.cli.execution import make_executor, require
 from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
-from s2c2a.executors import Processes, Serial, in_order
+from s2c2a.execution.executors import Processes, Serial, in_order
+from s2c2a.execution.progress import quiet
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
-from s2c2a.progress import quiet
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
 from s2c2a.training import FitOptions

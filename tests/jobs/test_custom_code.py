@@ -9,9 +9,9 @@ import pytest
 import s2c2a
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
-from s2c2a.components import CustomComponent
 from s2c2a.control.options import CONTROLLERS
 from s2c2a.data import CollectOptions
+from s2c2a.execution.user_code import code_digest
 from s2c2a.jobs import (
     Conditions,
     NetworksArtifact,
@@ -20,9 +20,9 @@ from s2c2a.jobs import (
     jobs_for,
 )
 from s2c2a.models.registry import MODELS
+from s2c2a.plugins.components import CustomComponent
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import STRATEGIES, recipe_named
-from s2c2a.user_code import code_digest
 from s2c2a_experiments.transferred_networks import TransferredNetworks
 
 BEST = recipe_named("best")

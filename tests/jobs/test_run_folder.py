@@ -9,7 +9,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.files import (
+from s2c2a.files.text import (
     MANIFEST,
     atomic_write,
     list_in_manifest,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.compilation import compilations, forget_programs
 from s2c2a.estimation import Estimate, EstimationSettings
+from s2c2a.execution.compilation import compilations, forget_programs
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.planning.guides import Lead
 from s2c2a.strategies import networks_from, strategy_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.options import options_from
+from s2c2a.plugins.options import options_from
 from s2c2a.robots import RobotFactory
 from s2c2a.robots.factory import robot_class
 from s2c2a.robots.simulation import SimulatedRobot
@@ -211,7 +211,7 @@ def test_a_robot_of_another_package_is_found_by_its_entry_point(monkeypatch):
     def points(group, name=""):
         return [Point()] if (group, name) == ("s2c2a.robots", "theirs") else []
 
-    monkeypatch.setattr("s2c2a.plugins.entry_points", points)
+    monkeypatch.setattr("s2c2a.plugins.discovery.entry_points", points)
     assert robot_class("theirs") is SimulatedRobot
     with pytest.raises(S2C2AError, match="no robot 'others'"):
         robot_class("others")
@@ -222,7 +222,9 @@ def test_a_failing_entry_point_is_reported_by_name(monkeypatch):
         def load(self):
             raise ImportError("libmotor.so is missing")
 
-    monkeypatch.setattr("s2c2a.plugins.entry_points", lambda group, name: [Point()])
+    monkeypatch.setattr(
+        "s2c2a.plugins.discovery.entry_points", lambda group, name: [Point()]
+    )
     with pytest.raises(
         S2C2AError,
         match=(

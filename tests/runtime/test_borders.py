@@ -22,7 +22,7 @@ from s2c2a.errors import (
     StrategyError,
 )
 from s2c2a.goals import Goal
-from s2c2a.immutable import immutable
+from s2c2a.plugins.immutable import immutable
 from s2c2a.runtime import CommandLimits, Loop, StepRequest, build_episode
 from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.record import OWN_COLUMNS

@@ -8,11 +8,11 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot, checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 from s2c2a.runtime import check_robot
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.spaces import Reading, Sensor
 
 

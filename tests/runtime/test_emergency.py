@@ -7,9 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from s2c2a.emergency import EmergencyStop, EmergencyStopError
 from s2c2a.runtime import Loop, StepRequest
-from s2c2a.runtime.emergency import stop_on_signal
+from s2c2a.runtime.emergency import EmergencyStop, EmergencyStopError, stop_on_signal
 from s2c2a.spaces import Stage
 
 

@@ -7,7 +7,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import UntrustedCodeError
 from s2c2a.models.registry import MODELS
-from s2c2a.plugins import trust_code, trust_of_one_command
+from s2c2a.plugins.discovery import trust_code, trust_of_one_command
 from s2c2a.strategies import (
     load_networks,
     load_recipe,

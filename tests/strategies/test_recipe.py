@@ -6,8 +6,8 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
-from s2c2a.components import CustomComponent
 from s2c2a.estimation import EncoderOnly, KalmanFilter
+from s2c2a.plugins.components import CustomComponent
 from s2c2a.strategies import RECIPES
 
 SENSORS = Sensors(imu=Inertial(), camera=Camera(), bends=True, flex=Flex())

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a.components import Component, CustomComponent
 from s2c2a.control import C2AOptions
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.models import C2SOptions, ChainOptions
 from s2c2a.planning import BEST, Adam
 from s2c2a.planning.terms import Evenness
+from s2c2a.plugins.components import Component, CustomComponent
 from s2c2a.strategies import RECIPES, load_recipe, recipe_from, save_recipe
 
 

@@ -10,10 +10,10 @@ from jaxtyping import Float
 from s2c2a import jobs
 from s2c2a.errors import S2C2AError
 from s2c2a.estimation import EstimationSettings
+from s2c2a.execution.versions import versions
 from s2c2a.planning import Guard
 from s2c2a.strategies import RunOptions
 from s2c2a.tasks import Task
-from s2c2a.versions import versions
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import BenchmarkArm, BenchmarkTask
 from s2c2a_experiments.benchmark.scores import Metric, Metrics, metrics_of

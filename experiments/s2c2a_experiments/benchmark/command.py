@@ -16,7 +16,7 @@ from s2c2a.cli.execution import (
     run_directory,
 )
 from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

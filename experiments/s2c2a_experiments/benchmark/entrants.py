@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
 from s2c2a.errors import StrategyError
-from s2c2a.files import parse_toml
+from s2c2a.files.text import parse_toml
 from s2c2a.strategies import (
     Recipe,
     StrategyOptions,

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from string import Template
 
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a_experiments.benchmark.protocol import VERSION
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.evaluation.report import save_csv
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS

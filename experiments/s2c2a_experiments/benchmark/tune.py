@@ -7,8 +7,8 @@ from pathlib import Path
 
 from s2c2a import jobs
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
-from s2c2a.progress import Progress
+from s2c2a.execution.progress import Progress
+from s2c2a.files.text import write_atomically
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import EncoderEstimator, EncoderMap, Estimate
+from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     PCC,

@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, norm, states_from_bends
 from s2c2a.kinematics.bends import sinc
 from s2c2a.kinematics.chain import rotations_to
 from s2c2a.planning import Guard
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
 from s2c2a_experiments.planners.arc_driver import (
     BendPlanner,

@@ -18,12 +18,12 @@ import numpy as np
 from jaxtyping import Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.goals import Goal
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.kinematics import PCC
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.strategies import Recipe, RunOptions, StrategyOptions, TrainedNetworks
 from s2c2a.strategies.options import NetworkProgress

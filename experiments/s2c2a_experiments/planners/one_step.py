@@ -12,7 +12,6 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.control import InversePCC
 from s2c2a.estimation import EncoderEstimator, EncoderMap
 from s2c2a.kinematics import PCC
@@ -26,6 +25,7 @@ from s2c2a.planning.terms import (
     Obstacles,
     Positions,
 )
+from s2c2a.plugins.components import Ranges
 from s2c2a.strategies import (
     Recipe,
     RunOptions,

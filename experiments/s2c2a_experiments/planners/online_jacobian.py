@@ -13,10 +13,10 @@ import jax
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import Guard
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
 from s2c2a_experiments.planners.arc_driver import (
     BendPlanner,

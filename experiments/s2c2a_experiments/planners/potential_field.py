@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
-from s2c2a.components import Ranges
+from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import commanded_part, limit_lengths, states_from_bends
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.planning.terms import Guard, GuardedPoints
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a_experiments.planners.arc_driver import (
     BendPlanner,

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import per_module
-from s2c2a.components import Ranges
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -26,6 +25,7 @@ from s2c2a.kinematics.chain import rotations_to
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory, MemorylessModel
 from s2c2a.models.trunk import Trunk
+from s2c2a.plugins.components import Ranges
 from s2c2a_experiments.planners.one_step import OneStep
 
 SAG_ITERATIONS = 3  # chosen: the weight of an arm bends it by a part of its bends

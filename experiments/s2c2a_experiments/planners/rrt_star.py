@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.goals import Goal
 from s2c2a.planning import Guard
+from s2c2a.plugins.components import Ranges
 from s2c2a_experiments.planners.arc_driver import (
     TINY,
     BendPlanner,

@@ -19,8 +19,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from s2c2a.files import LARGEST
-from s2c2a.validation import EACH, ONE
+from s2c2a.files.text import LARGEST
+from s2c2a.files.validation import EACH, ONE
 
 
 def between(

@@ -13,9 +13,14 @@ from s2c2a.arm.servos import OwnModel, OwnRegisters, ServoGroup, ServoLimits, Se
 from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
-from s2c2a.files import check_replaceable, parse_toml, read_text, write_atomically
-from s2c2a.plugins import trust_code
-from s2c2a.validation import explained
+from s2c2a.files.text import (
+    check_replaceable,
+    parse_toml,
+    read_text,
+    write_atomically,
+)
+from s2c2a.files.validation import explained
+from s2c2a.plugins.discovery import trust_code
 
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""

@@ -12,7 +12,7 @@ import tyro
 if TYPE_CHECKING:
     from s2c2a.data import Recording
     from s2c2a.evaluation.report import Row
-    from s2c2a.progress import Progress
+    from s2c2a.execution.progress import Progress
     from s2c2a.strategies import TrainedNetworks
 
 Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]

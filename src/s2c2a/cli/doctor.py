@@ -48,7 +48,7 @@ def doctor() -> None:
 
 
 def _environment_rows() -> list[Finding]:
-    from s2c2a.executors import all_cores
+    from s2c2a.execution.executors import all_cores
 
     rows = [
         ("python", platform.python_version(), "everything"),
@@ -102,7 +102,7 @@ def _jax_devices() -> str:
 
 
 def _check_cache() -> str:
-    from s2c2a.cache import cache_folder
+    from s2c2a.execution.cache import cache_folder
 
     folder = cache_folder()
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())

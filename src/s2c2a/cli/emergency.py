@@ -17,8 +17,7 @@ POLL_PERIOD = 0.02  # s; a key acts before the next control step
 @contextmanager
 def emergency_controls(robot: RobotFactory) -> Iterator[None]:
     """Let SIGUSR1 and, for a real arm, the space bar and Escape stop the arm."""
-    from s2c2a.emergency import EMERGENCY_STOP
-    from s2c2a.runtime.emergency import stop_on_signal
+    from s2c2a.runtime.emergency import EMERGENCY_STOP, stop_on_signal
 
     EMERGENCY_STOP.reset()
     with stop_on_signal(), nullcontext() if robot.simulated else stop_on_key():
@@ -63,8 +62,8 @@ def _is_in_background(keyboard: int) -> bool:
 
 
 def _watch_keys(keyboard: int, done: threading.Event) -> None:
-    from s2c2a.emergency import EMERGENCY_STOP
-    from s2c2a.operator import OPERATOR
+    from s2c2a.runtime.emergency import EMERGENCY_STOP
+    from s2c2a.runtime.operator import OPERATOR
 
     OPERATOR.attends = True
     while not done.is_set():

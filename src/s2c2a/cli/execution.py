@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cache import cache_folder
 from s2c2a.cli.console import progress_bar
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import Processes, Serial, limit_jax_to_one_thread
-from s2c2a.options import convert_option, named_parameters, options_from
-from s2c2a.plugins import resolve, trust_code
+from s2c2a.execution.cache import cache_folder
+from s2c2a.execution.executors import Processes, Serial, limit_jax_to_one_thread
+from s2c2a.plugins.discovery import resolve, trust_code
+from s2c2a.plugins.options import convert_option, named_parameters, options_from
 from s2c2a.robots.factory import NO_TRACKING, RobotFactory, robot_class
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from s2c2a.arm import arm_to_toml
 from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
-from s2c2a.files import atomic_write, write_atomically
-from s2c2a.plugins import installed, resolve, trust_code
+from s2c2a.files.text import atomic_write, write_atomically
+from s2c2a.plugins.discovery import installed, resolve, trust_code
 
 ExportedFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 

@@ -26,8 +26,13 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
-from s2c2a.files import manifests_of_one_command
-from s2c2a.plugins import installed, is_absent, trust_code, trust_of_one_command
+from s2c2a.files.text import manifests_of_one_command
+from s2c2a.plugins.discovery import (
+    installed,
+    is_absent,
+    trust_code,
+    trust_of_one_command,
+)
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"

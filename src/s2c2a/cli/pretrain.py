@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_bar
 from s2c2a.cli.execution import Address, make_executor
-from s2c2a.executors import limit_jax_to_one_thread
-from s2c2a.files import write_atomically
+from s2c2a.execution.executors import limit_jax_to_one_thread
+from s2c2a.files.text import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.strategies import TrainedNetworks

@@ -18,7 +18,7 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import RecordingError
-from s2c2a.files import MAX_COUNT
+from s2c2a.files.text import MAX_COUNT
 
 if TYPE_CHECKING:
     from s2c2a import data, strategies

@@ -16,10 +16,10 @@ from s2c2a.cli.console import (
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import uses_recipe
 from s2c2a.errors import StrategyError
-from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.execution.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
-    from s2c2a.progress import Progress
+    from s2c2a.execution.progress import Progress
     from s2c2a.strategies import Recipe, TrainedNetworks
 
 

@@ -8,12 +8,12 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Options, Registry
 from s2c2a.control.controllers import Controller, NetworkController
 from s2c2a.errors import StrategyError
 from s2c2a.models.actions import C2A, train_c2a
 from s2c2a.models.layers import Size
 from s2c2a.paper import C2A_SIZE
+from s2c2a.plugins.components import Options, Registry
 from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
 
 

@@ -22,8 +22,8 @@ from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
-from s2c2a.executors import Serial, Threads, in_order
-from s2c2a.files import MAX_COUNT, check_replaceable
+from s2c2a.execution.executors import Serial, Threads, in_order
+from s2c2a.files.text import MAX_COUNT, check_replaceable
 from s2c2a.paper import SPEEDS
 from s2c2a.robots import Robot
 from s2c2a.runtime import (

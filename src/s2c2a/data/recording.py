@@ -14,7 +14,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.episodes.episode import SENSOR, stacked
 from s2c2a.errors import RecordingError
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.spaces import Reading
 
 

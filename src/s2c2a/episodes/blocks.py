@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from s2c2a.errors import DamagedRecordingError, RecordingError
-from s2c2a.files import MAX_BYTES, MAX_TEXT
+from s2c2a.files.text import MAX_BYTES, MAX_TEXT
 
 WORD = b"S2C2A\n"
 # bytes; the format, as above

@@ -29,7 +29,7 @@ from s2c2a.episodes.blocks import (
 )
 from s2c2a.episodes.episode import Episode
 from s2c2a.errors import DamagedRecordingError, RecordingError, S2C2AError
-from s2c2a.files import atomic_write
+from s2c2a.files.text import atomic_write
 
 ENDING = ".episodes"
 SCHEMA = 2  # of the format; another number is another format

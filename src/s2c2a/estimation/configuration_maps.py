@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Registry
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, configurations_from_bends, configurations_from_states
+from s2c2a.plugins.components import Registry
 from s2c2a.spaces import Reading
 
 PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))

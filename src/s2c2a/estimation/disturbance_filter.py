@@ -28,7 +28,7 @@ from s2c2a.estimation.sensor_models import (
     SensorModel,
     interpolated,
 )
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.kinematics import bends_from_configurations, bends_from_states, limit_lengths
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel

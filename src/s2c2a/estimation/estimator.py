@@ -10,8 +10,6 @@ from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.spec import MAX_PAYLOAD
-from s2c2a.compilation import compiled
-from s2c2a.components import Component
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation.configuration_maps import (
@@ -20,7 +18,9 @@ from s2c2a.estimation.configuration_maps import (
     Measured,
 )
 from s2c2a.estimation.estimate import Estimate
+from s2c2a.execution.compilation import compiled
 from s2c2a.models.forward_model import ForwardModel, Memory
+from s2c2a.plugins.components import Component
 from s2c2a.spaces import Actions, Reading
 from s2c2a.training import Trained, TrainingData
 
@@ -122,7 +122,7 @@ class EstimatorOptions(Component, ABC):
     """Options of a state estimator, in the recipe: `[estimator]`, `name = "..."`.
 
     A subclass is a frozen dataclass; its fields are validated like those of all
-    components (`s2c2a.components`).
+    components (`s2c2a.plugins.components`).
 
     Attributes:
         supports: settings of a run that the estimator supports

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compiled, select_if_finite
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap, Measured
 from s2c2a.estimation.disturbance_filter import DisturbanceFilter, FilterOptions
@@ -37,6 +36,7 @@ from s2c2a.estimation.sensor_models import (
     train_sensor,
     untrained_sensors,
 )
+from s2c2a.execution.compilation import compiled, select_if_finite
 from s2c2a.kinematics import bends_from_states
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.spaces import Actions, Reading

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.estimation import kalman
 from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.spaces import NOISE_LIMIT
 
 # s, of a sensor after an outlier: several measurements of every sensor, so that

@@ -1,8 +1,8 @@
 """State estimators by name."""
 
-from s2c2a.components import Registry
 from s2c2a.estimation.estimator import EncoderOnly, EstimatorOptions
 from s2c2a.estimation.kalman_estimator import KalmanFilter
+from s2c2a.plugins.components import Registry
 
 ESTIMATORS: Registry[EstimatorOptions] = Registry(
     "estimator",

@@ -8,9 +8,9 @@ import numpy as np
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
-from s2c2a.operator import OPERATOR
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
+from s2c2a.runtime.operator import OPERATOR
 from s2c2a.spaces import Stage
 from s2c2a.tasks import Task
 from s2c2a.tasks.repetition import (

@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import select
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
@@ -24,6 +23,7 @@ from s2c2a.estimation.kalman_estimator import (
     start_estimate,
     update_estimate,
 )
+from s2c2a.execution.compilation import select
 from s2c2a.goals import Goal
 from s2c2a.planning import Plan
 from s2c2a.planning.planner import Step

@@ -14,7 +14,7 @@ Any `concurrent.futures` executor works, also dask's `client.get_executor()`;
 `s2c2a.jobs.cluster.Cluster` adds a check of versions to it.
 """
 
-from s2c2a.executors import Processes, Serial, Threads
+from s2c2a.execution.executors import Processes, Serial, Threads
 from s2c2a.jobs.artifacts import (
     Artifact,
     Cache,

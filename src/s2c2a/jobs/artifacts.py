@@ -14,12 +14,13 @@ from typing import ClassVar, Generic, TypeVar
 import s2c2a
 from s2c2a import strategies
 from s2c2a.arm import ArmSpec, arm_to_toml
-from s2c2a.cache import cache_folder
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
-from s2c2a.files import write_atomically
-from s2c2a.progress import Progress
+from s2c2a.execution.cache import cache_folder
+from s2c2a.execution.progress import Progress
+from s2c2a.execution.user_code import code_digest
+from s2c2a.files.text import write_atomically
 from s2c2a.robots import RobotFactory
 from s2c2a.runtime.border import named_errors
 from s2c2a.strategies import (
@@ -30,7 +31,6 @@ from s2c2a.strategies import (
     StrategyOptions,
     TrainedNetworks,
 )
-from s2c2a.user_code import code_digest
 
 REVISION = 9
 """Raise it whenever simulation, babbling, training or file layout change what is kept,

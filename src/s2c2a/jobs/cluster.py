@@ -13,12 +13,12 @@ from distributed.cfexecutor import ClientExecutor
 from distributed.versions import get_versions
 
 from s2c2a.errors import ClusterError
-from s2c2a.executors import (
+from s2c2a.execution.executors import (
     default_process_count,
     limit_jax_to_one_thread,
     validated_worker_count,
 )
-from s2c2a.versions import PACKAGES
+from s2c2a.execution.versions import PACKAGES
 
 LOCAL = "local"
 PROTOCOLS = ("tcp://", "tls://")

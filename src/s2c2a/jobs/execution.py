@@ -13,9 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from s2c2a.compilation import forget_programs
 from s2c2a.errors import ClusterError, S2C2AError
-from s2c2a.executors import (
+from s2c2a.execution.compilation import forget_programs
+from s2c2a.execution.executors import (
     Given,
     Result,
     Serial,
@@ -24,10 +24,10 @@ from s2c2a.executors import (
     max_pending_calls,
     submit,
 )
-from s2c2a.files import write_atomically
+from s2c2a.execution.progress import Progress, quiet
+from s2c2a.files.text import write_atomically
 from s2c2a.jobs.artifacts import Artifact, Cache, Made
 from s2c2a.jobs.job import Job
-from s2c2a.progress import Progress, quiet
 
 
 def make_all(

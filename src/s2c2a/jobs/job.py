@@ -11,13 +11,14 @@ from operator import attrgetter
 
 import numpy as np
 
-from s2c2a import episodes, evaluation, versions
+from s2c2a import episodes, evaluation
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.evaluation.rollout import OnStep, ignore_step
+from s2c2a.execution import versions
+from s2c2a.execution.progress import Progress
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, NetworksArtifact, digest_of
-from s2c2a.progress import Progress
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver, StepRecord
 from s2c2a.runtime.border import named_errors

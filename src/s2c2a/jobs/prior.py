@@ -7,8 +7,8 @@ from s2c2a.arm import randomized_arm
 from s2c2a.arm.randomized import MAX_STRENGTH
 from s2c2a.data import CollectOptions
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.progress import Progress
 from s2c2a.jobs.artifacts import Cache, Networks, RecordingArtifact, digest_of
-from s2c2a.progress import Progress
 
 FIRST_SEED = 1000
 """Of the randomized arms; evaluations use smaller ones."""

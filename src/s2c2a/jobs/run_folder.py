@@ -11,7 +11,8 @@ from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import MAX_SHOWN, S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
-from s2c2a.files import (
+from s2c2a.execution.versions import versions
+from s2c2a.files.text import (
     delete_listed_files,
     holds,
     keep_manifest,
@@ -19,7 +20,6 @@ from s2c2a.files import (
     write_atomically,
 )
 from s2c2a.jobs.job import Job, Run
-from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page, run_figure
 from s2c2a.viz.video import save_video
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compilations
 from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
+from s2c2a.execution.compilation import compilations
 from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, RequestedDisturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits

@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.execution.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
-from s2c2a.plugins import run_with_trust, trusted_code
+from s2c2a.plugins.discovery import run_with_trust, trusted_code
 from s2c2a.spaces import Stage
 
 if TYPE_CHECKING:

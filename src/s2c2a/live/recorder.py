@@ -10,10 +10,10 @@ from s2c2a.arm import save_arm
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.execution.versions import versions
+from s2c2a.files.text import write_atomically
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.runtime.step_writer import StepWriter, joined
-from s2c2a.versions import versions
 from s2c2a.viz import Trace, replay_page
 
 

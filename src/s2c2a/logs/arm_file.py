@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from s2c2a.arm import ArmSpec, arm_from_toml
 from s2c2a.arm.geometry import per_cable
-from s2c2a.files import toml_comment
+from s2c2a.files.text import toml_comment
 from s2c2a.logs.assignment import can_bend
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment

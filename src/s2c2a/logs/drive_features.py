@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
-from s2c2a.backlash import play_along
+from s2c2a.arm.backlash import play_along
 from s2c2a.logs.timed_motion import TimedMotion
 
 MAX_GRID = 2**16  # points of a grid in time; bounds time and memory

@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+from s2c2a.files.tables import read_any_text
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
-from s2c2a.tables import read_any_text
 
 _BROKEN = "it is not one complete JSON object"
 

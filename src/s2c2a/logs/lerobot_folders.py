@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import from_json
 
-from s2c2a.files import read_text
+from s2c2a.files.text import read_text
 from s2c2a.logs.errors import MAX_BYTES, MAX_ROWS, LogError, reading_as
 from s2c2a.logs.parquet_files import parquet_arrays
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays

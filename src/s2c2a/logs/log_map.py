@@ -14,9 +14,9 @@ from pydantic import (
 
 from s2c2a.arm.spec import MAX_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError
-from s2c2a.files import parse_toml, read_text
+from s2c2a.files.text import parse_toml, read_text
+from s2c2a.files.validation import explained
 from s2c2a.logs.errors import LogError
-from s2c2a.validation import explained
 
 MAX_TEXT = 300
 HEADING = "{count} error(s) in the map (drives, ends, and modules count from 0)"

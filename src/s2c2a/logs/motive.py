@@ -10,9 +10,9 @@ import os
 from collections.abc import Sequence
 from itertools import islice
 
+from s2c2a.files.tables import split_rows
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import LogError
-from s2c2a.tables import split_rows
 
 BEGIN = "Format Version"
 UNITS = {"meters": "m", "centimeters": "cm", "millimeters": "mm"}

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import tilt_rotation
 from s2c2a.logs.cable_search import Assignment, identify_cables

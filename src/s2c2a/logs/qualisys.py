@@ -10,9 +10,9 @@ import os
 from collections.abc import Iterator
 from itertools import chain
 
+from s2c2a.files.tables import parse_number, split_rows
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import LogError
-from s2c2a.tables import parse_number, split_rows
 
 KEYS = ("FILE_VERSION", "NO_OF_FRAMES")
 """Keys with which a header begins."""

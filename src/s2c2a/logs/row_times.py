@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.files.tables import SECONDS
 from s2c2a.logs.tables import Table
-from s2c2a.tables import SECONDS
 
 DAY = 86400.0  # s
 EPOCH_UNITS = {"ns": 1e17, "us": 1e14, "ms": 1e11}

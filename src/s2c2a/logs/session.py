@@ -7,13 +7,13 @@ from functools import reduce
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.files.tables import METERS
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import FORCE_UNITS, ROTATING_UNITS, Drive, End, LogMap, Vector
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
-from s2c2a.tables import METERS
 
 ROW = ""  # key of row numbers, which no map can name
 ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from s2c2a.files.tables import BLANK, parse_number, parse_stamp
 from s2c2a.logs.errors import MAX_ROWS, LogError
-from s2c2a.tables import BLANK, parse_number, parse_stamp
 
 MAX_CELL_LENGTH = 400
 MAX_SHOWN = 12

@@ -3,11 +3,11 @@
 import csv
 import os
 
+from s2c2a.files.tables import parse_rows, read_any_text
 from s2c2a.logs import motive, qualisys
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, list_names
-from s2c2a.tables import parse_rows, read_any_text
 
 
 def read_text_file(path: str | os.PathLike, request: ColumnRequest) -> Table:

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Options
 from s2c2a.data import CollectOptions, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.disturbances import Disturbances
@@ -25,6 +24,7 @@ from s2c2a.models.forward_model import (
 )
 from s2c2a.models.layers import Scaling, Size
 from s2c2a.paper import BiLSTM
+from s2c2a.plugins.components import Options
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, known_error, train
 

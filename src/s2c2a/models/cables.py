@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from s2c2a.backlash import play
+from s2c2a.arm.backlash import play
 from s2c2a.training.fit import Fixed
 
 MAX_CREEP = 0.5  # largest sum of the weights of one cable's filters

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.errors import TrainingError
@@ -24,6 +23,7 @@ from s2c2a.models.prior import mean_and_spread, pooled
 from s2c2a.models.statics import Equilibrium
 from s2c2a.models.transfer import babbling_data, states_under_gravity, transfer_chain
 from s2c2a.models.trunk import Trunk
+from s2c2a.plugins.components import Ranges
 from s2c2a.training.fit import (
     Batch,
     FitOptions,

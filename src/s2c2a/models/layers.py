@@ -12,11 +12,11 @@ from jaxtyping import Array, Float
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import cables_present, raised
-from s2c2a.components import Options, Ranges
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
 from s2c2a.kinematics.bends import SMALL_SQUARE
 from s2c2a.paper import HEADROOM, sum_and_range
+from s2c2a.plugins.components import Options, Ranges
 from s2c2a.training.fit import Fixed, FromArm
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Ranges
 from s2c2a.data import CollectOptions
 from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
@@ -29,6 +28,7 @@ from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
 from s2c2a.models.residual_process import GAP, ResidualProcess, fit_process
 from s2c2a.models.transfer import babbling_data, interpolation_weights
+from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
 from s2c2a.training.fit import FitOptions, FitResult, TrainingProgress, quiet
 from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated

@@ -1,7 +1,7 @@
 """Forward models by name."""
 
-from s2c2a.components import Registry
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions, LocalOptions
+from s2c2a.plugins.components import Registry
 
 MODELS: Registry[ForwardOptions] = Registry(
     "model",

@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
 from s2c2a.estimation import ModalFactors
-from s2c2a.executors import all_cores
+from s2c2a.execution.compilation import compiled
+from s2c2a.execution.executors import all_cores
 from s2c2a.goals import Goal
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel

@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.components import Component, Registry
 from s2c2a.goals import PREVIEW, START_TIME, Goal, preview_stride
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
 from s2c2a.planning.terms import Guard
 from s2c2a.planning.ways import Roadmap, Way
+from s2c2a.plugins.components import Component, Registry
 from s2c2a.spaces import POSITION
 
 ADVANCE = 0.3  # of the step limit; chosen: at 0.5 arms vibrate into obstacles

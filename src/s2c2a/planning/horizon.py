@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from s2c2a.compilation import select
+from s2c2a.execution.compilation import select
 from s2c2a.goals import PREVIEW
 from s2c2a.kinematics import (
     bends_from_configurations,

@@ -14,10 +14,9 @@ from jaxtyping import Array, Float, Int
 from pydantic import BeforeValidator, SkipValidation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import all_finite, compiled, select, select_if_finite
-from s2c2a.components import CustomComponent, Options, Registry
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate, ModalFactors
+from s2c2a.execution.compilation import all_finite, compiled, select, select_if_finite
 from s2c2a.goals import PREVIEW, Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -46,6 +45,7 @@ from s2c2a.planning.terms import (
     Situation,
     Term,
 )
+from s2c2a.plugins.components import CustomComponent, Options, Registry
 from s2c2a.spaces import POSITION
 
 AXES_WEIGHT = 0.5

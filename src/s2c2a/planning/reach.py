@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.errors import TargetError
+from s2c2a.execution.compilation import compiled
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.kinematics import (
     commanded_part,

@@ -16,9 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import select
-from s2c2a.components import Component
 from s2c2a.errors import TargetError
+from s2c2a.execution.compilation import select
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -40,6 +39,7 @@ from s2c2a.planning.terms import (
     Situation,
     Term,
 )
+from s2c2a.plugins.components import Component
 from s2c2a.spaces import POSITION
 
 Residuals = Callable[[Float[Array, "*variables"]], Float[Array, " residuals"]]

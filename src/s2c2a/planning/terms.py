@@ -22,12 +22,12 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii
-from s2c2a.components import Component, Registry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
 from s2c2a.kinematics.bends import Numbers, squared_norm
 from s2c2a.obstacles import distances
 from s2c2a.paper import obstacle_loss
+from s2c2a.plugins.components import Component, Registry
 from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
 
 Configurations = Float[Array, "modules 3"]

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compiled
+from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import norm
 from s2c2a.models.forward_model import ForwardModel

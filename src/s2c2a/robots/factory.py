@@ -6,8 +6,8 @@ from typing import Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.options import convert_option, named_parameters
-from s2c2a.plugins import resolve, trust_code
+from s2c2a.plugins.discovery import resolve, trust_code
+from s2c2a.plugins.options import convert_option, named_parameters
 from s2c2a.robots.robot import Robot
 
 SIMULATED = "sim"

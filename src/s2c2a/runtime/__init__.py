@@ -3,11 +3,15 @@
 Runs, recordings, and the live page all drive arms through `Loop`.
 """
 
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.conformance import check_robot
 from s2c2a.runtime.driver import Driver
-from s2c2a.runtime.emergency import stop_on_signal
+from s2c2a.runtime.emergency import (
+    EMERGENCY_STOP,
+    EmergencyStop,
+    EmergencyStopError,
+    stop_on_signal,
+)
 from s2c2a.runtime.limits import CommandLimits
 from s2c2a.runtime.loop import Loop
 from s2c2a.runtime.player import Player, play

@@ -3,7 +3,7 @@
 import time
 from abc import ABC, abstractmethod
 
-from s2c2a.standstill import time_with_sleep
+from s2c2a.runtime.standstill import time_with_sleep
 
 
 class Clock(ABC):
@@ -29,7 +29,7 @@ class WallClock(Clock):
         return time.perf_counter()
 
     def with_sleep(self) -> float:
-        """See `Clock` and `s2c2a.standstill`."""
+        """See `Clock` and `s2c2a.runtime.standstill`."""
         return time_with_sleep()
 
     def wait_until(self, moment: float) -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.robots.robot import SETTLING_TIME
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.runtime.loop import Loop
 from s2c2a.runtime.player import Player, play
 from s2c2a.runtime.readings import describe_values

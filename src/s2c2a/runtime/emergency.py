@@ -1,11 +1,65 @@
-"""Emergency stop by a signal of the operating system."""
+"""Emergency stop: any part of a program can stop the arm within one control step.
+
+A push button on a GPIO pin, or one of a joystick, needs two lines:
+
+    from s2c2a.runtime import EMERGENCY_STOP
+    button.when_pressed = EMERGENCY_STOP.trigger
+"""
 
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop
+from s2c2a.errors import S2C2AError
+
+
+class EmergencyStopError(S2C2AError):
+    """The emergency stop was triggered; the arm holds its place or is released."""
+
+
+class EmergencyStop:
+    """A switch that stays on until it is reset; safe from any thread or signal."""
+
+    def __init__(self) -> None:
+        """A switch that is off."""
+        # no lock: a signal handler may interrupt its own thread anywhere
+        self._is_triggered = False
+        self._source = ""
+
+    def trigger(self, source: Any = "a program") -> None:
+        """Stop the arm in its next control step.
+
+        Args:
+            source: person or device that stopped the arm, for the message.
+        """
+        self._source = str(source)
+        self._is_triggered = True
+
+    def reset(self) -> None:
+        """Allow motion again, from the next opening of the robot on."""
+        self._is_triggered = False
+
+    @property
+    def is_triggered(self) -> bool:
+        """Whether the arm must not move."""
+        return self._is_triggered
+
+    def check(self) -> None:
+        """Raise an error if the arm must not move.
+
+        Raises:
+            EmergencyStopError: the stop was triggered.
+        """
+        if self.is_triggered:
+            raise EmergencyStopError(
+                f"emergency stop by {self._source}; free the arm, then start again"
+            )
+
+
+EMERGENCY_STOP = EmergencyStop()
+"""Emergency stop of this process; control loops and opening robots obey it."""
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.immutable import immutable
+from s2c2a.plugins.immutable import immutable
 from s2c2a.spaces import Actions
 
 ROUNDING = 1e-9  # of the action range; avoids divisions by zero

@@ -17,7 +17,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
@@ -25,6 +24,7 @@ from s2c2a.runtime.checked_driver import CheckedDriver
 from s2c2a.runtime.checked_robot import CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.driver import Driver
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at

@@ -12,8 +12,8 @@ from s2c2a.episodes import Episode
 from s2c2a.episodes.episode import SENSOR, sensor_shapes
 from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
-from s2c2a.immutable import immutable, immutable_table, rebuilt
 from s2c2a.obstacles import CORE
+from s2c2a.plugins.immutable import immutable, immutable_table, rebuilt
 from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
 

@@ -16,10 +16,10 @@ sound if it passes `ReadingCheck`.
 from dataclasses import dataclass, replace
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.goals import Goal
+from s2c2a.runtime.standstill import STANDSTILL
 from s2c2a.spaces import Stage
-from s2c2a.standstill import STANDSTILL
 
 RECOVERY_PER_SOUND_STEP = 0.5
 """Unsound steps that one sound step offsets: a sensor that fails every other step

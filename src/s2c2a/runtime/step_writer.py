@@ -18,9 +18,9 @@ from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.blocks import MAX_BYTES
 from s2c2a.errors import RecordingError, S2C2AError
+from s2c2a.execution.versions import versions
 from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.record import StepRecord, build_piece, with_aligned_states
-from s2c2a.versions import versions
 
 PIECE = 1.0  # s; what a power failure loses at most
 MAX_PIECES = 600  # a file, which may then become one episode: it is read as a whole

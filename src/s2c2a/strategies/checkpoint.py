@@ -25,7 +25,7 @@ from safetensors.numpy import load, save
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.blocks import WORD
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError, did_you_mean
-from s2c2a.files import LARGEST, MAX_BYTES, MAX_TEXT, write_atomically
+from s2c2a.files.text import LARGEST, MAX_BYTES, MAX_TEXT, write_atomically
 from s2c2a.training import FromArm
 
 SHIPPED = "shipped"

@@ -13,12 +13,12 @@ from pydantic import TypeAdapter
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
-from s2c2a.components import Registry
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
 from s2c2a.estimation.sensor_models import PREFIX
-from s2c2a.files import check_replaceable
+from s2c2a.files.text import check_replaceable
 from s2c2a.models.session import SessionC2S
+from s2c2a.plugins.components import Registry
 from s2c2a.strategies.checkpoint import (
     SCHEMA,
     Arrays,

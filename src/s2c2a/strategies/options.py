@@ -8,11 +8,11 @@ from typing import Any, ClassVar, Literal
 from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Options
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import EstimationSettings
 from s2c2a.planning import Guard
+from s2c2a.plugins.components import Options
 from s2c2a.runtime import Driver
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks

@@ -14,7 +14,6 @@ from jaxtyping import PRNGKeyArray
 from pydantic import BeforeValidator, SkipValidation, TypeAdapter, ValidationError
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import CustomComponent, Options, Ranges, Registry
 from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
@@ -28,7 +27,14 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
-from s2c2a.files import LARGEST, MAX_COUNT, parse_toml, read_text, write_atomically
+from s2c2a.files.text import (
+    LARGEST,
+    MAX_COUNT,
+    parse_toml,
+    read_text,
+    write_atomically,
+)
+from s2c2a.files.validation import explained, unknown_key
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
 from s2c2a.paper import C2S_SIZE, HISTORY_NOISE
@@ -36,9 +42,9 @@ from s2c2a.planning import BEST, PAPER, PlannerOptions
 from s2c2a.planning.guides import GUIDES
 from s2c2a.planning.planner import SOLVERS
 from s2c2a.planning.terms import TERMS
-from s2c2a.plugins import trust_code_in
+from s2c2a.plugins.components import CustomComponent, Options, Ranges, Registry
+from s2c2a.plugins.discovery import trust_code_in
 from s2c2a.training.fit import FitOptions
-from s2c2a.validation import explained, unknown_key
 
 ENDING = ".toml"
 HEADING = "{count} fault(s) in the recipe"

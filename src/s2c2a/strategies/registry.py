@@ -3,10 +3,10 @@
 import re
 from dataclasses import asdict, replace
 
-from s2c2a.components import Registry
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
-from s2c2a.options import convert_option, named_parameters, options_from
+from s2c2a.plugins.components import Registry
+from s2c2a.plugins.options import convert_option, named_parameters, options_from
 from s2c2a.runtime import Driver
 from s2c2a.runtime.border import named_errors
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions

@@ -16,8 +16,8 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.files import LARGEST
-from s2c2a.json_files import load_json, save_json
+from s2c2a.files.json_files import load_json, save_json
+from s2c2a.files.text import LARGEST
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.models.session_fit import SessionFit, fit_session

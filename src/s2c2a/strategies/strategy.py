@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.compilation import compiled
 from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
+from s2c2a.execution.compilation import compiled
 from s2c2a.planning import Goal, Plan, Planner, plan_error
 from s2c2a.spaces import Actions, Reading
 

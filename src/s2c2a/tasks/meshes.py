@@ -14,7 +14,7 @@ import scipy
 from jaxtyping import Float
 
 from s2c2a.errors import TargetError
-from s2c2a.files import MAX_BYTES
+from s2c2a.files.text import MAX_BYTES
 
 RESOLUTION = 32  # voxels along the longest edge; chosen: a sphere of them takes 0.3 s
 BISECTIONS = 10  # of how far spheres stand out: to a thousandth of the solid

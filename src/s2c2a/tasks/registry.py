@@ -6,7 +6,7 @@ from functools import partial
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.plugins import resolve, trust_code
+from s2c2a.plugins.discovery import resolve, trust_code
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path

@@ -19,7 +19,13 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between
 from s2c2a.errors import S2C2AError, TargetError
-from s2c2a.files import check_replaceable, parse_toml, read_text, write_atomically
+from s2c2a.files.text import (
+    check_replaceable,
+    parse_toml,
+    read_text,
+    write_atomically,
+)
+from s2c2a.files.validation import explained
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import (
     CENTER,
@@ -37,7 +43,6 @@ from s2c2a.obstacles import (
 )
 from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
-from s2c2a.validation import explained
 
 ENDING = ".toml"
 CLEARANCES = Score("clearance"), Score("clearance of the arm")

@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
+from s2c2a.files.tables import parse_rows, read_any_text
 from s2c2a.spaces import CENTER_LINE_POINTS
-from s2c2a.tables import parse_rows, read_any_text
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 from s2c2a.tasks.waypoints import (

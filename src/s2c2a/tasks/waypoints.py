@@ -18,9 +18,9 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import MAX_NAME_LENGTH, TargetError
-from s2c2a.files import LARGEST, MAX_BYTES, MAX_COUNT
+from s2c2a.files.tables import METERS, SECONDS, parse_number, parse_rows, read_any_text
+from s2c2a.files.text import LARGEST, MAX_BYTES, MAX_COUNT
 from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
-from s2c2a.tables import METERS, SECONDS, parse_number, parse_rows, read_any_text
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
 REQUIRED = ("time", "x", "y", "z")

@@ -16,11 +16,11 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.compilation import compiled
-from s2c2a.components import Options, Ranges
 from s2c2a.errors import TrainingError
-from s2c2a.files import MAX_COUNT
+from s2c2a.execution.compilation import compiled
+from s2c2a.files.text import MAX_COUNT
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
+from s2c2a.plugins.components import Options, Ranges
 
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)

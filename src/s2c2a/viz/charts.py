@@ -15,7 +15,7 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import THRESHOLD, is_half_space, is_sphere
 from s2c2a.viz.arrays import Obstacles, Points, Series
 from s2c2a.viz.colors import (

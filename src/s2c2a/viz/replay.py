@@ -14,7 +14,7 @@ from string import Template
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import CENTER, CORE, is_sphere
 from s2c2a.viz import colors
 from s2c2a.viz.arrays import Points

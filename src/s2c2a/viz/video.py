@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import is_sphere
 from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL

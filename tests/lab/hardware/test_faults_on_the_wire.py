@@ -6,12 +6,12 @@ from arm_on_a_wire import ArmOnAWire
 from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import servos_of
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.lab.cli import motors
 from s2c2a.lab.hardware import bring_up
 from s2c2a.lab.hardware.bus import PortLostError
 from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
 from s2c2a.runtime import check_robot
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.spaces import Stage
 
 CYCLES = 3  # in which a fault is seen

@@ -9,7 +9,6 @@ from servos_in_memory import IDS, START, Clock, ServosInMemory, arm_file, serve
 
 from s2c2a.arm import load_arm, servos_of
 from s2c2a.cli.interrupts import interrupts_as_exceptions
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli import motors
 from s2c2a.lab.hardware.bring_up import MAX_LEAD
@@ -23,6 +22,7 @@ from s2c2a.lab.hardware.calibration import (
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 from s2c2a.lab.hardware.timing import measure_timing
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 
 PROTOCOLS = ("dynamixel", "feetech")
 TICK = 2 * 3.14159 * 0.01 / 4096  # m

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.emergency import EmergencyStop, EmergencyStopError
 from s2c2a.errors import ActionError, RobotError
 from s2c2a.lab.hardware.bus import BusError, HardwareError
 from s2c2a.lab.hardware.calibration import (
@@ -20,6 +19,7 @@ from s2c2a.lab.hardware.calibration import (
 )
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 from s2c2a.lab.hardware.winch import Winches
+from s2c2a.runtime.emergency import EmergencyStop, EmergencyStopError
 
 BASE = load_arm("twin_arm")
 IDS = list(range(1, 10))

@@ -6,12 +6,12 @@ from scipy.spatial.transform import Rotation
 from tracked_simulation import SimulatedTracker, TrackedSimulation
 
 from s2c2a.arm import ArmGeometry, Tracking, load_arm
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError
 from s2c2a.lab.tracking import Pose, Tracker, TrackingError
 from s2c2a.lab.tracking import calibration_motions as tracking
 from s2c2a.lab.tracking.tracked_robot import calibration_of
 from s2c2a.runtime import StepClock
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 
 ARM = load_arm("twin_arm")
 

@@ -4,7 +4,7 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.tracking import NatNetTracker, UdpTracker, tracker_of
-from s2c2a.plugins import trust_code
+from s2c2a.plugins.discovery import trust_code
 
 OWN = """
 from s2c2a.lab.tracking import Tracker

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from s2c2a.arm import ArmSpec
-from s2c2a.components import Registry
 from s2c2a.estimation.sensor_models.base import (
     BiasPrior,
     ExpectedState,
@@ -28,6 +27,7 @@ from s2c2a.estimation.sensor_models.learned import (
 from s2c2a.estimation.sensor_models.tension import TensionSensor
 from s2c2a.estimation.sensor_models.training import SensorSamples, train_sensor
 from s2c2a.models.forward_model import ForwardModel
+from s2c2a.plugins.components import Registry
 
 SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     BendSensor,

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.backlash import play
+from s2c2a.arm.backlash import play
 from s2c2a.estimation.sensor_models.base import (
     BiasPrior,
     ExpectedState,

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.backlash import play
+from s2c2a.arm.backlash import play
 from s2c2a.errors import TrainingError
 from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, fit, quiet
 from s2c2a.training.trained import Trained, full_ranges, known_error, percent_error

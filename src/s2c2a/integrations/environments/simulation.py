@@ -13,7 +13,7 @@ from mujoco.rollout import Rollout
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import ActionError, S2C2AError, did_you_mean
-from s2c2a.executors import all_cores
+from s2c2a.execution.executors import all_cores
 from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
 from s2c2a.integrations.environments.spaces import Controls, observe
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family

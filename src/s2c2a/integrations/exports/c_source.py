@@ -5,7 +5,7 @@ from pathlib import Path
 
 import s2c2a
 from s2c2a.errors import StrategyError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.integrations.c_code.interface import Generated, generate
 from s2c2a.integrations.control_step import ControlStep
 from s2c2a.strategies import RunOptions, load_networks, strategy_of

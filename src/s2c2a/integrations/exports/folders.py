@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import cannot_write, parse_toml, write_atomically
+from s2c2a.files.text import cannot_write, parse_toml, write_atomically
 
 
 @contextmanager

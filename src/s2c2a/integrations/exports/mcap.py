@@ -7,7 +7,7 @@ from typing import Any
 from s2c2a.arm import arm_to_toml
 from s2c2a.cli.export_table import import_map, table_of, units_of
 from s2c2a.episodes import load_episodes
-from s2c2a.files import atomic_write, write_atomically
+from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.integrations.exports.folders import write_map
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.integrations.foxglove_scene import (

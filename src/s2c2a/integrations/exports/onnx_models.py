@@ -14,7 +14,7 @@ import numpy as np
 import s2c2a
 from s2c2a.arm import ArmGeometry, ArmSpec, arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.files import atomic_write
+from s2c2a.files.text import atomic_write
 from s2c2a.goals import Goal
 from s2c2a.integrations.control_step import ControlStep, StepInput
 from s2c2a.integrations.exports.c_source import strategy_in

@@ -5,7 +5,7 @@ from pathlib import Path
 from s2c2a.arm import arm_to_toml
 from s2c2a.cli.export_table import table_of
 from s2c2a.episodes import load_episodes
-from s2c2a.files import atomic_write
+from s2c2a.files.text import atomic_write
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.integrations.rerun_scene import RerunScene, save_to
 from s2c2a.integrations.scenes import scenes_of

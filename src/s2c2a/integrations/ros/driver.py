@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from s2c2a.emergency import EMERGENCY_STOP
 from s2c2a.integrations.ros.inbox import Inbox
 from s2c2a.integrations.ros.inputs import Changes, Inputs
 from s2c2a.integrations.ros.messages import (
@@ -23,6 +22,7 @@ from s2c2a.integrations.ros.names import Topic
 from s2c2a.integrations.ros.node import Node
 from s2c2a.live.process import ControlProcess
 from s2c2a.live.snapshot import Control
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 
 MAX_RATE = 100.0  # Hz, of changed requests; the control loops run at 10 to 50 Hz
 LOG_INTERVAL = 1.0  # s between two lines about one topic; a person reads no more

@@ -13,7 +13,7 @@ from typing import Any
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.rollout import OnStep
-from s2c2a.files import cannot_write, check_replaceable
+from s2c2a.files.text import cannot_write, check_replaceable
 from s2c2a.integrations.extras import needs_extra
 from s2c2a.integrations.rerun_scene import RerunScene, layout, save_to
 from s2c2a.integrations.streams.background import shown_in_background

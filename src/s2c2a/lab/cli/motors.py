@@ -15,7 +15,7 @@ from s2c2a.arm import ArmSpec, Servos, load_arm, servos_of
 from s2c2a.cli.console import Arm, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
-from s2c2a.files import check_replaceable
+from s2c2a.files.text import check_replaceable
 
 if TYPE_CHECKING:
     from s2c2a.lab.hardware.bring_up import BringUp
@@ -366,9 +366,8 @@ def _ids_of(spec: ArmSpec) -> list[int]:
 @contextmanager
 def _opened(servos: Servos, port: str, fast_read: bool = False) -> "Iterator[ServoBus]":
     """Open the bus; the signal of an emergency stop works meanwhile."""
-    from s2c2a.emergency import EMERGENCY_STOP
     from s2c2a.lab.hardware.buses import open_bus
-    from s2c2a.runtime.emergency import stop_on_signal
+    from s2c2a.runtime.emergency import EMERGENCY_STOP, stop_on_signal
 
     EMERGENCY_STOP.reset()
     with stop_on_signal(), open_bus(servos, port, fast_read) as bus:

@@ -107,8 +107,8 @@ def print_board(
 def _board(columns: int, rows: int, square: float) -> "Board":
     from pydantic import ValidationError
 
+    from s2c2a.files.validation import explained
     from s2c2a.lab.tracking.tags import Board
-    from s2c2a.validation import explained
 
     size = square / 1000
     try:

@@ -16,7 +16,7 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import trust_code
+from s2c2a.plugins.discovery import trust_code
 from s2c2a.robots.factory import NO_TRACKING
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import Servos, servos_of
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.faults import GRAMMAR, FaultSchedule, LineFaults
 from s2c2a.lab.emulation.line import Line

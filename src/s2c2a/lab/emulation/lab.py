@@ -8,7 +8,7 @@ from typing import Any
 
 from s2c2a.arm import ArmSpec, Tracking, arm_to_toml, servos_of
 from s2c2a.errors import S2C2AError
-from s2c2a.files import read_text, write_atomically
+from s2c2a.files.text import read_text, write_atomically
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.motive import MotiveOptions
 

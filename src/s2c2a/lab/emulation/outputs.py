@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.emulator import Emulator

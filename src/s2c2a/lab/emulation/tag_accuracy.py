@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.execution.progress import Progress, quiet
 from s2c2a.lab.emulation.plant import Plant
 from s2c2a.lab.emulation.tag_camera import TagCamera, look_at
 from s2c2a.lab.tracking.poses import Pose, angle_between
@@ -17,7 +18,6 @@ from s2c2a.lab.tracking.tags.detection import TagDropReason
 from s2c2a.lab.tracking.tags.estimation import estimate_poses
 from s2c2a.lab.tracking.tags.layout import BASE, TagLayout
 from s2c2a.lab.tracking.tags.pictures import Effects
-from s2c2a.progress import Progress, quiet
 
 WRONG_POSITION = 0.02  # m
 WRONG_ROTATION = np.radians(10)  # rad; an error beyond is a wrong pose

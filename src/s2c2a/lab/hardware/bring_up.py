@@ -13,7 +13,6 @@ from datetime import UTC, datetime
 import numpy as np
 
 from s2c2a.arm import ArmSpec, servos_of
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoState
 from s2c2a.lab.hardware.cable_range import check_plausible
@@ -29,6 +28,7 @@ from s2c2a.lab.hardware.winch import (
     taut_windings,
     torque_constants,
 )
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 
 HOME_SPEED = 0.02  # m/s
 MAX_LEAD = 0.005

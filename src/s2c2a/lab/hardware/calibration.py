@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.json_files import load_json, save_json
+from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.hardware.winch import NO_SERVO, Ticks, servo_ids
 
 FORMAT = 1

@@ -11,7 +11,6 @@ from typing import ClassVar
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, servos_of
-from s2c2a.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.lab.hardware.bus import (
     NO_CURRENT,
@@ -38,6 +37,7 @@ from s2c2a.lab.hardware.winch import (
     torque_constants,
 )
 from s2c2a.robots.robot import Robot, checked_action
+from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions, Reading, Sensor
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2c2a.arm import Servos
-from s2c2a.emergency import EMERGENCY_STOP
+from s2c2a.execution.progress import Progress, quiet
 from s2c2a.lab.hardware.bus import ServoBus
 from s2c2a.lab.hardware.presence import ALL_SILENT, SOME_SILENT, Place
-from s2c2a.progress import Progress, quiet
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 
 LATE = 0.1  # part of a period; a cycle with a longer delay counts as late
 MAX_INCOMPLETE = 0.01

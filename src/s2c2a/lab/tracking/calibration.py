@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from s2c2a.arm import ArmSpec
-from s2c2a.json_files import load_json, save_json
+from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 from s2c2a.lab.tracking.states import ModuleEnds
 

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from s2c2a.files.validation import describe_fault
 from s2c2a.lab.tracking.poses import Pose, PoseError
 from s2c2a.lab.tracking.tracker import DropError, PoseFrame
-from s2c2a.validation import describe_fault
 
 MAX_BYTES = 16_384
 """Largest datagram [bytes]; a body takes about 150."""

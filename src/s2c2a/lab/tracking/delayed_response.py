@@ -22,7 +22,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
-from s2c2a.backlash import play_along
+from s2c2a.arm.backlash import play_along
 
 WHITENING_ORDER = 8
 MAX_EVALUATIONS = 30  # of a fit

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.lab.tracking.states import ModuleEnds
 from s2c2a.lab.tracking.tracker import PoseFrame
-from s2c2a.repeats import RepeatDetector
+from s2c2a.runtime.repeats import RepeatDetector
 from s2c2a.spaces import Actions
 
 FROZEN_CHANGE = 0.1

@@ -6,8 +6,8 @@ from typing import Any
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tracker import Tracker
-from s2c2a.options import convert_option, named_parameters, options_from
-from s2c2a.plugins import located, resolve
+from s2c2a.plugins.discovery import located, resolve
+from s2c2a.plugins.options import convert_option, named_parameters, options_from
 
 _ADDRESSES: Mapping[str, Sequence[tuple[str, ...]]] = {
     "udp": [(), ("port",), ("host", "port")],

@@ -10,7 +10,7 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
 from s2c2a.cli.execution import make_executor
 from s2c2a.errors import ArmError, S2C2AError
-from s2c2a.files import check_replaceable, write_atomically
+from s2c2a.files.text import check_replaceable, write_atomically
 
 if TYPE_CHECKING:
     from s2c2a.episodes import Episode

@@ -19,7 +19,8 @@ from scipy.optimize import least_squares
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.executors import Serial, in_order
+from s2c2a.execution.executors import Serial, in_order
+from s2c2a.execution.progress import Progress, quiet
 from s2c2a.logs.identification.numbers import Unknown, arm_at
 from s2c2a.logs.identification.problem import (
     FitProblem,
@@ -32,7 +33,6 @@ from s2c2a.logs.identification.problem import (
     to_recording_frame,
 )
 from s2c2a.logs.identification.replay import replayed
-from s2c2a.progress import Progress, quiet
 from s2c2a.spaces import States
 
 STEP = 0.02  # step of finite differences, in prior standard deviations

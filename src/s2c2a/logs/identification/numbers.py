@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import FORCE, LENGTH, LOST_MOTION, RIGIDITY
 from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.files import LARGEST
+from s2c2a.files.text import LARGEST
 
 Path = tuple[str | int, ...]
 EACH = "*"

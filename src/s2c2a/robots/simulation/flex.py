@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.backlash import play
 from s2c2a.arm.sensors import Flex
-from s2c2a.backlash import play
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.robots.simulation.random_streams import Stream, random_stream
 from s2c2a.spaces import States

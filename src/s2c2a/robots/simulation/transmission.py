@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Motor
+from s2c2a.arm.backlash import play, play_along
 from s2c2a.arm.geometry import cables_present, per_cable, per_module
-from s2c2a.backlash import play, play_along
 
 CablePath = Float[np.ndarray, "times *arms modules cables"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from s2c2a.files import read_text
-from s2c2a.json_files import load_json, save_json
+from s2c2a.files.json_files import load_json, save_json
+from s2c2a.files.text import read_text
+from s2c2a.files.validation import explained
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tags import yaml_cameras
-from s2c2a.validation import explained
 
 FORMAT = 1
 DISTORTIONS = 5  # k1, k2, p1, p2, k3

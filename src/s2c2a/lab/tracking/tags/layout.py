@@ -9,7 +9,7 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from s2c2a.errors import did_you_mean
-from s2c2a.json_files import load_json, save_json
+from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 
 FORMAT = 1

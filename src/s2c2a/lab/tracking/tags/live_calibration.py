@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2c2a.execution.progress import Progress
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tags.calibration import (
     MIN_VIEWS,
@@ -19,7 +20,6 @@ from s2c2a.lab.tracking.tags.calibration import (
 from s2c2a.lab.tracking.tags.camera import Board, CameraError, CameraModel
 from s2c2a.lab.tracking.tags.capture import PictureSource, open_device
 from s2c2a.lab.tracking.tags.decoding import DecodingProcess
-from s2c2a.progress import Progress
 
 MAX_VIEWS = 100
 MAX_PICTURES = 500  # of a folder

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from s2c2a.errors import did_you_mean
-from s2c2a.files import atomic_write
+from s2c2a.files.text import atomic_write
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tags.calibration import board_picture
 from s2c2a.lab.tracking.tags.camera import Board

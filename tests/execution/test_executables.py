@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from s2c2a import executables
-from s2c2a.compilation import compilations, compiled, forget_programs
+from s2c2a.execution import executables
+from s2c2a.execution.compilation import compilations, compiled, forget_programs
 from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import horizon
 

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from s2c2a import compilation
-from s2c2a.compilation import MAX_UNROLLED, compiled, scan
+from s2c2a.execution import compilation
+from s2c2a.execution.compilation import MAX_UNROLLED, compiled, scan
 
 
 class Line(eqx.Module):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from s2c2a.errors import S2C2AError, SimulationError
-from s2c2a.executors import (
+from s2c2a.execution.executors import (
     Processes,
     Serial,
     Threads,
@@ -111,7 +111,7 @@ def test_a_simulation_error_can_be_pickled():
 
 THREADS = """
 import os
-from s2c2a.executors import limit_jax_to_one_thread
+from s2c2a.execution.executors import limit_jax_to_one_thread
 limit_jax_to_one_thread()
 import jax.numpy as jnp
 jnp.ones(3).sum().block_until_ready()
@@ -134,7 +134,7 @@ def test_a_process_of_ours_computes_on_one_thread():
 
 ORPHANS = """
 import os, time
-from s2c2a.executors import Processes
+from s2c2a.execution.executors import Processes
 if __name__ == "__main__":
     with Processes(1) as one:
         print(one.submit(os.getpid).result(), flush=True)

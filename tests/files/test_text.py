@@ -5,7 +5,7 @@ import os
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import atomic_write, write_atomically
+from s2c2a.files.text import atomic_write, write_atomically
 
 
 def test_a_file_is_written_into_new_folders(tmp_path):

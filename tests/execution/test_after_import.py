@@ -39,7 +39,7 @@ def test_environments_are_found_in_every_order_of_imports(imports):
 
 def test_a_missing_package_stays_missing():
     code = (
-        "from s2c2a.after_import import import_after\n"
+        "from s2c2a.execution.after_import import import_after\n"
         "import_after('no_such_package', 'json')\n"
         "try:\n    import no_such_package\n"
         "except ModuleNotFoundError as error:\n    print(error.name)"

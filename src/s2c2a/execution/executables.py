@@ -31,11 +31,11 @@ from jax._src import config as jax_config
 from jax.experimental import serialize_executable
 from pydantic import BaseModel
 
-from s2c2a.cache import IMPORTED, cache_folder
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
-from s2c2a.user_code import KNOWN
-from s2c2a.versions import versions
+from s2c2a.execution.cache import IMPORTED, cache_folder
+from s2c2a.execution.user_code import KNOWN
+from s2c2a.execution.versions import versions
+from s2c2a.files.text import write_atomically
 
 PACKAGE = Path(__file__).parent
 TRACED = re.compile(

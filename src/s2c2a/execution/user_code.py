@@ -18,8 +18,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from s2c2a.plugins import GROUPS, located
-from s2c2a.versions import PACKAGES
+from s2c2a.execution.versions import PACKAGES
+from s2c2a.plugins.discovery import GROUPS, located
 
 KNOWN = {"s2c2a", *PACKAGES}
 """Packages that are known by their versions."""

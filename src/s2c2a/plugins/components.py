@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
-from s2c2a.files import LARGEST
-from s2c2a.plugins import installed, resolve, trust_code, trusted_as
+from s2c2a.files.text import LARGEST
+from s2c2a.plugins.discovery import installed, resolve, trust_code, trusted_as
 
 MAX_VALUES = 100  # of one option, each of which makes programs larger; a file may be a stranger's
 Ranges = Mapping[str, tuple[float, float]]

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from s2c2a.errors import S2C2AError, did_you_mean
-from s2c2a.validation import describe_fault
+from s2c2a.files.validation import describe_fault
 
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 

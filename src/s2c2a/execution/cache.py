@@ -8,7 +8,7 @@ from pathlib import Path
 
 import platformdirs
 
-from s2c2a.after_import import import_after
+from s2c2a.execution.after_import import import_after
 
 MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the first start of a day
 IMPORTED = time.time()
@@ -50,7 +50,7 @@ def enable_compilation_cache() -> None:
     if config:
         config.update("jax_compilation_cache_dir", programs)
         config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
-    import_after("jax", "s2c2a.program_files")
+    import_after("jax", "s2c2a.execution.program_files")
     trim_daily(folder, folder.with_name("executables"))
 
 

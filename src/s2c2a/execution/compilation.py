@@ -23,7 +23,7 @@ import numpy as np
 from jax import monitoring
 from jaxtyping import Array, Bool, Float
 
-from s2c2a import executables
+from s2c2a.execution import executables
 
 EMITTERS = "xla_cpu_use_fusion_emitters"
 """Option of XLA, without which `best` compiles in half the time, and its steps are as fast.

@@ -7,10 +7,15 @@ from typing import ClassVar
 
 import pytest
 
-from s2c2a import components
-from s2c2a.components import Component, CustomComponent, Options, Ranges, Registry
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
-from s2c2a.plugins import trust_code, trust_of_one_command
+from s2c2a.plugins.components import (
+    Component,
+    CustomComponent,
+    Options,
+    Ranges,
+    Registry,
+)
+from s2c2a.plugins import components, trust_code, trust_of_one_command
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import MAX_TEXT, read_text, write_atomically
-from s2c2a.validation import explained
+from s2c2a.files.text import MAX_TEXT, read_text, write_atomically
+from s2c2a.files.validation import explained
 
 Value = TypeVar("Value", bound=BaseModel)
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from s2c2a import cache
-from s2c2a.cache import cache_folder, enable_compilation_cache, trim_daily
-from s2c2a.jax_settings import configure_jax
+from s2c2a.execution import cache
+from s2c2a.execution.cache import cache_folder, enable_compilation_cache, trim_daily
+from s2c2a.execution.jax_settings import configure_jax
 
 LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
 NAMES = (

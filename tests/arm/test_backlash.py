@@ -1,7 +1,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.backlash import play, play_along
+from s2c2a.arm.backlash import play, play_along
 
 
 def test_a_reversal_passes_after_the_backlash_only():

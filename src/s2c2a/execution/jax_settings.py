@@ -5,7 +5,7 @@ This module does not import JAX.
 
 import os
 
-from s2c2a.cache import enable_compilation_cache
+from s2c2a.execution.cache import enable_compilation_cache
 
 FATAL_ERRORS_ONLY = "3"
 """Level of XLA's log on the standard error. JAX raises what XLA cannot do, so that the

@@ -1,4 +1,4 @@
-"""Atomic writes of JAX's compilation cache; imported after JAX (`s2c2a.cache`).
+"""Atomic writes of JAX's compilation cache; imported after JAX (`s2c2a.execution.cache`).
 
 JAX writes a program in place, and never again while its file exists: a process killed
 while writing would leave a file that every later start reads with a warning before it
@@ -9,7 +9,7 @@ import warnings
 from contextlib import suppress
 
 from s2c2a.errors import S2C2AError
-from s2c2a.files import write_atomically
+from s2c2a.files.text import write_atomically
 
 # a damaged file is compiled anew and replaced, a file that cannot be written is left out
 MESSAGE = "Error (reading|writing) persistent compilation cache entry"

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import run_with_trust, trusted_code
+from s2c2a.plugins.discovery import run_with_trust, trusted_code
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")

@@ -1,0 +1,1 @@
+"""Execution: compiled programs, executors, versions, and progress."""

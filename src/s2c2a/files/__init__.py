@@ -1,0 +1,1 @@
+"""Files: guarded reading, atomic writing, tables, and validation of what they hold."""
