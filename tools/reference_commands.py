@@ -3,6 +3,7 @@
 import argparse
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -13,6 +14,8 @@ from s2c2a.cli.main import app
 from tools.markdown import cell, first_paragraph, header, linked, table
 
 FOLDER = "reference"
+SHARED_FROM = 3  # commands; an option of so many is stated once
+COLUMNS = ("option", "values", "default", "meaning")
 GROUPS = {
     "Data": ("collect", "import", "export"),
     "Training": ("train", "pretrain", "identify", "sweep"),
@@ -77,6 +80,11 @@ class Command:
         """Anchor of its section."""
         return self.name.replace(" ", "-")
 
+    @property
+    def options(self) -> list[argparse.Action]:
+        """Its arguments, without --help."""
+        return [action for action in self.parser._actions if action.dest != "help"]
+
 
 def commands_page() -> str:
     """The page: contents by group, then a section for each command."""
@@ -84,15 +92,28 @@ def commands_page() -> str:
     commands = _subcommands(app)
     if sorted(listed) != sorted(commands):
         raise SystemExit(f"GROUPS has {sorted(listed)}, s2c2a has {sorted(commands)}")
+    leaves = {name: list(_commands_of(name, commands[name].target)) for name in listed}
+    counts = Counter(
+        _row(action)
+        for name in listed
+        for leaf in leaves[name]
+        for action in leaf.options
+    )
+    # the most frequent row of an option, so that its name means one thing
+    shared = {
+        row[0]: row
+        for row, count in reversed(counts.most_common())
+        if count >= SHARED_FROM
+    }
+    shared = sorted(shared.values())
     rows = []
-    sections = []
+    sections = ["## Shared options { #shared }\n", table(COLUMNS, shared)]
     for group, names in GROUPS.items():
         sections.append(f"## {group}\n")
         for number, name in enumerate(names):
             shown = "" if number else group
-            leaves = list(_commands_of(name, commands[name].target))
-            rows.append(_contents_row(shown, name, commands[name].help, leaves))
-            sections += map(_section, leaves)
+            rows.append(_contents_row(shown, name, commands[name].help, leaves[name]))
+            sections += [_section(leaf, shared) for leaf in leaves[name]]
     contents = table(("group", "command", "purpose"), rows)
     return "\n".join((header("the command line"), OPENING, contents, *sections))
 
@@ -129,14 +150,18 @@ def _parser_of(function: Callable) -> argparse.ArgumentParser:
         return get_parser(function)
 
 
-def _section(command: Command) -> str:
-    actions = [action for action in command.parser._actions if action.dest != "help"]
+def _section(command: Command, shared: list[tuple[str, ...]]) -> str:
+    """Usage and options of a command; those of `shared` are named alone."""
     parts = [f"### {command.name} {{ #{command.anchor} }}\n"]
     parts.append(linked(command.parser.description or "", FOLDER) + "\n")
-    parts.append(f"```text\n{_usage(command.name, actions)}\n```\n")
-    if actions:
-        columns = ("option", "values", "default", "meaning")
-        parts.append(table(columns, [_row(action) for action in actions]))
+    parts.append(f"```text\n{_usage(command.name, command.options)}\n```\n")
+    rows = [_row(action) for action in command.options]
+    own = [row for row in rows if row not in shared]
+    if own:
+        parts.append(table(COLUMNS, own))
+    names = ", ".join(row[0] for row in rows if row in shared)
+    if names:
+        parts.append(f"[Shared](#shared): {names}\n")
     return "\n".join(parts)
 
 

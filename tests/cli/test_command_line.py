@@ -127,7 +127,7 @@ def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, li
 
 @pytest.mark.slow
 def test_a_reader_that_closes_the_output_is_no_fault():
-    command = f"{sys.executable} -u -m s2c2a arm describe twin_arm | true"
+    command = f"{sys.executable} -u -m s2c2a arm check twin_arm | true"
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True
     )
@@ -151,9 +151,8 @@ def test_help_imports_no_large_package():
     assert done.returncode == 0, done.stderr
 
 
-def test_a_preset_can_be_checked_and_described(capsys):
+def test_a_preset_can_be_checked(capsys):
     run("arm", "check", "twin_arm")
-    run("arm", "describe", "simulated_arm")
     output = capsys.readouterr().out
     assert "twin_arm is valid: 3 modules of 3 cables" in output
     assert "first bending mode" in output

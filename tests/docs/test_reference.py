@@ -18,6 +18,9 @@ REFERENCE = ROOT / "docs" / "reference"
 API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
 INTERNAL = {
     "cli": "the command line: Commands",
+    "execution": "compiled programs, executors, the cache",
+    "files": "guarded reading and atomic writing",
+    "plugins": "what is found by name: Extending",
     "live": "the page in the browser: s2c2a live and s2c2a view",
     "integrations": "other software: the guides of exports, environments and ROS 2",
 }

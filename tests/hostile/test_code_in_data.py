@@ -405,7 +405,7 @@ COMMANDS = {
     "like": "import log.csv --map map.toml --like evil.episodes --out b.episodes",
     "view": "view evil.episodes --port 0",
     "weights": "view evil.safetensors --port 0",
-    "arm": "arm describe evil.episodes",
+    "arm": "arm check evil.episodes",
     "sweep": "sweep circle --recipe evil.safetensors",
 }
 """What a user may do with files of a stranger."""

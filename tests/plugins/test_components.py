@@ -8,6 +8,7 @@ from typing import ClassVar
 import pytest
 
 from s2c2a.errors import S2C2AError, StrategyError, UntrustedCodeError
+from s2c2a.plugins import components, trust_code
 from s2c2a.plugins.components import (
     Component,
     CustomComponent,
@@ -15,7 +16,7 @@ from s2c2a.plugins.components import (
     Ranges,
     Registry,
 )
-from s2c2a.plugins import components, trust_code, trust_of_one_command
+from s2c2a.plugins.discovery import trust_of_one_command
 
 
 @dataclass(frozen=True)

@@ -264,10 +264,6 @@ class Servos(Frozen):
                     f"servos.ids has {needed}; give one direction for each servo"
                 )
         self._check_home_current()
-        self._check_groups(numbers)
-        return self
-
-    def _check_groups(self, numbers: list[int]):
         named = [id for group in self.groups for id in group.ids]
         wrong = sorted({id for id in named if id not in numbers or named.count(id) > 1})
         if wrong or not all(group.ids for group in self.groups):
@@ -289,6 +285,7 @@ class Servos(Frozen):
                     "limits.displacement is one for the whole arm; write it in "
                     "[servos.limits] only"
                 )
+        return self
 
     def _check_model(self):
         known = MODEL_NUMBERS[self.protocol]

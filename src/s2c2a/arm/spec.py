@@ -371,8 +371,21 @@ class ArmSpec(Frozen):
             raise ValueError(
                 "no module has cables; give cable_angles_deg of at least one module"
             )
-        self._check_gravity()
-        self._check_coupling()
+        norm = math.hypot(*self.gravity_direction)
+        # three digits, as people write them
+        if norm != 0 and abs(norm - 1) > 1e-3:
+            raise ValueError(
+                f"gravity_direction {list(self.gravity_direction)} has length "
+                f"{norm:.3g}; give a unit vector in the base frame "
+                "([0, 0, -1] upright, [0, 0, 1] hanging) or [0, 0, 0] for no gravity"
+            )
+        rows = self.sensing_coupling
+        if rows is not None and {len(rows), *map(len, rows)} != {len(self.modules)}:
+            raise ValueError(
+                f"sensing_coupling has rows of lengths {[len(row) for row in rows]}; "
+                "give a square matrix, one row and one column for each of the "
+                f"{len(self.modules)} modules"
+            )
         self._check_servos()
         self._check_tracking()
         if self.actuation != "displacement":
@@ -390,25 +403,6 @@ class ArmSpec(Frozen):
     def unit(self) -> str:
         """Unit of actions: m, N or Pa."""
         return UNITS[self.actuation]
-
-    def _check_gravity(self):
-        norm = math.hypot(*self.gravity_direction)
-        # three digits, as people write them
-        if norm != 0 and abs(norm - 1) > 1e-3:
-            raise ValueError(
-                f"gravity_direction {list(self.gravity_direction)} has length "
-                f"{norm:.3g}; give a unit vector in the base frame "
-                "([0, 0, -1] upright, [0, 0, 1] hanging) or [0, 0, 0] for no gravity"
-            )
-
-    def _check_coupling(self):
-        rows = self.sensing_coupling
-        if rows is not None and {len(rows), *map(len, rows)} != {len(self.modules)}:
-            raise ValueError(
-                f"sensing_coupling has rows of lengths {[len(row) for row in rows]}; "
-                "give a square matrix, one row and one column for each of the "
-                f"{len(self.modules)} modules"
-            )
 
     def _check_servos(self):
         if self.servos is None:
@@ -458,28 +452,25 @@ class ArmSpec(Frozen):
                     f"use {REQUIRED[kind][0]}"
                 )
             if kind == "pressure":
-                self._check_chambers(number, module)
+                if module.pretension or module.cable.friction:
+                    raise ValueError(
+                        f"modules.{number} has pretension or cable.friction, which cables have; "
+                        "a pressure arm has rest_pressure"
+                    )
+                assert module.pressure_limit is not None  # checked before
+                if module.rest_pressure >= module.pressure_limit:
+                    raise ValueError(
+                        f"modules.{number}.rest_pressure {module.rest_pressure} Pa is not below "
+                        f"pressure_limit {module.pressure_limit} Pa; lower it"
+                    )
+                if self.coupled_cables or self.motor.current_noise is not None:
+                    raise ValueError(
+                        "coupled_cables and motor.current_noise are for cables; leave them out "
+                        "for a pressure arm"
+                    )
         if self.motor.homing_error:
             raise ValueError(
                 f"motor.homing_error acts on displacement; a {kind} arm needs no homing"
-            )
-
-    def _check_chambers(self, number: int, module: Module):
-        if module.pretension or module.cable.friction:
-            raise ValueError(
-                f"modules.{number} has pretension or cable.friction, which cables have; "
-                "a pressure arm has rest_pressure"
-            )
-        assert module.pressure_limit is not None  # checked before
-        if module.rest_pressure >= module.pressure_limit:
-            raise ValueError(
-                f"modules.{number}.rest_pressure {module.rest_pressure} Pa is not below "
-                f"pressure_limit {module.pressure_limit} Pa; lower it"
-            )
-        if self.coupled_cables or self.motor.current_noise is not None:
-            raise ValueError(
-                "coupled_cables and motor.current_noise are for cables; leave them out "
-                "for a pressure arm"
             )
 
     def same_mechanics(self, other: "ArmSpec") -> bool:

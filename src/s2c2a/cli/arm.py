@@ -1,4 +1,4 @@
-"""Commands `s2c2a arm` (keys, check, describe, draw, copy, random), `s2c2a robot`."""
+"""Commands `s2c2a arm` (keys, check, draw, copy, random), `s2c2a robot`."""
 
 import re
 from importlib.util import find_spec
@@ -55,11 +55,7 @@ def keys() -> None:
 
 @app.command
 def check(arm: File) -> None:
-    """Check an arm file, and that the arm carries its own weight.
-
-    Args:
-        arm: a preset or an arm file.
-    """
+    """Check an arm file, that the arm carries its own weight, and what follows from it."""
     from s2c2a.estimation import configuration_map_for
     from s2c2a.robots.simulation.modes import first_mode
 
@@ -71,7 +67,16 @@ def check(arm: File) -> None:
         f"{arm}: {spec.name} is valid: {spec.layout}, {spec.length:.3g} m, "
         f"{spec.actuation}"
     )
+    if spec.description:
+        print(spec.description)
+    print(
+        f"sensing: {spec.sensing}, {spec.control_rate:g} Hz, gravity along "
+        f"{list(spec.gravity_direction)} (base frame), coupled cables: "
+        f"{spec.coupled_cables}"
+    )
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
+    rows = [_module_cells(spec, number) for number in range(spec.module_count)]
+    print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
     for line in [
         *_unusual_properties(frequency, damping),
         *_full_bends(spec),
@@ -145,34 +150,6 @@ def _hardware_lines(spec: ArmSpec) -> list[str]:
     return lines
 
 
-@app.command
-def describe(arm: File) -> None:
-    """Describe an arm and the properties that follow from its file.
-
-    Args:
-        arm: a preset or an arm file.
-    """
-    from s2c2a.robots.simulation.modes import first_mode
-
-    spec = load_arm(arm)
-    frequency, damping = first_mode(spec)
-    print(f"{spec.name}: {spec.description}" if spec.description else spec.name)
-    print(
-        f"actuation by {spec.actuation}, sensing: {spec.sensing}, "
-        f"{spec.control_rate:g} Hz"
-    )
-    print(
-        f"gravity along {list(spec.gravity_direction)} (base frame), "
-        f"coupled cables: {spec.coupled_cables}"
-    )
-    print(
-        f"length {spec.length:.3g} m, first bending mode {frequency:.2f} Hz, "
-        f"damping ratio {damping:.2f}"
-    )
-    rows = [_module_cells(spec, number) for number in range(spec.module_count)]
-    print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
-
-
 def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:
     module = spec.modules[number]
     has_stiffness = spec.actuation == "displacement"
@@ -210,7 +187,6 @@ def draw(arm: File, out: Path | None = None) -> None:
     """Draw an arm to scale and save the figure.
 
     Args:
-        arm: a preset or an arm file.
         out: the figure (.png, .pdf or .svg); by default a PNG in the current folder,
             named after the arm file.
     """
@@ -225,7 +201,6 @@ def copy(arm: File, out: NewFile, overwrite: bool = False) -> None:
     """Copy an arm to a new arm file, named after the file, to edit it there.
 
     Args:
-        arm: a preset or an arm file.
         out: the new arm file.
         overwrite: replace the file if it exists.
     """
@@ -252,8 +227,6 @@ def random(
         seed: random seed of the mismatch.
         strength: magnitude of the mismatch: 1 for that of a carefully built arm, 0.5
             for half of it, 0 for none; at most 2.
-        base: a preset or an arm file: modules, cables, and all that the controllers
-            know.
         out: the new arm file; by default in the current folder, named after the arm.
         overwrite: replace the file if it exists.
     """
@@ -279,14 +252,6 @@ def check_contract(
     """Test whether a robot fulfills its interface contract; it moves the arm.
 
     Every cable moves by at most 5 % of its range. Keep clear of the arm.
-
-    Args:
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        arm: a preset or an arm file that describes the robot.
-        robot_option: arguments of the class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
     """
     from s2c2a.runtime import check_robot
 

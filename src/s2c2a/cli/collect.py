@@ -46,7 +46,6 @@ def collect(
 
     Args:
         out: the recording, such as twin.episodes.
-        arm: a preset or an arm file.
         babbling: staged as in the paper, independent modules (motor), a mixture of
             both (mixed), targets that cover the configurations of plans (coverage), or
             one of the last two in each episode (coverage-mixed); default from the
@@ -56,12 +55,6 @@ def collect(
         seed: random seed.
         recipe: sets the type of babbling, the speeds and the number of episodes; use
             the same one in `train`.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: further arguments of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation.
         threads: parallel episodes, all cores by default; the recording is the same.
         cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
             its scheduler file), or local for one on this machine; docs/guides/cluster.md. The

@@ -15,12 +15,15 @@ if TYPE_CHECKING:
     from s2c2a.execution.progress import Progress
     from s2c2a.strategies import TrainedNetworks
 
-Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE")]
+_ARM = "a preset or an arm file."
+Arm = Annotated[str, tyro.conf.arg(metavar="PRESET|FILE", help=_ARM)]
 OptionalArm = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 _STRATEGY = "s2c2a|pcc|pcc-fitted|s2c2a-motor|FILE.py:Class"
 StrategyName = Annotated[str, tyro.conf.arg(metavar=_STRATEGY)]
 StrategyNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{_STRATEGY} ...")]
-FidelityName = Literal["fast", "accurate"]
+FidelityName = Annotated[
+    Literal["fast", "accurate"], tyro.conf.arg(help="of the simulation.")
+]
 _RECIPE = tyro.conf.arg(metavar="best|best-long|paper|FILE")
 RecipeName = Annotated[str, _RECIPE]
 OptionalRecipe = Annotated[str | None, _RECIPE]
@@ -28,7 +31,9 @@ Events = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="EVENT")
 ]
 GuardName = Literal["tip", "arm"]
-File = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
+File = tyro.conf.Positional[
+    Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help=_ARM)]
+]
 
 OptionalFile = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]

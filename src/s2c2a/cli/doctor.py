@@ -33,8 +33,15 @@ Finding = tuple[str, str, str]
 def doctor() -> None:
     """Check the installation, and say how to install what is missing."""
     from s2c2a.cli.console import print_table
+    from s2c2a.execution.executors import all_cores
 
-    rows = _environment_rows()
+    rows = [
+        ("python", platform.python_version(), "everything"),
+        ("cores", str(all_cores()), "parallel training, runs and collecting"),
+    ]
+    for name, use in PACKAGE_USES.items():
+        rows.append((name, _package_version(name, "(extra" in use), use))
+    rows.append(("browser", _browser(), "replay pages"))
     advice = "install the package again with `pip install .`"
     if not _failed(rows):
         advice = "see the messages above"
@@ -45,19 +52,6 @@ def doctor() -> None:
     if failed := _failed(rows):
         print(f"problems: {', '.join(failed)}; {advice}")
         sys.exit(1)
-
-
-def _environment_rows() -> list[Finding]:
-    from s2c2a.execution.executors import all_cores
-
-    rows = [
-        ("python", platform.python_version(), "everything"),
-        ("cores", str(all_cores()), "parallel training, runs and collecting"),
-    ]
-    for name, use in PACKAGE_USES.items():
-        rows.append((name, _package_version(name, "(extra" in use), use))
-    rows.append(("browser", _browser(), "replay pages"))
-    return rows
 
 
 def _failed(rows: list[Finding]) -> list[str]:

@@ -22,14 +22,27 @@ if TYPE_CHECKING:
     from s2c2a import arm, jobs
     from s2c2a.evaluation.rollout import OnStep
 
-RobotName = Annotated[str, tyro.conf.arg(metavar="sim|dynamixel|feetech|MODULE:CLASS")]
+RobotName = Annotated[
+    str,
+    tyro.conf.arg(
+        metavar="sim|dynamixel|feetech|MODULE:CLASS",
+        help="the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md), "
+        "or your own class, such as my_arm.py:MyArm.",
+    ),
+]
 TrackingSource = Annotated[
     str,
     tyro.conf.arg(
-        metavar="udp:PORT|natnet:HOST|qualisys:HOST|camera:...|FILE.py:Class|none"
+        metavar="udp:PORT|natnet:HOST|qualisys:HOST|camera:...|FILE.py:Class|none",
+        help="source of the poses of a real arm's module ends, such as udp:9763 or "
+        "natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm "
+        "file.",
     ),
 ]
-RobotOptions = Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")]
+RobotOptions = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(metavar="KEY=VALUE ...", help="further arguments of that class."),
+]
 Stream = Callable[..., "AbstractContextManager[OnStep]"]
 """Called with the arm and options; what it yields is called with the record of every
 step, and must be quick."""

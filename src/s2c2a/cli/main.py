@@ -85,7 +85,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "completion": completion,
 }
 GROUPS = {
-    "arm": (arm.app, "Check, describe, draw, copy or randomize an arm file."),
+    "arm": (arm.app, "Check, draw, copy or randomize an arm file."),
     "robot": (arm.robot_app, "Check a robot."),
 }
 """Groups of commands, each with its help."""
@@ -139,30 +139,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a {s2c2a.__version__}")
         return
     with trust_of_one_command(), manifests_of_one_command():
-        _run_or_exit(given)
-
-
-def _run_or_exit(given: Sequence[str]) -> None:
-    """Run a command; print its error, if any, and exit."""
-    try:
-        given = _without_trusted_code(given)
-        _check_command(given)
-        _check_options(given)
-        with interrupts_as_exceptions():
-            _run_command(given)
-    except S2C2AError as error:
-        _exit_with(str(error))
-    except BrokenPipeError:
-        # the reader of the output has closed it, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:
-        has_path = bool(error.filename)
-        advice = "; check the path and its permissions" if has_path else ""
-        _exit_with(f"{error}{advice}")
-    except KeyboardInterrupt:
-        verb = next(iter(given), "")
-        print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        # run a command; print its error, if any, and exit
+        try:
+            # trust the names of `--trust NAME`, an option of every command; return the
+            # rest
+            rest = []
+            words = iter(given)
+            for word in words:
+                option, equals, name = word.partition("=")
+                if option != TRUST:
+                    rest.append(word)
+                    continue
+                name = name if equals else next(words, "")
+                if ":" not in name:
+                    raise S2C2AError(
+                        f"{TRUST} '{name}' names no code; give module:Name or file.py:Name"
+                    )
+                trust_code(name)
+            given = rest
+            _check_command(given)
+            _check_options(given)
+            with interrupts_as_exceptions():
+                _run_command(given)
+        except S2C2AError as error:
+            _exit_with(str(error))
+        except BrokenPipeError:
+            # the reader of the output has closed it, as `head` does
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except OSError as error:
+            has_path = bool(error.filename)
+            advice = "; check the path and its permissions" if has_path else ""
+            _exit_with(f"{error}{advice}")
+        except KeyboardInterrupt:
+            verb = next(iter(given), "")
+            print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
+            sys.exit(INTERRUPTED)
 
 
 def _run_command(arguments: Sequence[str]) -> None:
@@ -173,28 +184,6 @@ def _run_command(arguments: Sequence[str]) -> None:
         "file.py:Name: custom code that a recording or a weight file may run.",
         args=arguments,
     )
-
-
-def _without_trusted_code(given: Sequence[str]) -> list[str]:
-    """Trust the names of `--trust NAME`, an option of every command; return the rest.
-
-    Raises:
-        S2C2AError: a name is missing.
-    """
-    rest = []
-    words = iter(given)
-    for word in words:
-        option, equals, name = word.partition("=")
-        if option != TRUST:
-            rest.append(word)
-            continue
-        name = name if equals else next(words, "")
-        if ":" not in name:
-            raise S2C2AError(
-                f"{TRUST} '{name}' names no code; give module:Name or file.py:Name"
-            )
-        trust_code(name)
-    return rest
 
 
 def _check_command(given: Sequence[str]) -> None:

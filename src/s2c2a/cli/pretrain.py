@@ -34,7 +34,6 @@ def pretrain(
 
     Args:
         out: weight file to write, such as prior.safetensors.
-        arm: a preset or an arm file: the nominal arm, whose mismatch is randomized.
         arms: number of randomized arms.
         strength: magnitude of the mismatch, as in `s2c2a arm random`.
         episodes: number of episodes of each arm.

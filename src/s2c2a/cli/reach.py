@@ -58,7 +58,6 @@ def reach(
     """Find how closely an arm at rest reaches a target, and with which shape.
 
     Args:
-        arm: a preset or an arm file.
         weights: a file of `s2c2a train`, with the session beside it, or "shipped" for
             the networks of the package; without it, modules bend as arcs of a circle.
         target: desired position [m], base frame.

@@ -96,7 +96,6 @@ def run(
             file ending in .csv of waypoints (columns time, x, y, z; optional axis_x,
             axis_y, axis_z, module) or of a curve for the whole arm (x, y, z alone), or
             your own file.py:function, called with the arm.
-        arm: a preset or an arm file.
         target: a point to go to in place of a task [m], base frame.
         axis: end axis there, base frame, of any length.
         scene: a file of obstacles beside which the task runs (docs/guides/obstacles.md).
@@ -114,12 +113,6 @@ def run(
         pace: of the task; 0.5 takes twice the time, for an arm with a small step limit.
         seed: of data, training and start; the first of several.
         seeds: number of seeds; several run in parallel.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: parameters of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation that is driven; data come from the fast one.
         payload: mass at the tip of the simulated arm [kg].
         event: a disturbance during the run of the simulated arm, such as "6 payload
             0.05" or "10 force 0.3 0 0" (docs/guides/sensors.md); repeat for several.

@@ -56,12 +56,6 @@ def session(
         arm: a preset or an arm file; by default that of the weights.
         recording: of the present day, of `s2c2a collect` or `s2c2a import`; the arm is
             then not moved.
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: further arguments of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation.
         seconds: for which the arm moves.
         seed: of its motion.
     """

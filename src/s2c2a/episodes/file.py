@@ -121,34 +121,31 @@ class EpisodeWriter:
         self._file = open_blocks(path, "r+b", buffering=0)
         try:
             lock(self._file, path)
-            self._remove_partial_episode()
+            # truncate the file behind its last whole episode
+            self.count = -1  # the first block is the header
+            end = 0
+            for content, digest in read_blocks(
+                self._file, self._path, allow_damaged_end=True
+            ):
+                if self.count < 0:
+                    self.arm, self.options, _ = _unpack_header(content, self._path)
+                end = self._file.tell()
+                self._last_digest = digest
+                self.count = self.count + 1
+            if self.count < 0:
+                raise DamagedRecordingError(
+                    f"{self._path} has no header; start again (--overwrite)"
+                )
+            try:
+                self._file.truncate(end)
+                self._file.seek(end)
+            except OSError as error:
+                raise RecordingError(
+                    f"{self._path} cannot be written: {error}; choose another place"
+                ) from error
         except BaseException:
             self._file.close()
             raise
-
-    def _remove_partial_episode(self) -> None:
-        """Truncate the file behind its last whole episode."""
-        self.count = -1  # the first block is the header
-        end = 0
-        for content, digest in read_blocks(
-            self._file, self._path, allow_damaged_end=True
-        ):
-            if self.count < 0:
-                self.arm, self.options, _ = _unpack_header(content, self._path)
-            end = self._file.tell()
-            self._last_digest = digest
-            self.count = self.count + 1
-        if self.count < 0:
-            raise DamagedRecordingError(
-                f"{self._path} has no header; start again (--overwrite)"
-            )
-        try:
-            self._file.truncate(end)
-            self._file.seek(end)
-        except OSError as error:
-            raise RecordingError(
-                f"{self._path} cannot be written: {error}; choose another place"
-            ) from error
 
     @classmethod
     def create(

@@ -405,7 +405,12 @@ class DisturbanceFilter(eqx.Module):
 
         def taught() -> BiasField:
             known = _disturbance_bends(state.mean, by_payload).reshape(-1)
-            further = _explaining_bends(residual, jacobian)
+            # most likely biases that explain positions [rad], before a mean over
+            # pictures
+            by_biases = jacobian @ jacobian.T
+            noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
+            covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
+            further = STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
             caused = field.at(bends) + known + further
             payload_std = self.options.initial_payload_std * self.mass
             prior = PayloadPrior(state.known_payload, payload_std)
@@ -492,16 +497,6 @@ def _disturbance_bends(
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
-
-
-def _explaining_bends(
-    residual: Float[Array, " values"], jacobian: Float[Array, "values bends"]
-) -> Float[Array, " bends"]:
-    """Most likely biases that explain positions [rad], before a mean over pictures."""
-    by_biases = jacobian @ jacobian.T
-    noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
-    covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
-    return STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
 
 
 def _pushed(

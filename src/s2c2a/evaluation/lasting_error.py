@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
@@ -49,7 +48,14 @@ def describe_lasting_error(episode: Episode) -> str:
     """
     if not episode.columns.keys() >= CHAIN:
         return ""
-    steps = _last_steps(episode)
+    # rows of the last quarter of the run that have a plan for a position
+    running = episode.running
+    last = running[int((1.0 - LAST_PART) * len(running)) :]
+    last = last[last + 1 < len(episode)]
+    gaps = episode["predicted"][..., POSITION] - episode["desired_positions"]
+    has_plan = np.isfinite(gaps).all(axis=-1).any(axis=-1)
+    has_plan &= np.isfinite(episode["plan_error"])
+    steps = last[has_plan[last]]
     if not len(steps):
         return ""
     error, plan, tracking, model = _distances(episode, steps)
@@ -66,17 +72,6 @@ def describe_lasting_error(episode: Episode) -> str:
         f"{text}, the true arm {100 * model:.1f} cm from where the forward model "
         "predicts it"
     )
-
-
-def _last_steps(episode: Episode) -> Float[np.ndarray, " steps"]:
-    """Rows of the last quarter of the run that have a plan for a position."""
-    running = episode.running
-    last = running[int((1.0 - LAST_PART) * len(running)) :]
-    last = last[last + 1 < len(episode)]
-    gaps = episode["predicted"][..., POSITION] - episode["desired_positions"]
-    has_plan = np.isfinite(gaps).all(axis=-1).any(axis=-1)
-    has_plan &= np.isfinite(episode["plan_error"])
-    return last[has_plan[last]]
 
 
 def _distances(

@@ -7,7 +7,6 @@ import numpy as np
 
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
-from s2c2a.goals import Goal
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
 from s2c2a.runtime.operator import OPERATOR
@@ -138,53 +137,42 @@ def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Epi
         )
 
     try:
-        _do_steps(loop, task, progress, steps)
+        # append the record of every step, as soon as it is done
+        for number, goal in enumerate(task.shown_goals(loop.arm), 1):
+            steps.append(loop.tick(StepRequest(goal)))
+            while steps[-1].stage is Stage.START:
+                steps.append(loop.tick(StepRequest(goal)))
+            if loop.standstill:
+                # hold the arm until the operator resumes
+                OPERATOR.ask(loop.standstill)
+                fault = loop.standstill
+                first = len(steps) - 1
+                while (
+                    loop.standstill
+                    and OPERATOR.attends
+                    and steps[-1].stage is Stage.HOLD
+                ):
+                    steps.append(loop.tick(StepRequest(goal, operator_present=False)))
+                    if OPERATOR.agrees:
+                        loop.resume()
+                if loop.standstill:
+                    steps.extend(loop.to_rest())
+                else:
+                    del steps[first:]
+                    steps.append(replace(loop.tick(StepRequest(goal)), fault=fault))
+            if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
+                steps.extend(loop.to_rest())
+                raise S2C2AError(
+                    f"step {number} of '{task.name}': {steps[-1].fault}; "
+                    "the arm was moved to rest; correct that, then run again"
+                )
+            progress(number, len(task.goals))
+        steps.extend(loop.to_rest())
     except BaseException as error:
         if steps:
             keep(episode(interrupted=str(error) or type(error).__name__))
         raise
     return episode()
-
-
-def _do_steps(
-    loop: Loop, task: Task, progress: StepProgress, steps: list[StepRecord]
-) -> None:
-    """Append the record of every step, as soon as it is done."""
-    for number, goal in enumerate(task.shown_goals(loop.arm), 1):
-        steps.append(loop.tick(StepRequest(goal)))
-        while steps[-1].stage is Stage.START:
-            steps.append(loop.tick(StepRequest(goal)))
-        if loop.standstill:
-            _await_resume(loop, goal, steps)
-        if steps[-1].stage not in (Stage.RUN, Stage.HOLD):
-            steps.extend(loop.to_rest())
-            raise S2C2AError(
-                f"step {number} of '{task.name}': {steps[-1].fault}; "
-                "the arm was moved to rest; correct that, then run again"
-            )
-        progress(number, len(task.goals))
-    steps.extend(loop.to_rest())
-
-
-def _await_resume(loop: Loop, goal: Goal, steps: list[StepRecord]) -> None:
-    """Hold the arm until the operator resumes.
-
-    Without an answer for as long as an absent operator may take (10 s, see `Patience`),
-    or without an operator, the arm goes to rest. Otherwise the task goes on with the
-    same goal, and the wait is no part of its run.
-    """
-    OPERATOR.ask(loop.standstill)
-    fault = loop.standstill
-    first = len(steps) - 1
-    while loop.standstill and OPERATOR.attends and steps[-1].stage is Stage.HOLD:
-        steps.append(loop.tick(StepRequest(goal, operator_present=False)))
-        if OPERATOR.agrees:
-            loop.resume()
-    if loop.standstill:
-        steps.extend(loop.to_rest())
-    else:
-        del steps[first:]
-        steps.append(replace(loop.tick(StepRequest(goal)), fault=fault))
 
 
 def _rest(loop: Loop) -> None:

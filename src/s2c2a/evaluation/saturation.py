@@ -1,7 +1,7 @@
 """Saturation: commands at the limits of their range, not those of their rate."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import cables_present
@@ -23,7 +23,12 @@ def describe_saturation(
         A sentence; empty if no command was at a limit.
     """
     steps = actions.reshape(-1, arm.module_count, arm.cable_count)
-    is_limited = _is_at_limit(arm, steps)
+    low, high = command_range(arm)
+    tolerance = EQUAL * (high - low)
+    # the slack cables of a tension arm are at zero as they should
+    is_low = (steps <= low + tolerance) & (low != 0.0)
+    is_high = steps >= high - tolerance
+    is_limited = (is_low | is_high) & cables_present(arm)
     if not is_limited.any():
         return ""
     share = is_limited.any(axis=(1, 2)).mean()
@@ -39,17 +44,6 @@ def describe_saturation(
 def describe_run_saturation(episode: Episode) -> str:
     """Describe the same of the steps of a run."""
     return describe_saturation(episode.arm, episode.ran("actions"))
-
-
-def _is_at_limit(
-    arm: ArmSpec, actions: Float[np.ndarray, "steps modules cables"]
-) -> Bool[np.ndarray, "steps modules cables"]:
-    low, high = command_range(arm)
-    tolerance = EQUAL * (high - low)
-    # the slack cables of a tension arm are at zero as they should
-    is_low = (actions <= low + tolerance) & (low != 0.0)
-    is_high = actions >= high - tolerance
-    return (is_low | is_high) & cables_present(arm)
 
 
 def _range_key(arm: ArmSpec) -> str:

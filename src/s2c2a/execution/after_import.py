@@ -34,14 +34,11 @@ class _Follower:
         specs = (finder.find_spec(name, path, target) for finder in others)
         spec = next((found for found in specs if found is not None), None)
         if spec is not None and spec.loader is not None:
-            self._follow(spec.loader)
+            execute = spec.loader.exec_module
+
+            def execute_and_follow(module):
+                execute(module)
+                import_module(self._module)
+
+            spec.loader.exec_module = execute_and_follow
         return spec
-
-    def _follow(self, loader) -> None:
-        execute = loader.exec_module
-
-        def execute_and_follow(module):
-            execute(module)
-            import_module(self._module)
-
-        loader.exec_module = execute_and_follow

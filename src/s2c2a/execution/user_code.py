@@ -157,7 +157,13 @@ def _add_with_imports(file: Path, files: set[Path]) -> None:
 
 def _imports(tree: ast.Module, file: Path) -> Iterator[tuple[Path, str]]:
     """Modules that a file may import, each with the folder to search."""
-    package = _package_of(file)
+    # folder of the outermost package of a file; None without a package
+    folder = file.parent
+    while (folder / "__init__.py").is_file():
+        folder = folder.parent
+    package = (
+        None if folder == file.parent else folder / file.relative_to(folder).parts[0]
+    )
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -179,11 +185,3 @@ def _imports(tree: ast.Module, file: Path) -> Iterator[tuple[Path, str]]:
                 yield package.parent, name
             elif file.parent.name not in INSTALLED:
                 yield file.parent, name
-
-
-def _package_of(file: Path) -> Path | None:
-    """Folder of the outermost package of a file; None without a package."""
-    folder = file.parent
-    while (folder / "__init__.py").is_file():
-        folder = folder.parent
-    return None if folder == file.parent else folder / file.relative_to(folder).parts[0]

@@ -242,9 +242,30 @@ class LivePage(Window):
             control = self._control
             self.scene.draw_payload(latest.tip, control.request, control.limits)
         self._draw_arm(latest)
-        self._draw_goal(latest)
+        # draw the target and the obstacles of the request and of the task
+        request = self._control.request
+        goal = latest.step.goal
+        position = request.target
+        axis = request.axis
+        of_task = np.zeros((0, ROW))
+        if request.task is not None and goal is not None:
+            position, axis = _desired(latest)
+            rows = goal.obstacles_in_use()
+            # the driver's obstacles come after the task's
+            of_task = rows[: max(len(rows) - len(request.obstacles), 0)]
+        self._gap = 0.0
+        if position is not None and np.isfinite(position).all():
+            self._gap = self._gap_at(point(position))
+        self.scene.draw_target(position, axis, self._gap)
+        self.scene.draw_shape(request.ends)
+        self.scene.draw_obstacles(request.obstacles, of_task, latest.tip)
         if self.frames % PLOT_EVERY == 0:
-            self._update_panels(latest)
+            # update what need not change in every frame: plots, status, buttons
+            self._plots.draw()
+            self.scene.show_cloud(self.session.view[CLOUD])
+            self._status.content = self._status_of(latest)
+            for panel in list(self._panels.values()):
+                panel.follow()
         self.frames += 1
 
     def _draw_trails(self, latest: Snapshot) -> None:
@@ -274,33 +295,6 @@ class LivePage(Window):
         self.scene.draw_uncertainty(tip[-1, POSITION], known)
         # a late snapshot, too, is drawn once to its end
         self._drawn = latest.step if share == 1.0 else None
-
-    def _draw_goal(self, latest: Snapshot) -> None:
-        """Draw the target and the obstacles of the request and of the task."""
-        request = self._control.request
-        goal = latest.step.goal
-        position = request.target
-        axis = request.axis
-        of_task = np.zeros((0, ROW))
-        if request.task is not None and goal is not None:
-            position, axis = _desired(latest)
-            rows = goal.obstacles_in_use()
-            # the driver's obstacles come after the task's
-            of_task = rows[: max(len(rows) - len(request.obstacles), 0)]
-        self._gap = 0.0
-        if position is not None and np.isfinite(position).all():
-            self._gap = self._gap_at(point(position))
-        self.scene.draw_target(position, axis, self._gap)
-        self.scene.draw_shape(request.ends)
-        self.scene.draw_obstacles(request.obstacles, of_task, latest.tip)
-
-    def _update_panels(self, latest: Snapshot) -> None:
-        """Update what need not change in every frame: plots, status, buttons."""
-        self._plots.draw()
-        self.scene.show_cloud(self.session.view[CLOUD])
-        self._status.content = self._status_of(latest)
-        for panel in list(self._panels.values()):
-            panel.follow()
 
     def _status_of(self, latest: Snapshot) -> str:
         """Markdown of the status: who drives, what the arm does, the estimate."""

@@ -115,7 +115,20 @@ class Panel:
             if driver == self._client:
                 self._build_driver()
             else:
-                self._build_watcher(free=driver is None)
+                free = driver is None
+                label = "Take control" if free else "Another browser drives"
+                button = self._gui.add_button(
+                    label,
+                    disabled=not free,
+                    color="blue",
+                    icon=Icon.HAND_GRAB,
+                    order=10,
+                )
+
+                @button.on_click
+                async def _(_event: GuiEvent) -> None:
+                    self._session.take(self._client)
+
         self.follow()
 
     def follow(self) -> None:
@@ -125,16 +138,6 @@ class Panel:
         with self._building, suppress(RuntimeError):
             for follower in self._followers:
                 follower(request)
-
-    def _build_watcher(self, free: bool) -> None:
-        label = "Take control" if free else "Another browser drives"
-        button = self._gui.add_button(
-            label, disabled=not free, color="blue", icon=Icon.HAND_GRAB, order=10
-        )
-
-        @button.on_click
-        async def _(_event: GuiEvent) -> None:
-            self._session.take(self._client)
 
     def _build_driver(self) -> None:
         resume = self._button(

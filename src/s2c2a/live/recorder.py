@@ -80,7 +80,22 @@ class _Writing:
 
     def __init__(self, control: Control, folder: Path):
         self._arm = control.arm
-        self._directory = _new_directory(folder, control)
+        # a new run directory with options and arm
+        arm = control.arm
+        base = folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
+        directory = base
+        number = 1
+        while directory.exists():
+            number += 1
+            directory = base.with_name(f"{base.name}-{number}")
+        options = {
+            "options": {"verb": "live", "arm": arm.model_dump(mode="json")},
+            "versions": versions(),
+        }
+        text = json.dumps(options, indent=1, default=str)
+        write_atomically(f"{text}\n", directory / "options.json")
+        save_arm(arm, directory / "arm.toml", overwrite=True)
+        self._directory = directory
         path = self._directory / f"{self._arm.name}{ENDING}"
         self._writer = StepWriter(path, self._arm, "live", self._finish_file)
 
@@ -119,22 +134,3 @@ class _Writing:
             trace = Trace(episode, str(episode.options["strategy"]))
             page = path.with_suffix(".html")
             replay_page([trace], self._arm, f"live with {self._arm.name}", page)
-
-
-def _new_directory(folder: Path, control: Control) -> Path:
-    """A new run directory with options and arm."""
-    arm = control.arm
-    base = folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
-    directory = base
-    number = 1
-    while directory.exists():
-        number += 1
-        directory = base.with_name(f"{base.name}-{number}")
-    options = {
-        "options": {"verb": "live", "arm": arm.model_dump(mode="json")},
-        "versions": versions(),
-    }
-    text = json.dumps(options, indent=1, default=str)
-    write_atomically(f"{text}\n", directory / "options.json")
-    save_arm(arm, directory / "arm.toml", overwrite=True)
-    return directory

@@ -109,18 +109,15 @@ def _leaves(message: Any) -> Iterator[tuple[str, float]]:
             fields = [key for key in value.__dataclass_fields__ if key[0] != "_"]
             waiting += [(begin + key, getattr(value, key)) for key in fields]
         elif isinstance(value, np.ndarray | list):
-            _check_count(name, len(value))
+            count = len(value)
+            if count > MAX_COLUMNS:
+                raise LogError(
+                    f"'{name}' has {count} numbers in a message; at most {MAX_COLUMNS} are read. "
+                    "Choose a topic of numbers, not of pictures or clouds"
+                )
             waiting += [(f"{begin}{index}", part) for index, part in enumerate(value)]
         elif isinstance(value, int | float | np.number):
             yield name, float(value)
-
-
-def _check_count(name: str, count: int) -> None:
-    if count > MAX_COLUMNS:
-        raise LogError(
-            f"'{name}' has {count} numbers in a message; at most {MAX_COLUMNS} are read. "
-            "Choose a topic of numbers, not of pictures or clouds"
-        )
 
 
 def table_of_rows(

@@ -91,7 +91,14 @@ def identify_cables(
         LogError: no assignment gives every module cables that bend it in all
             directions.
     """
-    subset = _thin(observations, max_rows)
+    # evenly spread rows
+    count = len(observations.columns)
+    rows = np.linspace(0, count - 1, min(count, max_rows)).astype(int)
+    subset = replace(
+        observations,
+        columns=observations.columns[rows],
+        states=observations.states[rows],
+    )
     trials = list(_first_trials(observations, subset, start, log_map))
     if not trials:
         raise LogError(
@@ -134,9 +141,25 @@ def _first_trials(
             tried.add(key)
             for coupled in couplings:
                 assignment = Assignment(modules, signs, coupled)
-                first = _first_parameters(
-                    effects, assignment, start, log_map, _measured_ends(observations)
-                )
+                # angles from the direction of the tip's motion, the gain from its size
+                ends = _measured_ends(observations)
+                tip = effects[:, -1]
+                lengths = np.exp(start.lengths)
+                levers = [
+                    _lever(lengths, module, ends[-1], assignment.coupled)
+                    for module in assignment.modules
+                ]
+                pulls = assignment.signs[:, None] * tip
+                angles = np.arctan2(pulls[:, 1], pulls[:, 0])
+                angles = with_stated_angles(angles, log_map)
+                gains = np.linalg.norm(tip, axis=1) / np.array(levers)
+                gains = gains[gains > 0]
+                gain = np.log(np.median(gains) if len(gains) else 1.0)
+                if (
+                    log_map.by_force
+                ):  # bends follow from pulls by the arm's stiffness alone
+                    gain = gain + start.stiffness
+                first = start._replace(angles=angles, gain=gain)
                 wiring = build_wiring(assignment, log_map)
                 fit = fit_parameters(subset, first, wiring, FIRST_ITERATIONS)
                 yield fit, assignment
@@ -205,31 +228,6 @@ def _robust_slopes(
     return slopes
 
 
-def _first_parameters(
-    effects: np.ndarray,
-    assignment: Assignment,
-    start: CableParameters,
-    log_map: LogMap,
-    ends: np.ndarray,
-) -> CableParameters:
-    """Angles from the direction of the tip's motion, the gain from its size."""
-    tip = effects[:, -1]
-    lengths = np.exp(start.lengths)
-    levers = [
-        _lever(lengths, module, ends[-1], assignment.coupled)
-        for module in assignment.modules
-    ]
-    pulls = assignment.signs[:, None] * tip
-    angles = np.arctan2(pulls[:, 1], pulls[:, 0])
-    angles = with_stated_angles(angles, log_map)
-    gains = np.linalg.norm(tip, axis=1) / np.array(levers)
-    gains = gains[gains > 0]
-    gain = np.log(np.median(gains) if len(gains) else 1.0)
-    if log_map.by_force:  # bends follow from pulls by the arm's stiffness alone
-        gain = gain + start.stiffness
-    return start._replace(angles=angles, gain=gain)
-
-
 def _lever(lengths: np.ndarray, module: int, end: int, coupled: bool) -> float:
     """Displacement of an end across the arm per radian of a cable's pull [m]."""
     module = min(module, end)
@@ -291,17 +289,6 @@ def _exchanges(
             exchanged = modules.copy()
             exchanged[[first, second]] = modules[[second, first]]
             yield exchanged
-
-
-def _thin(observations: Observations, max_rows: int) -> Observations:
-    """Evenly spread rows."""
-    count = len(observations.columns)
-    rows = np.linspace(0, count - 1, min(count, max_rows)).astype(int)
-    return replace(
-        observations,
-        columns=observations.columns[rows],
-        states=observations.states[rows],
-    )
 
 
 def _is_feasible(fit: CableFit, assignment: Assignment, log_map: LogMap) -> bool:

@@ -55,7 +55,16 @@ def exclude_outliers(
     """
     order = np.argsort(log_map.end_modules)
     modules = tuple(np.array(log_map.end_modules)[order].tolist())
-    ends = _measured_ends(sessions, log_map, order)
+    lengths = [len(session) for session in sessions]
+    drives = [effective_drives(session, log_map) for session in sessions]
+    positions = [session.positions[:, order] for session in sessions]
+    axes = [session.axes[:, order] for session in sessions]
+    ends = MeasuredEnds(
+        np.concatenate(drives),
+        np.concatenate(positions),
+        np.concatenate(axes),
+        np.repeat(np.arange(len(sessions)), lengths),
+    )
     if log_map.rows.outliers == "keep":
         return list(sessions), Excluded(ends, modules)
     found = find_outliers(ends, _reaches(log_map, order))
@@ -69,21 +78,6 @@ def exclude_outliers(
     pairs = zip(sessions, parts, strict=True)
     return [_without(session, part) for session, part in pairs], Excluded(
         ends, modules, found, rows
-    )
-
-
-def _measured_ends(
-    sessions: Sequence[LogSession], log_map: LogMap, order: np.ndarray
-) -> MeasuredEnds:
-    lengths = [len(session) for session in sessions]
-    drives = [effective_drives(session, log_map) for session in sessions]
-    positions = [session.positions[:, order] for session in sessions]
-    axes = [session.axes[:, order] for session in sessions]
-    return MeasuredEnds(
-        np.concatenate(drives),
-        np.concatenate(positions),
-        np.concatenate(axes),
-        np.repeat(np.arange(len(sessions)), lengths),
     )
 
 

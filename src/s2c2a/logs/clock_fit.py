@@ -83,7 +83,11 @@ class ClockProblem:
     ):
         self._features = features
         self._middle = ends.span / 2
-        thinned = _thinned(ends)
+        # at most `MAX_FITTED` rows, evenly spread
+        last = len(ends.time) - 1
+        count = min(len(ends.time), MAX_FITTED)
+        rows = np.linspace(0, last, count).astype(int)
+        thinned = TimedMotion(ends.time[rows], ends.values[rows])
         samples = self._samples(thinned.time, start)
         longest_gap = LONGEST_GAP * drives.interval
         inside = is_near(drives.time, samples, longest_gap)
@@ -113,11 +117,29 @@ class ClockProblem:
         """
         scaled = np.array(self._start) / self._scale
         for _ in range(PASSES):
-            weights = self._row_weights(scaled)
+            # weights of the rows: marker jumps would decide otherwise
+            residuals = self._residuals(scaled, np.ones(self.rows))
+            by_row = residuals.reshape(self.rows, -1)
+            errors = np.linalg.norm(by_row, axis=1)
+            limit = OUTLIER * np.median(errors) + 1e-12
+            excess = np.maximum(1.0, errors / limit)
+            weights = 1 / excess
             scaled = self._solve(scaled, weights)
         parameters = self._parameters(scaled)
         features = self._at(parameters)
-        explained = _held_out(features, self._values, weights)
+        # share of the variance that is explained in stretches that are not fitted
+        values = self._values
+        stretches = np.arange(len(values)) * BLOCKS // len(values)
+        odd = stretches % 2 == 1
+        predicted = np.empty_like(values)
+        for held_out in (odd, ~odd):
+            fitted = weights * ~held_out
+            slopes = _regress(features, values, fitted)
+            predicted[held_out] = features[held_out] @ slopes
+        mean = np.average(values, axis=0, weights=weights)
+        error = _mean_square(values - predicted, weights)
+        total = _mean_square(values - mean, weights)
+        explained = 1 - error / total
         return ClockFit(
             parameters=parameters,
             explained=explained,
@@ -202,23 +224,6 @@ class ClockProblem:
     ) -> np.ndarray:
         return approx_fprime(scaled, self._residuals, DIFFERENCE, weights)
 
-    def _row_weights(self, scaled: np.ndarray) -> np.ndarray:
-        """Weights of the rows: marker jumps would decide otherwise."""
-        residuals = self._residuals(scaled, np.ones(self.rows))
-        by_row = residuals.reshape(self.rows, -1)
-        errors = np.linalg.norm(by_row, axis=1)
-        limit = OUTLIER * np.median(errors) + 1e-12
-        excess = np.maximum(1.0, errors / limit)
-        return 1 / excess
-
-
-def _thinned(motion: TimedMotion) -> TimedMotion:
-    """At most `MAX_FITTED` rows, evenly spread."""
-    last = len(motion.time) - 1
-    count = min(len(motion.time), MAX_FITTED)
-    rows = np.linspace(0, last, count).astype(int)
-    return TimedMotion(motion.time[rows], motion.values[rows])
-
 
 def _regress(
     features: np.ndarray,
@@ -232,28 +237,6 @@ def _regress(
     matrix += ridge * np.eye(len(matrix))
     products = weighted.T @ (values * weights[:, None])
     return solve(matrix, products, assume_a="pos")
-
-
-def _held_out(
-    features: np.ndarray,
-    values: np.ndarray,
-    weights: np.ndarray,
-) -> float:
-    """Share of the variance that is explained in stretches that are not fitted.
-
-    Motion is smooth, so that features explain half of a foreign log that is fitted.
-    """
-    stretches = np.arange(len(values)) * BLOCKS // len(values)
-    odd = stretches % 2 == 1
-    predicted = np.empty_like(values)
-    for held_out in (odd, ~odd):
-        fitted = weights * ~held_out
-        slopes = _regress(features, values, fitted)
-        predicted[held_out] = features[held_out] @ slopes
-    mean = np.average(values, axis=0, weights=weights)
-    error = _mean_square(values - predicted, weights)
-    total = _mean_square(values - mean, weights)
-    return 1 - error / total
 
 
 def _mean_square(

@@ -1,6 +1,5 @@
 """Candidates for the offset and drift of two clocks: peaks of a correlation of speeds."""
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +48,14 @@ def search_clocks(
     peaks: list[ClockCandidate] = []
     for drift in drifts:
         peaks += _peaks(speeds, ends, drift, step)
-    return _separate(peaks, SEPARATION * step)
+    # highest peaks whose offsets differ by more than a distance
+    distance = SEPARATION * step
+    chosen: list[ClockCandidate] = []
+    for peak in sorted(peaks, reverse=True):
+        distances = [abs(peak.offset - other.offset) for other in chosen]
+        if min(distances, default=np.inf) > distance:
+            chosen.append(peak)
+    return chosen[:CANDIDATES]
 
 
 def _peaks(
@@ -64,7 +70,22 @@ def _peaks(
     start = time[0]
     shifted = TimedMotion(time - start, ends.values)
     ends_speeds = _speeds(shifted, step)
-    lags, values = _correlation(speeds, ends_speeds)
+    # correlation of two signals with gaps where at least half of one overlaps
+    first = speeds
+    later = ends_speeds
+    first, known = _centered(first)
+    later, later_known = _centered(later)
+    products = _sums(first, later)
+    energy = _sums(first**2, later_known)
+    energy *= _sums(known, later**2)
+    shorter = min(known.sum(), later_known.sum())
+    overlap = _sums(known, later_known)
+    valid = overlap > 0.5 * shorter - 0.5
+    valid &= energy > LEAST_ENERGY * energy.max()
+    scale = np.sqrt(energy[valid])
+    values = np.full(len(products), -1.0)
+    values[valid] = products[valid] / scale
+    lags = correlation_lags(len(first), len(later))
     indices, _ = find_peaks(values, distance=SEPARATION)
     order = np.argsort(values[indices])
     highest = indices[order[-CANDIDATES:]]
@@ -77,19 +98,6 @@ def _peaks(
         )
         for index in highest
     ]
-
-
-def _separate(
-    peaks: Iterable[ClockCandidate],
-    distance: float,
-) -> list[ClockCandidate]:
-    """Highest peaks whose offsets differ by more than a distance."""
-    chosen: list[ClockCandidate] = []
-    for peak in sorted(peaks, reverse=True):
-        distances = [abs(peak.offset - other.offset) for other in chosen]
-        if min(distances, default=np.inf) > distance:
-            chosen.append(peak)
-    return chosen[:CANDIDATES]
 
 
 def _speeds(
@@ -106,31 +114,6 @@ def _speeds(
     speeds = np.linalg.norm(differences, axis=0)
     # the root weighs slow motion like fast motion
     return np.sqrt(speeds)
-
-
-def _correlation(
-    first: np.ndarray,
-    later: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Correlation of two signals with gaps where at least half of one overlaps.
-
-    Returns:
-        Lags of the second signal in the first one, and correlations.
-    """
-    first, known = _centered(first)
-    later, later_known = _centered(later)
-    products = _sums(first, later)
-    energy = _sums(first**2, later_known)
-    energy *= _sums(known, later**2)
-    shorter = min(known.sum(), later_known.sum())
-    overlap = _sums(known, later_known)
-    valid = overlap > 0.5 * shorter - 0.5
-    valid &= energy > LEAST_ENERGY * energy.max()
-    scale = np.sqrt(energy[valid])
-    values = np.full(len(products), -1.0)
-    values[valid] = products[valid] / scale
-    lags = correlation_lags(len(first), len(later))
-    return lags, values
 
 
 def _centered(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

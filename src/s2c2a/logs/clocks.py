@@ -5,7 +5,6 @@ The correlation of speeds gives candidates (`clock_search`), which least squares
 offset and is part of it.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -98,7 +97,25 @@ def estimate_clock(
     drives = drives.normalized()
     ends = ends.normalized()
     step = _step(drives, ends)
-    best = _unambiguous(_fits(drives, ends, step), step)
+    # best fit; it must explain the motion, and clearly better than other offsets
+    fits = _fits(drives, ends, step)
+    explained = max((fit.explained for fit in fits), default=0.0)
+    if not explained > MIN_EXPLAINED:
+        raise LogError(
+            f"at no offset between the clocks do the drives explain more than "
+            f"{100 * max(explained, 0.0):.0f} % of the motion of the ends "
+            f"({100 * MIN_EXPLAINED:.0f} % are needed); check that the files belong "
+            f"together, or {ADVICE}"
+        )
+    best = max(fits, key=lambda fit: fit.explained)
+    for other in fits:
+        apart = abs(other.parameters.offset - best.parameters.offset)
+        ratio = (1 - explained) / (1 - other.explained)
+        if apart > 2 * step and ratio > AMBIGUOUS:
+            raise LogError(
+                f"offsets between the clocks that differ by {apart:.3g} s explain "
+                f"the motion about equally well, since it repeats itself; {ADVICE}"
+            )
     deviations = best.problem.deviations(best)
     _check_deviation(deviations.offset, drives.interval + ends.interval)
     parameters = best.parameters
@@ -160,31 +177,6 @@ def _start(
     step: float,
 ) -> ClockParameters:
     return ClockParameters(candidate.offset, candidate.drift, step / 4, START_WIDTH)
-
-
-def _unambiguous(
-    fits: Sequence[ClockFit],
-    step: float,
-) -> ClockFit:
-    """Best fit; it must explain the motion, and clearly better than other offsets."""
-    explained = max((fit.explained for fit in fits), default=0.0)
-    if not explained > MIN_EXPLAINED:
-        raise LogError(
-            f"at no offset between the clocks do the drives explain more than "
-            f"{100 * max(explained, 0.0):.0f} % of the motion of the ends "
-            f"({100 * MIN_EXPLAINED:.0f} % are needed); check that the files belong "
-            f"together, or {ADVICE}"
-        )
-    best = max(fits, key=lambda fit: fit.explained)
-    for other in fits:
-        apart = abs(other.parameters.offset - best.parameters.offset)
-        ratio = (1 - explained) / (1 - other.explained)
-        if apart > 2 * step and ratio > AMBIGUOUS:
-            raise LogError(
-                f"offsets between the clocks that differ by {apart:.3g} s explain "
-                f"the motion about equally well, since it repeats itself; {ADVICE}"
-            )
-    return best
 
 
 def _check_deviation(

@@ -52,7 +52,13 @@ class DriveFeatures:
         """Features at some times, after a lag [s] and backlash."""
         played = self._played(width)
         lag = max(lag, LEAST_LAG * self._interval)
-        filtered = _filter(played, lag, self._interval)
+        # first-order lag, exact for values that are linear between grid points
+        system = ([1.0], [lag, 1.0])
+        numerator, denominator, _ = cont2discrete(system, self._interval, "foh")
+        numerator = numerator.ravel()
+        # the filter has rested at the first value
+        state = lfilter_zi(numerator, denominator)[:, None] * played[:1]
+        filtered, _ = lfilter(numerator, denominator, played, axis=0, zi=state)
         spline = make_interp_spline(self._grid, filtered, k=1)
         inside = times.clip(0, self._grid[-1])
         values = spline(inside)
@@ -65,21 +71,6 @@ def _played(
 ) -> np.ndarray:
     """Drives after backlash."""
     return play_along(values[0], values - width, values + width)
-
-
-def _filter(
-    values: np.ndarray,
-    lag: float,
-    interval: float,
-) -> np.ndarray:
-    """First-order lag, exact for values that are linear between grid points."""
-    system = ([1.0], [lag, 1.0])
-    numerator, denominator, _ = cont2discrete(system, interval, "foh")
-    numerator = numerator.ravel()
-    # the filter has rested at the first value
-    state = lfilter_zi(numerator, denominator)[:, None] * values[:1]
-    filtered, _ = lfilter(numerator, denominator, values, axis=0, zi=state)
-    return filtered
 
 
 class _Polynomials:
@@ -100,7 +91,12 @@ class _Polynomials:
         deviations = sizes[moving] / np.sqrt(len(thinned))
         self._directions = directions[moving].T / deviations
         components = int(moving.sum())
-        degree = _degree(components, rows)
+        # highest degree for which the rows suffice
+        degree = 1
+        for higher in range(2, MAX_DEGREE + 1):
+            features = comb(components + higher, higher)
+            if features * ROWS_PER_FEATURE <= rows:
+                degree = higher
         # factor 0 is 1, so that products of fewer components occur, too
         factors = range(components + 1)
         products = combinations_with_replacement(factors, degree)
@@ -112,16 +108,3 @@ class _Polynomials:
         ones = np.ones((len(values), 1))
         factors = np.hstack([ones, components])
         return factors[:, self._products].prod(axis=2)
-
-
-def _degree(
-    components: int,
-    rows: int,
-) -> int:
-    """Highest degree for which the rows suffice."""
-    degree = 1
-    for higher in range(2, MAX_DEGREE + 1):
-        features = comb(components + higher, higher)
-        if features * ROWS_PER_FEATURE <= rows:
-            degree = higher
-    return degree

@@ -116,23 +116,6 @@ def _largest_motion(
     time: Float[np.ndarray, " all"],
 ) -> FrameMotion:
     """The jump or drift that explains most."""
-    pairs = _similar_pairs(drives, centers)
-    if len(pairs.later) < _MIN_PAIRS:
-        return FrameMotion(0.0, "")
-    return max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
-
-
-def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
-    """Orders of rows in which blocks are permuted."""
-    random = np.random.default_rng(0)
-    blocks = np.array_split(np.arange(count), _BLOCKS)
-    for _ in range(_PERMUTATIONS):
-        yield np.concatenate([blocks[k] for k in random.permutation(_BLOCKS)])
-
-
-def _similar_pairs(
-    drives: Float[np.ndarray, "rows drives"], centers: Float[np.ndarray, "rows 3"]
-) -> _Pairs:
     count = len(drives)
     scaled = drives / (drives.std(axis=0) + _LEAST)
     distances, earlier = KDTree(scaled).query(scaled, k=min(_NEIGHBORS, count))
@@ -145,7 +128,18 @@ def _similar_pairs(
     earlier = earlier[is_pair]
     # drives are similar, not equal: a smooth map explains the rest
     centers = centers - _smooth_map(scaled, centers)
-    return _Pairs(later, earlier, centers[later] - centers[earlier])
+    pairs = _Pairs(later, earlier, centers[later] - centers[earlier])
+    if len(pairs.later) < _MIN_PAIRS:
+        return FrameMotion(0.0, "")
+    return max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
+
+
+def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
+    """Orders of rows in which blocks are permuted."""
+    random = np.random.default_rng(0)
+    blocks = np.array_split(np.arange(count), _BLOCKS)
+    for _ in range(_PERMUTATIONS):
+        yield np.concatenate([blocks[k] for k in random.permutation(_BLOCKS)])
 
 
 def _smooth_map(

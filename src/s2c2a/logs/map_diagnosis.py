@@ -137,11 +137,16 @@ def _diagnose(
         return f"the map contradicts the log: {sizes} (nothing was changed)"
     stated = np.ones_like(free.errors)  # a model without motion misses all of it
     if given is not None:
-        stated = _stated_errors(given, log_map, free.held_out)
-    return _describe(free, stated, log_map)
-
-
-def _describe(free: _FreeFit, stated: np.ndarray, log_map: LogMap) -> str:
+        # errors of the fit as given, with the stated angles, which it may leave
+        rows = free.held_out
+        angles = stated_angles(given.fit.parameters.angles, log_map)
+        parameters = given.fit.parameters._replace(angles=angles)
+        states = np.full((len(rows.columns), log_map.arm.modules, 6), np.nan)
+        states[:, log_map.end_modules] = rows.ends
+        observations = replace(given.observations, columns=rows.columns, states=states)
+        stated = missed_shares(
+            replace(given.fit, parameters=parameters), observations, rows.stretches
+        )
     old = float(np.sqrt(np.mean(stated**2)))
     new = float(np.sqrt(np.mean(free.errors**2)))
     better = int((free.errors < stated).sum())
@@ -166,7 +171,21 @@ def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
     places = rows.ends[..., POSITION]
     motions = [rms_motion(places[:, [end]]) for end in range(len(log_map.ends))]
     order = np.argsort(motions)
-    free_map = _free_map(log_map, order)
+    # the map without statements; ends in the order of their motion
+    free = {"angle_deg": None, "module": None, "positive": "unknown"}
+    modules = sorted(log_map.end_modules)
+    ends = [
+        log_map.ends[end].model_copy(update={"module": module})
+        for end, module in zip(order, modules, strict=True)
+    ]
+    free_map = log_map.model_copy(
+        update={
+            "drives": tuple(drive.model_copy(update=free) for drive in log_map.drives),
+            "ends": tuple(ends),
+            "frame": LogFrame(),
+            "arm": log_map.arm.model_copy(update={"length": None, "lengths": None}),
+        }
+    )
     scale = rms_motion(places) / FREE_MOTION
     if not scale > 0:
         raise LogError("the ends do not move")
@@ -199,24 +218,6 @@ def _rows(sessions: Sequence[LogSession], log_map: LogMap) -> _KnownRows:
         raise LogError(f"{known.sum()} rows have drives and ends")
     stretches = np.arange(known.sum()) * STRETCHES // known.sum()
     return _KnownRows(columns[known], states[known], stretches)
-
-
-def _free_map(log_map: LogMap, order: np.ndarray) -> LogMap:
-    """The map without statements; ends in the order of their motion."""
-    free = {"angle_deg": None, "module": None, "positive": "unknown"}
-    modules = sorted(log_map.end_modules)
-    ends = [
-        log_map.ends[end].model_copy(update={"module": module})
-        for end, module in zip(order, modules, strict=True)
-    ]
-    return log_map.model_copy(
-        update={
-            "drives": tuple(drive.model_copy(update=free) for drive in log_map.drives),
-            "ends": tuple(ends),
-            "frame": LogFrame(),
-            "arm": log_map.arm.model_copy(update={"length": None, "lengths": None}),
-        }
-    )
 
 
 def _observe(
@@ -256,15 +257,3 @@ def missed_shares(
     rms = np.sqrt(means)
     is_measured = np.isfinite(measured[..., 0]).any(axis=0)
     return rms / rms_motion(measured[:, is_measured])
-
-
-def _stated_errors(given: Given, log_map: LogMap, rows: _KnownRows) -> np.ndarray:
-    """Errors of the fit as given, with the stated angles, which it may leave."""
-    angles = stated_angles(given.fit.parameters.angles, log_map)
-    parameters = given.fit.parameters._replace(angles=angles)
-    states = np.full((len(rows.columns), log_map.arm.modules, 6), np.nan)
-    states[:, log_map.end_modules] = rows.ends
-    observations = replace(given.observations, columns=rows.columns, states=states)
-    return missed_shares(
-        replace(given.fit, parameters=parameters), observations, rows.stretches
-    )

@@ -79,7 +79,18 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
         OSError: it cannot be read.
     """
     content = _content(path)
-    order = _byte_order(content, path)
+    # mark of the byte order for NumPy
+    head = content[:HEADER]
+    if head.startswith(HDF5) or b"MATLAB 7.3" in head:
+        raise LogError(
+            f"{path} is a MAT file of version 7.3 (HDF5), which is not supported; "
+            "save it with -v7 in MATLAB"
+        )
+    order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
+    if order is None:
+        raise LogError(
+            f"{path} is not a MAT file of version 5; save it with -v7 in MATLAB"
+        )
     arrays: dict[str, np.ndarray] = {}
     remaining = MAX_BYTES
     for element in _elements(memoryview(content)[HEADER:], order):
@@ -102,26 +113,6 @@ def _content(path: str | os.PathLike) -> bytes:
     if len(content) > MAX_BYTES:
         raise LogError(f"{path} has more than {MAX_BYTES} bytes; save fewer rows")
     return content
-
-
-def _byte_order(content: bytes, path: str | os.PathLike) -> str:
-    """Mark of the byte order for NumPy.
-
-    Raises:
-        LogError: the file is of another version, or no MAT file.
-    """
-    head = content[:HEADER]
-    if head.startswith(HDF5) or b"MATLAB 7.3" in head:
-        raise LogError(
-            f"{path} is a MAT file of version 7.3 (HDF5), which is not supported; "
-            "save it with -v7 in MATLAB"
-        )
-    order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
-    if order is None:
-        raise LogError(
-            f"{path} is not a MAT file of version 5; save it with -v7 in MATLAB"
-        )
-    return order
 
 
 def _elements(content: memoryview, order: str) -> Iterator[_Element]:
@@ -183,7 +174,30 @@ def _arrays_of(
     if array.name.startswith("__"):
         return {}
     if kind in (CELL_CLASS, STRUCT_CLASS):
-        return _group(array, order, depth)
+        # arrays within a structure or a cell
+        if depth >= MAX_DEPTH:
+            raise ValueError(
+                f"structures and cells are nested more than {MAX_DEPTH} deep"
+            )
+        fields = [""]
+        if array.flags & 0xFF == STRUCT_CLASS:
+            fields = _field_names(array, order)
+        count = math.prod(array.shape)
+        entries: dict[str, list[Arrays]] = {field: [] for field in fields}
+        for _ in range(count):
+            for field in fields:
+                element = next(array.parts, None)
+                if element is None or element.kind != MATRIX:
+                    raise ValueError(f"'{array.name}' is cut off")
+                entries[field].append(_arrays_of(element.content, order, depth + 1))
+        arrays: Arrays = {}
+        for field, parts in entries.items():
+            name = _joined(array.name, field)
+            if field and count == 1:
+                arrays |= _named(name, parts[0])
+            else:
+                arrays |= _combined(name, parts)
+        return arrays
     if kind == TEXT_CLASS:
         text = _text(next(array.parts, None), array.shape, order)
         return {array.name: text}
@@ -206,35 +220,6 @@ def _numbers(array: _Array, order: str) -> np.ndarray:
     values = np.frombuffer(element.content, dtype)
     values = values.reshape(array.shape, order="F")
     return values.astype(dtype.newbyteorder("="))
-
-
-def _group(
-    array: _Array,
-    order: str,
-    depth: int,
-) -> Arrays:
-    """Arrays within a structure or a cell."""
-    if depth >= MAX_DEPTH:
-        raise ValueError(f"structures and cells are nested more than {MAX_DEPTH} deep")
-    fields = [""]
-    if array.flags & 0xFF == STRUCT_CLASS:
-        fields = _field_names(array, order)
-    count = math.prod(array.shape)
-    entries: dict[str, list[Arrays]] = {field: [] for field in fields}
-    for _ in range(count):
-        for field in fields:
-            element = next(array.parts, None)
-            if element is None or element.kind != MATRIX:
-                raise ValueError(f"'{array.name}' is cut off")
-            entries[field].append(_arrays_of(element.content, order, depth + 1))
-    arrays: Arrays = {}
-    for field, parts in entries.items():
-        name = _joined(array.name, field)
-        if field and count == 1:
-            arrays |= _named(name, parts[0])
-        else:
-            arrays |= _combined(name, parts)
-    return arrays
 
 
 def _field_names(array: _Array, order: str) -> list[str]:

@@ -431,15 +431,13 @@ def _build_episodes(
     log_map: LogMap,
 ) -> tuple[Episode, ...]:
     """Episodes from segments, with states in the frame of the log."""
-    split = _split_rows(rig.in_base(states), segments)
+    split = np.split(
+        rig.in_base(states), np.cumsum([len(segment) for segment in segments])[:-1]
+    )
     return tuple(
         _build_episode(segment, rows, arm, rig, log_map)
         for segment, rows in zip(segments, split, strict=True)
     )
-
-
-def _split_rows(rows: np.ndarray, segments: Sequence[LogSession]) -> list[np.ndarray]:
-    return np.split(rows, np.cumsum([len(segment) for segment in segments])[:-1])
 
 
 def _build_episode(

@@ -82,7 +82,11 @@ def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the file cannot be read or is too large, or a row is cut off or holds
             text in a numeric column.
     """
-    ending = _ending(path)
+    # ending of a file, of the packed one if it is gzipped
+    file = Path(path)
+    if file.suffix.lower() == ".gz":
+        file = file.with_suffix("")
+    ending = file.suffix.lower()
     if way_out := WAYS_OUT.get(ending):
         raise LogError(f"{path} cannot be read. {way_out}")
     if not Path(path).exists():
@@ -94,11 +98,3 @@ def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
         if ending in form.endings:
             return form.read(path, request)
     return read_text_file(path, request)
-
-
-def _ending(path: str | os.PathLike) -> str:
-    """Ending of a file, of the packed one if it is gzipped."""
-    file = Path(path)
-    if file.suffix.lower() == ".gz":
-        file = file.with_suffix("")
-    return file.suffix.lower()

@@ -44,7 +44,15 @@ def split_segments(session: LogSession, rows: Rows, period: float) -> list[LogSe
     limit = longest_gap(session, rows, period)
     valid = np.isfinite(session.time) & np.isfinite(session.commands).all(axis=1)
     kept = np.flatnonzero(valid)
-    _check_increasing(session.time[kept])
+    times = session.time[kept]
+    falls = np.flatnonzero(np.diff(times) < 0)
+    if len(falls):
+        row = falls[0]
+        raise LogError(
+            f"times fall from {times[row]:.6g} to {times[row + 1]:.6g} s after "
+            f"{row + 1} valid rows; sort the rows, or split the file where the clock "
+            "was set back"
+        )
     # of rows with the same time, the first counts
     kept = kept[np.diff(session.time[kept], prepend=-np.inf) > 0]
     known = select_rows(session, kept)
@@ -67,17 +75,6 @@ def select_rows(session: LogSession, rows: np.ndarray | slice) -> LogSession:
     """Session of some rows."""
     names = ("time", *SIGNALS, "labels")
     return replace(session, **{name: getattr(session, name)[rows] for name in names})
-
-
-def _check_increasing(times: np.ndarray) -> None:
-    falls = np.flatnonzero(np.diff(times) < 0)
-    if len(falls):
-        row = falls[0]
-        raise LogError(
-            f"times fall from {times[row]:.6g} to {times[row + 1]:.6g} s after "
-            f"{row + 1} valid rows; sort the rows, or split the file where the clock "
-            "was set back"
-        )
 
 
 def _resample(segment: LogSession, period: float, limit: float) -> LogSession:

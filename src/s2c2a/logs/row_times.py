@@ -24,22 +24,16 @@ def row_times(
     """
     times = table.numbers[column]
     if column in table.stamps:
-        return _past_midnight(times)
+        # times of day that go on after midnight; others as they are
+        known = np.isfinite(times)
+        if times[known].max(initial=0.0) >= DAY:
+            return times
+        unwrapped = times.copy()
+        unwrapped[known] = np.unwrap(times[known], period=DAY)
+        return unwrapped
     if unit is None:
         unit = _epoch_unit(times)
     return times * (SECONDS[unit] if isinstance(unit, str) else unit)
-
-
-def _past_midnight(
-    times: Float[np.ndarray, " rows"],
-) -> Float[np.ndarray, " rows"]:
-    """Times of day that go on after midnight; others as they are."""
-    known = np.isfinite(times)
-    if times[known].max(initial=0.0) >= DAY:
-        return times
-    unwrapped = times.copy()
-    unwrapped[known] = np.unwrap(times[known], period=DAY)
-    return unwrapped
 
 
 def _epoch_unit(times: Float[np.ndarray, " rows"]) -> str:

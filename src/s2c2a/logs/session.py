@@ -158,7 +158,16 @@ def _join_by_row(tables: Sequence[Table]) -> Table:
 def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     """Rows whose key occurs in every table, sorted by the key."""
     for table in tables:
-        _check_key(table, key)
+        if key not in table.numbers:
+            raise LogError(
+                f"{table.path} lacks the column '{key}' that joins the files"
+            )
+        keys = table.numbers[key]
+        if len(np.unique(keys)) < len(keys) or np.isnan(keys).any():
+            raise LogError(
+                f"{table.path}: '{key}' has blank or duplicate values; "
+                "each row needs its own number"
+            )
     common = reduce(np.intersect1d, [table.numbers[key] for table in tables])
     if not len(common):
         paths = " and ".join(table.path for table in tables)
@@ -181,17 +190,6 @@ def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     broken_rows = sum(table.broken_rows for table in tables)
     stamps = frozenset().union(*(table.stamps for table in tables))
     return Table(path, numbers, labels, broken_rows, stamps)
-
-
-def _check_key(table: Table, key: str) -> None:
-    if key not in table.numbers:
-        raise LogError(f"{table.path} lacks the column '{key}' that joins the files")
-    keys = table.numbers[key]
-    if len(np.unique(keys)) < len(keys) or np.isnan(keys).any():
-        raise LogError(
-            f"{table.path}: '{key}' has blank or duplicate values; "
-            "each row needs its own number"
-        )
 
 
 def _find_rows(keys: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -248,7 +246,10 @@ def _vectors(table: Table, columns: Sequence[str]) -> np.ndarray:
 def _axes(table: Table, end: End) -> np.ndarray:
     """Unit vectors along the arm, NaN where they are not measured, shape (rows, 3)."""
     if end.axis is not None:
-        return _normalize(_vectors(table, end.axis))
+        vectors = _vectors(table, end.axis)
+        lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+        unknown = np.full(vectors.shape, np.nan)
+        return np.divide(vectors, lengths, out=unknown, where=lengths > 0)
     axes = np.full((len(table), 3), np.nan)
     columns = end.quaternion or end.matrix or end.euler
     if columns is None:
@@ -259,7 +260,8 @@ def _axes(table: Table, end: End) -> np.ndarray:
         known &= np.abs(values).sum(axis=1) > 0
     if end.matrix is not None:
         _check_rotations(table, end.matrix, values, known)
-    axes[known] = _rotate_along(values[known], end)
+    # direction along the arm, rotated by quaternions or Euler angles
+    axes[known] = as_rotations(values[known], end).apply(unit_vector(end.along))
     return axes
 
 
@@ -284,17 +286,6 @@ def _check_rotations(
             f"{len(wrong)} rows, such as {matrix} in row {wrong[0]}; name its nine "
             "columns row by row, of unit vectors of a right-handed frame"
         )
-
-
-def _rotate_along(values: np.ndarray, end: End) -> np.ndarray:
-    """Direction along the arm, rotated by quaternions or Euler angles."""
-    return as_rotations(values, end).apply(unit_vector(end.along))
-
-
-def _normalize(vectors: np.ndarray) -> np.ndarray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unknown = np.full(vectors.shape, np.nan)
-    return np.divide(vectors, lengths, out=unknown, where=lengths > 0)
 
 
 def unit_vector(direction: str | Vector) -> Float[np.ndarray, "3"]:

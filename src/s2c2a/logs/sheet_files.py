@@ -23,7 +23,12 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
     with needs_extra(path, "XLSX"):
         import openpyxl  # noqa: PLC0415  # an extra
     with reading_as(path, "XLSX", "export it as CSV"):
-        _check_size(path)
+        with zipfile.ZipFile(path) as file:
+            size = sum(entry.file_size for entry in file.infolist())
+        if size > MAX_BYTES:
+            raise LogError(
+                f"{path} unpacks to {size} bytes; at most {MAX_BYTES} are read. Split it"
+            )
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
             sheet = book.worksheets[0]
@@ -34,15 +39,6 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
             )
         finally:
             book.close()
-
-
-def _check_size(path: str | os.PathLike) -> None:
-    with zipfile.ZipFile(path) as file:
-        size = sum(entry.file_size for entry in file.infolist())
-    if size > MAX_BYTES:
-        raise LogError(
-            f"{path} unpacks to {size} bytes; at most {MAX_BYTES} are read. Split it"
-        )
 
 
 def _filled(path: str | os.PathLike, rows: Iterator[Sequence[Any]]) -> Rows:

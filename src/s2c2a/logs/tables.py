@@ -155,7 +155,19 @@ class TableBuilder:
                 break
             values.append(value)
         if fault:
-            values = self._replace_broken(place, fault)
+            if not self._request.allow_broken_rows:
+                advice = "correct the row"
+                if fault.endswith("no time"):
+                    advice = (
+                        "write numbers, times of day (11:33:04.5), or ISO 8601 "
+                        "(2026-01-31 11:33:04.5)"
+                    )
+                raise LogError(
+                    f"{self._path}: {place}, {fault}; {advice}, or set "
+                    'broken_rows = "gap" in the map to treat such rows as gaps'
+                )
+            self._broken_rows += 1
+            values = [np.nan] * len(self.numbers)
         self._values.extend(values)
         texts = [
             "" if cell is None else str(cell) for cell in cells[len(self.numbers) :]
@@ -196,21 +208,6 @@ class TableBuilder:
             length_unit=length_unit,
             available=self._available,
         )
-
-    def _replace_broken(self, place: str, fault: str) -> list[float]:
-        if not self._request.allow_broken_rows:
-            advice = "correct the row"
-            if fault.endswith("no time"):
-                advice = (
-                    "write numbers, times of day (11:33:04.5), or ISO 8601 "
-                    "(2026-01-31 11:33:04.5)"
-                )
-            raise LogError(
-                f"{self._path}: {place}, {fault}; {advice}, or set "
-                'broken_rows = "gap" in the map to treat such rows as gaps'
-            )
-        self._broken_rows += 1
-        return [np.nan] * len(self.numbers)
 
     def _number(self, name: str, cell: Any) -> float | None:
         """Number in a cell; NaN for a blank one, None for text."""

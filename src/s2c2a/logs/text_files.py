@@ -29,7 +29,17 @@ def read_text_file(path: str | os.PathLike, request: ColumnRequest) -> Table:
 
 def _read(path: str | os.PathLike, text: str, request: ColumnRequest) -> Table:
     found = _rows_of(path, text, request)
-    _check_names(path, found.names, request)
+    names = found.names
+    if len(names) > MAX_COLUMNS:
+        raise LogError(
+            f"{path} has {len(names)} columns; at most {MAX_COLUMNS} are read"
+        )
+    duplicates = {name for name in request.names if name and names.count(name) > 1}
+    if duplicates:
+        raise LogError(
+            f"{path} has several columns called "
+            f"{list_names(sorted(duplicates))}; give each its own name"
+        )
     builder = TableBuilder(path, request, found.names, found.decimal_comma)
     wanted = (*builder.numbers, *builder.labels)
     places = [found.names.index(name) for name in wanted]
@@ -57,20 +67,3 @@ def _rows_of(
     if not table.names:
         raise LogError(f"{path} is empty; give a log with rows")
     return CaptureExport(table.names, table.rows, "", table.decimal_comma)
-
-
-def _check_names(
-    path: str | os.PathLike,
-    names: list[str],
-    request: ColumnRequest,
-) -> None:
-    if len(names) > MAX_COLUMNS:
-        raise LogError(
-            f"{path} has {len(names)} columns; at most {MAX_COLUMNS} are read"
-        )
-    duplicates = {name for name in request.names if name and names.count(name) > 1}
-    if duplicates:
-        raise LogError(
-            f"{path} has several columns called "
-            f"{list_names(sorted(duplicates))}; give each its own name"
-        )

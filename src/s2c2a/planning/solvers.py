@@ -391,22 +391,15 @@ def _gaps(positions, lengths, limits, projectors):
         return jnp.linalg.norm(end_of(bends) - position)
 
     def gap(position):
-        starts = _reach_starts(position, limits, size)
+        # shapes that bend towards a position: all modules alike, or the lower half
+        # alone
+        radius = jnp.linalg.norm(position[:2])
+        direction = position[:2] / jnp.maximum(radius, ON_AXIS * size)
+        direction = jnp.where(radius > ON_AXIS * size, direction, jnp.eye(2)[0])
+        alike = 0.5 * limits[:, None] * direction
+        is_lower = jnp.arange(len(limits)) < len(limits) / 2
+        lower = alike * is_lower[:, None] * 2.0
+        starts = jnp.stack([alike, lower, 0.1 * alike])
         return jax.vmap(lambda start: gap_from(start, position))(starts).min()
 
     return jax.vmap(gap)(positions)
-
-
-def _reach_starts(position, limits, size):
-    """Shapes that bend towards a position: all modules alike, or the lower half alone.
-
-    For a position on the axis the side is arbitrary, but a straight arm would stay
-    straight.
-    """
-    radius = jnp.linalg.norm(position[:2])
-    direction = position[:2] / jnp.maximum(radius, ON_AXIS * size)
-    direction = jnp.where(radius > ON_AXIS * size, direction, jnp.eye(2)[0])
-    alike = 0.5 * limits[:, None] * direction
-    is_lower = jnp.arange(len(limits)) < len(limits) / 2
-    lower = alike * is_lower[:, None] * 2.0
-    return jnp.stack([alike, lower, 0.1 * alike])

@@ -200,7 +200,11 @@ class Roadmap:
         if path is None:
             return None
         corners = self._cut_short(bends[path], tips[path], space, floor)
-        knots = self._smoothed(corners, space)
+        # knots of the improved way, or of that over the corners if it is not free
+        dense = resampled(corners, KNOTS)
+        improved = np.asarray(self._improved(jnp.asarray(dense, jnp.float32), space))
+        pairs = np.stack([improved[:-1], improved[1:]], axis=1)
+        knots = improved if self._free_connections(pairs, space).all() else dense
         way_tips, clear = self._observe(knots, space)
         end = path[-1] - len(bends)
         miss = float(misses[end])
@@ -337,13 +341,6 @@ class Roadmap:
         turns = np.linalg.norm(changes, axis=(1, 2))
         ways = np.linalg.norm(np.diff(tips[edges], axis=1), axis=(1, 2))
         return ways + TURN_LENGTH * self._length * turns + np.finfo(np.float32).eps
-
-    def _smoothed(self, corners: ShapesOf, space: FreeSpace) -> ShapesOf:
-        """Knots of the improved way, or of that over the corners if it is not free."""
-        dense = resampled(corners, KNOTS)
-        improved = np.asarray(self._improved(jnp.asarray(dense, jnp.float32), space))
-        pairs = np.stack([improved[:-1], improved[1:]], axis=1)
-        return improved if self._free_connections(pairs, space).all() else dense
 
 
 def _shortest(

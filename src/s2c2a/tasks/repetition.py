@@ -106,7 +106,9 @@ def learned_offsets(episode: Episode, offsets: Offsets, sensor: str) -> Offsets:
         if is_known.any():
             smooth = _smoothed(moments[is_known], errors[is_known], times + LEAD_TIME)
             learned[: len(times), module] += LEARNING_GAIN * smooth
-    return _limited(learned, MAX_OFFSET * episode.arm.length)
+    longest = MAX_OFFSET * episode.arm.length
+    lengths = np.linalg.norm(learned, axis=-1, keepdims=True)
+    return learned * np.minimum(1.0, longest / np.maximum(lengths, 1e-12))
 
 
 def _measured_ends(
@@ -139,8 +141,3 @@ def _smoothed(
     exponents -= exponents.max(axis=1, keepdims=True)
     weights = np.exp(exponents)
     return weights @ errors / weights.sum(axis=1, keepdims=True)
-
-
-def _limited(offsets: Offsets, longest: float) -> Offsets:
-    lengths = np.linalg.norm(offsets, axis=-1, keepdims=True)
-    return offsets * np.minimum(1.0, longest / np.maximum(lengths, 1e-12))

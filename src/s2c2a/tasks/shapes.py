@@ -170,11 +170,7 @@ def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
             f"{arm.length:.3g} m; give a curve for the whole arm, or a position and an "
             "axis of one module as waypoints"
         )
-    _check_bends(name, curve, arm)
-
-
-def _check_bends(name: str, curve: Curve, arm: ArmSpec) -> None:
-    """Refuse a turn within some centimeters that is more than a whole module bends."""
+    # refuse a turn within some centimeters that is more than a whole module bends
     geometry = ArmGeometry.of(arm)
     step = geometry.lengths.min() / CENTER_LINE_POINTS
     below = np.concatenate([[[0.0, 0.0, -step]], curve])  # the base points along z

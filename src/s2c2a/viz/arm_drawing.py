@@ -70,7 +70,17 @@ def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
     heights = [HEADING, side_height, *[SECTION] * rows]
     figure = new_figure(11.0, sum(heights))
     grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
-    _write_heading(_bare_axes(figure, grid[0, :-1]), arm)
+    # write the arm's name, description and totals
+    axes = _bare_axes(figure, grid[0, :-1])
+    mass = sum(module.mass for module in arm.modules)
+    totals = (
+        f"{arm.layout}  ·  {arm.length:.4g} m  ·  "
+        f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
+    )
+    description = shorten(arm.description, 104, placeholder="…")
+    left: dict[str, Any] = {"ha": "left", "va": "top"}
+    _write(axes, (0, 1), arm.name, 15, fontweight="bold", **(left | {"color": INK}))
+    _write(axes, (0, 0.6), "\n".join(filter(None, [description, totals])), 9, **left)
     _draw_gravity(_bare_axes(figure, grid[0, -1]), Mounting.of(arm))
     _draw_side(_bare_axes(figure, grid[1, 0]), arm)
     _draw_table(_bare_axes(figure, grid[1, 1:]), arm, kinds, side_height)
@@ -99,19 +109,6 @@ def _write(axes: Axes, place, text: str, size: float, **style: Any) -> None:
     }
     x, y = place
     axes.text(x, y, text, parse_math=False, **{**centered, **style})
-
-
-def _write_heading(axes: Axes, arm: ArmSpec) -> None:
-    """Write the arm's name, description and totals."""
-    mass = sum(module.mass for module in arm.modules)
-    totals = (
-        f"{arm.layout}  ·  {arm.length:.4g} m  ·  "
-        f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
-    )
-    description = shorten(arm.description, 104, placeholder="…")
-    left: dict[str, Any] = {"ha": "left", "va": "top"}
-    _write(axes, (0, 1), arm.name, 15, fontweight="bold", **(left | {"color": INK}))
-    _write(axes, (0, 0.6), "\n".join(filter(None, [description, totals])), 9, **left)
 
 
 def _directions(mounting: Mounting) -> Float[np.ndarray, "2 3"]:

@@ -130,20 +130,16 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     for column, (view, title) in enumerate(titles.items()):
         nearest, backward = Mounting.of(arm).flat(view)
         axes = charts.view_axes(figure, grid[column], nearest, backward)
-        _draw_workspace(axes, shown, nearest)
+        # draw all module ends; inner modules lie in front, for their clouds are small
+        count = shown.shape[1]
+        for module, color in enumerate(module_colors(count)):
+            order = 2 + count - module
+            label = f"module {module + 1}"
+            style = {"color": color, "zorder": order, "label": label, **CLOUD}
+            axes.plot(*seen(shown[:, module], nearest), **style)
+        axes.plot(0, 0, zorder=3 + count, **CROSS)
         headline(axes, charts.title_of_view(title, nearest, backward))
     return save_figure(figure, path, markerscale=7)
-
-
-def _draw_workspace(axes: Axes, states: States, view: tuple[int, int]) -> None:
-    """Draw all module ends; inner modules lie in front, for their clouds are small."""
-    count = states.shape[1]
-    for module, color in enumerate(module_colors(count)):
-        order = 2 + count - module
-        label = f"module {module + 1}"
-        style = {"color": color, "zorder": order, "label": label, **CLOUD}
-        axes.plot(*seen(states[:, module], view), **style)
-    axes.plot(0, 0, zorder=3 + count, **CROSS)
 
 
 def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -> Path:

@@ -119,7 +119,17 @@ class ArmMesh:
             body = [(share, 0.0, radius) for share in np.linspace(0, 1, BODY_ROWS)]
             runs.append(_sections(module, lengths[module], body))
         for module, radius in enumerate(radii):
-            disc = _disc_profile(radius, closed=module == count - 1)
+            # sections of a disc at a module's end: share of length, offset [m], radius
+            # [m]
+            closed = module == count - 1
+            wide = DISC_RADIUS * radius
+            half = DISC_HALF_HEIGHT * radius
+            disc = [
+                (1.0, -half, radius),
+                (1.0, -half, wide),
+                (1.0, half, wide),
+                (1.0, half, 0.0 if closed else radius),
+            ]
             runs.append(_sections(module, lengths[module], disc))
         base = _base_profile(radii[0], arm.length)
         runs.append(_sections(0, lengths[0], base))
@@ -221,18 +231,6 @@ def _pieces(
     pieces.append(Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]))
     pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE, 0.0))
     return tuple(pieces)
-
-
-def _disc_profile(radius: float, closed: bool) -> list[tuple[float, float, float]]:
-    """Sections of a disc at a module's end: share of length, offset [m], radius [m]."""
-    wide = DISC_RADIUS * radius
-    half = DISC_HALF_HEIGHT * radius
-    return [
-        (1.0, -half, radius),
-        (1.0, -half, wide),
-        (1.0, half, wide),
-        (1.0, half, 0.0 if closed else radius),
-    ]
 
 
 def _base_profile(radius: float, length: float) -> list[tuple[float, float, float]]:

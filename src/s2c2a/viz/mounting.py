@@ -137,7 +137,10 @@ class Surroundings:
         """Surroundings scaled to an arm."""
         mounting = Mounting.of(arm)
         size = arm.length
-        spacing = _round_up(GROUND_RADIUS * size / CELLS)
+        # smallest 1, 2 or 5 times a power of ten that is at least a value
+        value = GROUND_RADIUS * size / CELLS
+        candidates = 10.0 ** np.floor(np.log10(value)) * np.array([1, 2, 5, 10])
+        spacing = float(candidates[candidates >= 0.999 * value][0])
         cells = int(np.ceil(GROUND_RADIUS * size / spacing))
         radius = spacing * cells
         level = -GROUND_DEPTH * size
@@ -160,12 +163,6 @@ class Surroundings:
             names=names,
             arrow=arrow,
         )
-
-
-def _round_up(value: float) -> float:
-    """Smallest 1, 2 or 5 times a power of ten that is at least a value."""
-    candidates = 10.0 ** np.floor(np.log10(value)) * np.array([1, 2, 5, 10])
-    return float(candidates[candidates >= 0.999 * value][0])
 
 
 def _grid_lines(

@@ -38,18 +38,14 @@ def draw_bands(
 ) -> None:
     """Shade the coordinates of the predicted end, and its error, over time."""
     for axis, axes in enumerate(coordinates):
-        _draw_coordinate_band(axes, trace, axis, color)
+        # shade one coordinate of the predicted end [m] over time; limits stay
+        path = trace.predicted_path[:, axis]
+        width = trace.band
+        limits = axes.get_ylim()
+        _fill(axes, trace.times, path - width, path + width, color)
+        axes.plot(trace.times, path, **_line(color))
+        axes.set_ylim(limits)
     _draw_error_band(error, trace, color)
-
-
-def _draw_coordinate_band(axes: Axes, trace: Trace, axis: int, color: str) -> None:
-    """Shade one coordinate of the predicted end [m] over time; limits stay."""
-    path = trace.predicted_path[:, axis]
-    width = trace.band
-    limits = axes.get_ylim()
-    _fill(axes, trace.times, path - width, path + width, color)
-    axes.plot(trace.times, path, **_line(color))
-    axes.set_ylim(limits)
 
 
 def _draw_error_band(axes: Axes, trace: Trace, color: str) -> None:

@@ -54,9 +54,26 @@ def reach_figure(
         nearest, backward = Mounting.of(arm).flat(view)
         axes = charts.view_axes(figure, grid[column], nearest, backward)
         _draw_regions(axes, states[:, module, POSITION], goals, module, arm, nearest)
-        _draw_obstacles(axes, goals, nearest)
+        spheres = goals.obstacles_in_use()[0]
+        charts.draw_obstacles(axes, spheres, nearest, label="obstacle", zorder=20)
         _draw_shape(axes, arm, reached, nearest)
-        _draw_targets(axes, arm, goals, reached, nearest)
+        # mark targets that are reached and those that are missed
+        targets = goals.desired_positions()
+        is_reached = reached.within(arm.length)
+        size = 9.0 if len(targets) == 1 else 4.0  # points
+        kinds = {
+            "target, reached": ("o", DESIRED, is_reached),
+            "target, missed": ("x", INK, ~is_reached),
+        }
+        for label, (marker, color, chosen) in kinds.items():
+            if chosen.any():
+                points = charts.seen(targets[chosen].reshape(-1, 3), nearest)
+                look: dict[str, Any] = {
+                    "color": color,
+                    "markersize": size,
+                    "zorder": 60,
+                }
+                axes.plot(*points, marker, label=label, **look)
         charts.headline(axes, charts.title_of_view(title, nearest, backward))
     return charts.save_figure(figure, path)
 
@@ -68,7 +85,15 @@ def _draw_regions(
     is_tip = module == arm.module_count - 1
     end = "tip" if is_tip else f"end of module {module + 1}"
     label = f"{end} at rest"
-    ends = _turned(ends)
+    # points with their copies, turned about the base's z axis
+    x, y, z = ends.T
+    cosines, sines = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
+    turned = [
+        cosines * x - sines * y,
+        sines * x + cosines * y,
+        np.tile(z, (*TURNS.shape, 1)),
+    ]
+    ends = np.stack(turned, axis=-1).reshape(-1, 3)
     _draw_region(axes, ends[:, view], arm.length, pale(REAL, 0.86), label)
     if len(goals.positions) > 1:
         return
@@ -77,18 +102,6 @@ def _draw_regions(
     beside = ends[distances < GAP * arm.length]
     label = f"within {100 * GAP * arm.length:.1f} cm of the target's plane"
     _draw_region(axes, beside[:, view], arm.length, pale(REAL, 0.62), label)
-
-
-def _turned(points: Points) -> Points:
-    """Points with their copies, turned about the base's z axis."""
-    x, y, z = points.T
-    cosines, sines = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
-    turned = [
-        cosines * x - sines * y,
-        sines * x + cosines * y,
-        np.tile(z, (*TURNS.shape, 1)),
-    ]
-    return np.stack(turned, axis=-1).reshape(-1, 3)
 
 
 def _draw_region(
@@ -113,11 +126,6 @@ def _draw_region(
     axes.contourf(x, y, area.T, [0.5, 1.5], colors=[color])
 
 
-def _draw_obstacles(axes: Axes, goals: Goal, view: View) -> None:
-    spheres = goals.obstacles_in_use()[0]
-    charts.draw_obstacles(axes, spheres, view, label="obstacle", zorder=20)
-
-
 def _draw_shape(axes: Axes, arm: ArmSpec, reached: Reached, view: View) -> None:
     """Draw the arm at the target that is missed by most, one color for each module."""
     states = np.asarray(reached.states[reached.position_errors.argmax()], float)
@@ -133,21 +141,3 @@ def _draw_shape(axes: Axes, arm: ArmSpec, reached: Reached, view: View) -> None:
     axes.plot(*charts.seen(ends, view), "o", markersize=3.5, color="white", zorder=41)
     axes.plot([], [], color=INK, linewidth=3.0, label="nearest shape")
     axes.plot(0.0, 0.0, "s", markersize=8, color=MUTED, label="base", zorder=42)
-
-
-def _draw_targets(
-    axes: Axes, arm: ArmSpec, goals: Goal, reached: Reached, view: View
-) -> None:
-    """Mark targets that are reached and those that are missed."""
-    targets = goals.desired_positions()
-    is_reached = reached.within(arm.length)
-    size = 9.0 if len(targets) == 1 else 4.0  # points
-    kinds = {
-        "target, reached": ("o", DESIRED, is_reached),
-        "target, missed": ("x", INK, ~is_reached),
-    }
-    for label, (marker, color, chosen) in kinds.items():
-        if chosen.any():
-            points = charts.seen(targets[chosen].reshape(-1, 3), view)
-            look: dict[str, Any] = {"color": color, "markersize": size, "zorder": 60}
-            axes.plot(*points, marker, label=label, **look)

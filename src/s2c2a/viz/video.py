@@ -21,7 +21,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import is_sphere
-from s2c2a.viz.arrays import Obstacles, Points
+from s2c2a.viz.arrays import Points
 from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces, unit
 from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
@@ -117,7 +117,13 @@ class VideoStage:
         x, y, z = self._center[:, None] + (-half, half)
         axes.set(xlim=x, ylim=y, zlim=z)
         self._draw_ground()
-        self._draw_walls(trace.standing(step))
+        # draw obstacles other than balls as translucent faces behind the arm
+        obstacles = trace.standing(step)
+        for row in itertools.filterfalse(is_sphere, obstacles):
+            corners, triangles = hull(surface(row, self._length))
+            faces = self._world(corners)[triangles]
+            veil = Poly3DCollection(faces, facecolors=OBSTACLE + "38", zorder=BEHIND)
+            self._axes.add_collection3d(veil)
         self._draw_solids(trace, step)
         self._draw_line(trace.horizon[step], MUTED, zorder=FRONT)
         position = trace.desired_path[step]
@@ -144,14 +150,6 @@ class VideoStage:
             self._draw_line(arrow[1:], INK, marker="o")
             gap = 0.06 * self._length * self._surroundings.mounting.gravity
             self._write(arrow[0] - gap, "gravity")
-
-    def _draw_walls(self, obstacles: Obstacles) -> None:
-        """Draw obstacles other than balls as translucent faces behind the arm."""
-        for row in itertools.filterfalse(is_sphere, obstacles):
-            corners, triangles = hull(surface(row, self._length))
-            faces = self._world(corners)[triangles]
-            veil = Poly3DCollection(faces, facecolors=OBSTACLE + "38", zorder=BEHIND)
-            self._axes.add_collection3d(veil)
 
     def _draw_solids(self, trace: Trace, step: int) -> None:
         """Draw the faces of arm, obstacles and paths, the farthest first."""

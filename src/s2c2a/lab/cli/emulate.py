@@ -73,8 +73,6 @@ def servos(
     """Emulate the servos of an arm on a pseudo-terminal, with its physics behind.
 
     Args:
-        arm: a preset or an arm file; without [servos], ids count from 1.
-        fidelity: of the simulation.
         seed: random seed of slack, positions, noise and faults.
         payload: mass at the tip [kg].
         homed: start without slack in the cables.
@@ -156,7 +154,6 @@ def lab(
     all other commands work as with a real arm: `s2c2a motors home --arm lab/arm.toml`.
 
     Args:
-        arm: a preset or an arm file; without [servos], ids count from 1.
         folder: for the arm file, the port and a status file.
         payload: mass at the tip [kg].
         homed: start without slack in the cables.
@@ -166,7 +163,6 @@ def lab(
         mocap_noise: standard deviation of positions [m].
         mocap_rate: frames a second [Hz].
         mocap_port: UDP port of the frames; requests go to the port below it.
-        fidelity: of the simulation.
         seed: random seed of slack, positions, noise and faults.
         duration: time after which the emulator ends [s].
     """
@@ -233,7 +229,6 @@ def mocap(
     """Emulate motion capture that tracks the base and the module ends of an arm.
 
     Args:
-        arm: a preset or an arm file.
         protocol: natnet for OptiTrack Motive, qualisys for Qualisys Track Manager, udp
             for JSON datagrams.
         version: of the protocol: NatNet 3.1, 4.0, 4.1 (default) or 4.2; newest of QTM:
@@ -248,7 +243,6 @@ def mocap(
         noise: standard deviation of positions [m].
         latency: from exposure to transmission [s].
         motion: none, or babble for a slow random motion of the arm.
-        fidelity: of the simulation.
         seed: random seed of motion, noise and faults.
         payload: mass at the tip [kg].
         host: address on which it listens.

@@ -26,17 +26,18 @@ command = app, "Bring up the servos of a real arm."
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
 Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
 Distance = tyro.conf.Positional[Annotated[float, tyro.conf.arg(metavar="MM")]]
-PortName = Annotated[str, tyro.conf.arg(metavar="PORT")]
+PortName = Annotated[
+    str,
+    tyro.conf.arg(metavar="PORT", help="serial port; by default that of the arm file."),
+]
 MAX_LATENCY = 0.0025  # s; of the timer of a serial adapter
 
 
 @app.command
 def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) -> None:
-    """List serial ports, or the servos on one.
+    """List the servos on a port, or the serial ports where none is known.
 
     Args:
-        arm: a preset or an arm file; it names protocol, model and baud rate.
-        port: serial port; without it, the arm file's, else the ports are listed.
         all_rates: search at every baud rate of the protocol.
     """
     spec = load_arm(arm)
@@ -44,7 +45,24 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
     if not any(table.port for table, _ in lines):
         return _list_ports()
     for table, ids in lines:
-        _scan_line(spec, table, ids, all_rates)
+        # list the servos of one port
+        with _opened(table, table.port) as bus:
+            rates = bus.baud_rates if all_rates else (table.baud_rate,)
+            rows = []
+            for rate in rates:
+                bus.set_baud_rate(rate)
+                rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
+            bus.set_baud_rate(table.baud_rate)
+            fault = _presence_fault(bus, spec, ids)
+        if fault and not rows:
+            raise S2C2AError(
+                f"{table.port}: {fault}" if servos_of(spec).groups else fault
+            )
+        title = f"Servos on {table.port}" if servos_of(spec).groups else "Servos"
+        print_table(title, ("id", "model", "firmware", "bit/s", "cable"), rows)
+        _print_slow_adapter(table.port)
+        if fault:
+            print(f"at {table.baud_rate} bit/s, {fault}")
 
 
 def _lines_of(spec: ArmSpec, port: str) -> list[tuple[Servos, list[int]]]:
@@ -59,25 +77,6 @@ def _lines_of(spec: ArmSpec, port: str) -> list[tuple[Servos, list[int]]]:
         table, ids = lines.get(servos.port, next(iter(lines.values())))
         return [(table.model_copy(update={"port": port}), ids)]
     return list(lines.values())
-
-
-def _scan_line(spec: ArmSpec, table: Servos, ids: list[int], all_rates: bool) -> None:
-    """List the servos of one port."""
-    with _opened(table, table.port) as bus:
-        rates = bus.baud_rates if all_rates else (table.baud_rate,)
-        rows = []
-        for rate in rates:
-            bus.set_baud_rate(rate)
-            rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
-        bus.set_baud_rate(table.baud_rate)
-        fault = _presence_fault(bus, spec, ids)
-    if fault and not rows:
-        raise S2C2AError(f"{table.port}: {fault}" if servos_of(spec).groups else fault)
-    title = f"Servos on {table.port}" if servos_of(spec).groups else "Servos"
-    print_table(title, ("id", "model", "firmware", "bit/s", "cable"), rows)
-    _print_slow_adapter(table.port)
-    if fault:
-        print(f"at {table.baud_rate} bit/s, {fault}")
 
 
 def _presence_fault(bus: "ServoBus", spec: ArmSpec, ids: list[int]) -> str:
@@ -129,8 +128,6 @@ def setup(
 
     Args:
         new_id: id that the servo gets.
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
         yes: do not ask.
     """
     spec = load_arm(arm)
@@ -181,8 +178,6 @@ def jog(
     Args:
         id: its servo.
         mm: distance [mm]; positive pays the cable out, negative winds it in.
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
         yes: do not ask before the motion.
     """
     if not abs(mm) <= 50:
@@ -208,8 +203,6 @@ def home(
     (`servos.home_current`), module by module.
 
     Args:
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
         out: calibration file; by default NAME.calibration.json in the current folder.
         repeat: homings of every module, of which the mean counts.
         resume: continue an interrupted homing.
@@ -253,8 +246,6 @@ def check(
     """Move every cable of a homed arm a little, and compare.
 
     Args:
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
         calibration: file of `motors home`; by default NAME.calibration.json.
         yes: do not ask before the motion.
     """
@@ -282,8 +273,6 @@ def reboot(ids: Ids, arm: Arm = "twin_arm", port: PortName = "") -> None:
 
     Args:
         ids: of the servos.
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
     """
     spec = load_arm(arm)
     with _bus(spec, port) as bus:
@@ -295,12 +284,7 @@ def reboot(ids: Ids, arm: Arm = "twin_arm", port: PortName = "") -> None:
 
 @app.command
 def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
-    """Switch the torque of all servos off; a bent arm falls back.
-
-    Args:
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
-    """
+    """Switch the torque of all servos off; a bent arm falls back."""
     spec = load_arm(arm)
     ids = _ids_of(spec)
     with _bus(spec, port) as bus, _named_absence(bus, spec, ids):
@@ -322,8 +306,6 @@ def timing(
     The torque is off: nothing moves, and a bent arm falls back.
 
     Args:
-        arm: a preset or an arm file.
-        port: serial port; by default that of the arm file.
         rate: cycles a second [Hz].
         cycles: number of cycles.
         fast_read: let all servos answer in one packet.

@@ -16,7 +16,7 @@ from s2c2a.lab.cli.tracking_calibration import frames, latency
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.tag_accuracy import TagAccuracy
-    from s2c2a.lab.tracking.tags import Board, CameraModel, TagDropReason, TagLayout
+    from s2c2a.lab.tracking.tags import Board, TagDropReason, TagLayout
 
 app = SubcommandApp()
 command = app, "Calibrate a pose tracker; print tags for a webcam."
@@ -43,7 +43,6 @@ def print_tags(
     measure the ruler.
 
     Args:
-        arm: a preset or an arm file.
         out: PDF or PNG (600 dpi) to write.
         layout: file of the tags' places to write, for the tracker.
         size: side of the black squares [mm].
@@ -183,7 +182,6 @@ def accuracy(
     """Measure how accurate a camera and tags are, on painted pictures of the arm.
 
     Args:
-        arm: a preset or an arm file.
         camera: camera file; by default 1280 x 720 pixels and 60 degrees.
         layout: layout file; by default 40 mm tags on collars around all bodies.
         distances: of the tip from the camera [m].
@@ -198,7 +196,11 @@ def accuracy(
 
     _check_study(distances, pictures, noise, blur)
     spec = load_arm(arm)
-    model = _camera_or_default(camera)
+    from s2c2a.lab.tracking.tags import CameraModel, load_camera
+
+    model = (
+        CameraModel.of_field(1280, 720, 60.0) if camera is None else load_camera(camera)
+    )
     tags = _layout_or_default(layout, spec)
     with progress_bar() as progress:
         results = measure_accuracy(
@@ -249,12 +251,6 @@ def _check_study(
             f"noise {noise:g} and blur {blur:g}; give a noise of 0 to 100 gray values "
             "and a blur of 0 to 20 pixels"
         )
-
-
-def _camera_or_default(path: Path | None) -> "CameraModel":
-    from s2c2a.lab.tracking.tags import CameraModel, load_camera
-
-    return CameraModel.of_field(1280, 720, 60.0) if path is None else load_camera(path)
 
 
 def _layout_or_default(path: Path | None, arm: ArmSpec) -> "TagLayout":

@@ -21,7 +21,6 @@ from s2c2a.robots.factory import NO_TRACKING
 
 if TYPE_CHECKING:
     from s2c2a.lab.tracking.calibration_motions import CalibrationFile
-    from s2c2a.lab.tracking.frames import Frames
 
 
 def latency(
@@ -35,11 +34,6 @@ def latency(
     """Find the latency of a tracker relative to the servos; the base module bends.
 
     Args:
-        arm: a preset or an arm file.
-        robot: servos (dynamixel, feetech), or your own class.
-        robot_option: further arguments of that class.
-        tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
-            (docs/guides/tracking.md); by default that of the arm file.
         duration: of the motion [s].
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
@@ -69,11 +63,6 @@ def frames(
     """Find the frames of an arm in the tracked bodies; every module bends.
 
     Args:
-        arm: a preset or an arm file.
-        robot: servos (dynamixel, feetech), or your own class.
-        robot_option: further arguments of that class.
-        tracking: source of the poses, such as udp:9763 or natnet:192.168.1.10
-            (docs/guides/tracking.md); by default that of the arm file.
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
     """
@@ -83,7 +72,14 @@ def frames(
     file = _calibration_file(spec, out)
     found = _measure(measure_frames, spec, tracking, robot, robot_option)
     path = file.store_frames(found)
-    _print_residuals(found)
+    rotations = np.rad2deg(found.rotation_residuals)
+    rows = [
+        (f"module {number}", f"{1000 * position:.2f}", f"{rotation:.2f}")
+        for number, (position, rotation) in enumerate(
+            zip(found.position_residuals, rotations, strict=True), 1
+        )
+    ]
+    print_table("Residuals", ("end of", "position [mm]", "rotation [deg]"), rows)
     print(f"frames: {path}")
 
 
@@ -131,14 +127,3 @@ def _source_of(spec: ArmSpec, given: str) -> str:
             "[tracking] to the arm file (docs/guides/tracking.md)"
         )
     return spec.tracking.source
-
-
-def _print_residuals(found: "Frames") -> None:
-    rotations = np.rad2deg(found.rotation_residuals)
-    rows = [
-        (f"module {number}", f"{1000 * position:.2f}", f"{rotation:.2f}")
-        for number, (position, rotation) in enumerate(
-            zip(found.position_residuals, rotations, strict=True), 1
-        )
-    ]
-    print_table("Residuals", ("end of", "position [mm]", "rotation [deg]"), rows)

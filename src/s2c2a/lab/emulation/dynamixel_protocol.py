@@ -137,35 +137,29 @@ class DynamixelProtocol(ServoProtocol):
         for servo in servos:
             servo.hear(now)
         if packet.instruction == FAST_SYNC_READ:
-            return self._read_fast(packet.parameters, servos)
+            # answer a fast read: one packet to which all servos contribute
+            parameters = packet.parameters
+            _, size = self._span(parameters)
+            length = 1 + (size + 4) * len(parameters[2 * self.word :])
+            if length > _MAX_LENGTH:
+                return []
+            part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
+            part += bytes((STATUS,))
+            answers: list[Reply] = []
+            crc = 0
+            for servo, error, data in self._read_in_turn(parameters, servos):
+                part += bytes((error | _alert(servo), servo.id)) + data
+                crc = crc16(part, crc)
+                ending = crc.to_bytes(2, "little")
+                crc = crc16(ending, crc)
+                delay = 0.0 if answers else servo.return_delay
+                answers.append(Reply(servo.id, part + ending, delay))
+                part = b""
+            return answers
         return super().answer(packet, servos, now)
 
     def _identity(self, servo: Servo) -> bytes:
         return servo.read(0, 2) + servo.read(6, 1)
-
-    def _read_fast(self, parameters: bytes, servos: Sequence[Servo]) -> list[Reply]:
-        """Answer a fast read: one packet to which all servos contribute.
-
-        Its length is sent before the data of the later servos are known, so its data
-        are not stuffed. Every servo ends its part with the CRC of all bytes so far.
-        """
-        _, size = self._span(parameters)
-        length = 1 + (size + 4) * len(parameters[2 * self.word :])
-        if length > _MAX_LENGTH:
-            return []
-        part = HEADER + bytes((BROADCAST,)) + length.to_bytes(2, "little")
-        part += bytes((STATUS,))
-        answers: list[Reply] = []
-        crc = 0
-        for servo, error, data in self._read_in_turn(parameters, servos):
-            part += bytes((error | _alert(servo), servo.id)) + data
-            crc = crc16(part, crc)
-            ending = crc.to_bytes(2, "little")
-            crc = crc16(ending, crc)
-            delay = 0.0 if answers else servo.return_delay
-            answers.append(Reply(servo.id, part + ending, delay))
-            part = b""
-        return answers
 
 
 def _alert(servo: Servo) -> int:

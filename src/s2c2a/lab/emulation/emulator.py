@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.servos import Servos, servos_of
+from s2c2a.arm.servos import servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.lab.emulation.fault_texts import Fault
@@ -90,15 +90,6 @@ class EmulatorOptions:
             )
 
 
-def _check_registers(servos: Servos) -> None:
-    own = servos.own_model
-    if own is not None and own.registers.model_dump(exclude_none=True):
-        raise S2C2AError(
-            "emulated servos have the addresses of the X series; leave out "
-            "servos.own_model.registers in the arm file of the emulator"
-        )
-
-
 class Emulator(RealTimeArm):
     """Servos of an arm on a pseudo-terminal, in real time.
 
@@ -122,7 +113,12 @@ class Emulator(RealTimeArm):
         self.options = options
         self.table = servos_of(arm)
         for part, _ in self.table.parts():
-            _check_registers(part)
+            own = part.own_model
+            if own is not None and own.registers.model_dump(exclude_none=True):
+                raise S2C2AError(
+                    "emulated servos have the addresses of the X series; leave out "
+                    "servos.own_model.registers in the arm file of the emulator"
+                )
             self._protocol = protocol_of(part)
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(
@@ -186,7 +182,25 @@ class Emulator(RealTimeArm):
         """
         for line in self.lines:
             line.plug()
-        self._open_outputs()
+        options = self.options
+        names = list(self.plant.poses())
+        if options.status_file is not None:
+            self._outputs.append(StatusFile(options.status_file))
+        if options.record is not None:
+            modules = self.plant.arm.module_count
+            record = PositionRecord(options.record, modules, options.pose_rate)
+            self._outputs.append(record)
+        if options.poses_to:
+            receiver = parse_address(options.poses_to)
+            stream = DatagramOptions(rate=options.pose_rate, receiver=receiver)
+            self._servers.append(PoseDatagrams(names, stream))
+        if options.mocap is not None:
+            # physics reads the motors' positions earlier than their encoders do, so
+            # that the arm leads; frames wait for the encoders
+            latency = options.mocap.latency + self.plant.lead
+            motive = Motive(names, replace(options.mocap, latency=latency))
+            motive.open()
+            self._servers.append(motive)
         try:
             links = [str(line.link) for line in self.lines]
             if self.options.port_file is not None:
@@ -224,16 +238,13 @@ class Emulator(RealTimeArm):
         """Do what is due at `now`: faults, bytes in, bytes out, a chunk of physics."""
         self._schedule.apply_until(self)
         for number, line in enumerate(self.lines):
-            self._serve_line(number, line)
+            if self.now >= self._plug_times[number]:
+                self._plug_times[number] = float("inf")
+                line.plug()
+            if line.is_plugged:
+                self._receive(number, line)
+                line.transmit(self.now)
         self._advance()
-
-    def _serve_line(self, number: int, line: Line) -> None:
-        if self.now >= self._plug_times[number]:
-            self._plug_times[number] = float("inf")
-            line.plug()
-        if line.is_plugged:
-            self._receive(number, line)
-            line.transmit(self.now)
 
     def _receive(self, number: int, line: Line) -> None:
         data = line.receive()
@@ -270,36 +281,12 @@ class Emulator(RealTimeArm):
         for winch in self.winches:
             state = winch.measure(self.plant, self.voltage, self._noise)
             winch.servo.update(state, self.plant.chunk, self.now)
-        self._note_extremes()
-
-    def _note_extremes(self) -> None:
         targets = self.plant.targets
         goals = np.abs(targets.goal)
         largest = float(np.max(goals, where=targets.torque, initial=0.0))
         self.largest_command = max(self.largest_command, largest)
         current = max(abs(servo.state.current) for servo in self.servos)
         self.largest_current = max(self.largest_current, current)
-
-    def _open_outputs(self) -> None:
-        options = self.options
-        names = list(self.plant.poses())
-        if options.status_file is not None:
-            self._outputs.append(StatusFile(options.status_file))
-        if options.record is not None:
-            modules = self.plant.arm.module_count
-            record = PositionRecord(options.record, modules, options.pose_rate)
-            self._outputs.append(record)
-        if options.poses_to:
-            receiver = parse_address(options.poses_to)
-            stream = DatagramOptions(rate=options.pose_rate, receiver=receiver)
-            self._servers.append(PoseDatagrams(names, stream))
-        if options.mocap is not None:
-            # physics reads the motors' positions earlier than their encoders do, so
-            # that the arm leads; frames wait for the encoders
-            latency = options.mocap.latency + self.plant.lead
-            motive = Motive(names, replace(options.mocap, latency=latency))
-            motive.open()
-            self._servers.append(motive)
 
     def _parse_faults(self) -> list[Fault]:
         faults = GRAMMAR.parse(self.options.faults, self._ids)

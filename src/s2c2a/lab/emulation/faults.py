@@ -97,35 +97,31 @@ def apply_fault(fault: Fault, emulator: "Emulator") -> None:
     elif fault.kind == "unplug":
         emulator.unplug(fault.values[0], *map(int, fault.targets))
     else:
-        _apply_to_servo(fault, emulator)
-
-
-def _apply_to_servo(fault: Fault, emulator: "Emulator") -> None:
-    winch = next(
-        one for one in emulator.winches if one.original_id == int(fault.targets[0])
-    )
-    servo = winch.servo
-    match fault.kind:
-        case "stuffed":
-            servo.shift_position(STUFFED_POSITION)
-        case "gone":
-            seconds = fault.values[0] if fault.values else float("inf")
-            servo.gone_until = emulator.now + seconds
-        case "reboot":
-            servo.restart(emulator.now)
-        case "hot":
-            servo.overheats = True
-        case "overload":
-            servo.raise_error("overload")
-        case "stalled":
-            emulator.plant.stalled[winch.cable] = True
-        case "snapped":
-            emulator.plant.snapped[winch.cable] = True
-        case "model":
-            servo["model_number"] = int(fault.values[0])
-        case "twin":
-            is_doubled = any(fault.values)
-            emulator.disturbances.twins[servo.id] = is_doubled
+        winch = next(
+            one for one in emulator.winches if one.original_id == int(fault.targets[0])
+        )
+        servo = winch.servo
+        match fault.kind:
+            case "stuffed":
+                servo.shift_position(STUFFED_POSITION)
+            case "gone":
+                seconds = fault.values[0] if fault.values else float("inf")
+                servo.gone_until = emulator.now + seconds
+            case "reboot":
+                servo.restart(emulator.now)
+            case "hot":
+                servo.overheats = True
+            case "overload":
+                servo.raise_error("overload")
+            case "stalled":
+                emulator.plant.stalled[winch.cable] = True
+            case "snapped":
+                emulator.plant.snapped[winch.cable] = True
+            case "model":
+                servo["model_number"] = int(fault.values[0])
+            case "twin":
+                is_doubled = any(fault.values)
+                emulator.disturbances.twins[servo.id] = is_doubled
 
 
 class LineFaults(FaultShares):

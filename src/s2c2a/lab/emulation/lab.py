@@ -57,7 +57,11 @@ def open_lab(
             folder has an arm file that `open_lab` did not write.
     """
     path = folder / ARM_FILE
-    _check_replaceable(path)
+    if path.exists() and not path.read_text("utf-8", "replace").startswith(HEADING):
+        raise S2C2AError(
+            f"{path} is not an arm file of an emulated laboratory; choose another "
+            "--folder"
+        )
     _check_is_status(folder / STATUS_FILE)
     _check_unused(folder / PORT)
     link = folder.absolute() / PORT
@@ -76,14 +80,6 @@ def open_lab(
         arm=path,
     )
     return Laboratory(emulator, welcome)
-
-
-def _check_replaceable(path: Path) -> None:
-    if path.exists() and not path.read_text("utf-8", "replace").startswith(HEADING):
-        raise S2C2AError(
-            f"{path} is not an arm file of an emulated laboratory; choose another "
-            "--folder"
-        )
 
 
 def _check_is_status(path: Path) -> None:

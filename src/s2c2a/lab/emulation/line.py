@@ -102,7 +102,9 @@ class Line:
         try:
             code = termios.tcgetattr(self.file)[5]
             if code == _OTHER_SPEED:
-                return _other_speed(self.file)
+                # speed of a terminal that has no constant [bit/s]; Linux only
+                data = ioctl(self.file, _GET_TERMIOS2, bytes(_TERMIOS2_SIZE))
+                return struct.unpack_from("=I", data, _TERMIOS2_SIZE - 4)[0]
             speed = _BAUD_RATES.get(code, 0)
         except (termios.error, OSError):
             return None
@@ -152,9 +154,3 @@ class Line:
     def _duration(self, size: int) -> float:
         baud_rate = self.user_baud_rate() or self.default_baud_rate
         return size * BITS_PER_BYTE / baud_rate
-
-
-def _other_speed(file: int) -> int:
-    """Speed of a terminal that has no constant [bit/s]; Linux only."""
-    data = ioctl(file, _GET_TERMIOS2, bytes(_TERMIOS2_SIZE))
-    return struct.unpack_from("=I", data, _TERMIOS2_SIZE - 4)[0]

@@ -201,7 +201,9 @@ class MocapServer(ABC, Generic[OptionsType]):
             period = 1 / self.options.rate
             self._next_frame = max(self._next_frame + period, now)
             self._publish(now, poses())
-        self._send_queued(now)
+        while self._queue and self._queue[0][0] <= now:
+            _, _, content = heapq.heappop(self._queue)
+            self._send_frame(content, now)
 
     def _apply(self, fault: Fault, now: float) -> None:
         if fault.kind in SHARE_KINDS:
@@ -253,8 +255,3 @@ class MocapServer(ABC, Generic[OptionsType]):
     def _push(self, due: float, content: bytes) -> None:
         heapq.heappush(self._queue, (due, self._queued, content))
         self._queued += 1
-
-    def _send_queued(self, now: float) -> None:
-        while self._queue and self._queue[0][0] <= now:
-            _, _, content = heapq.heappop(self._queue)
-            self._send_frame(content, now)

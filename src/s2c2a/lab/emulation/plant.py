@@ -166,7 +166,12 @@ class Plant:
             SimulationError: the simulation diverged.
         """
         before = self.positions
-        self.positions = self._move_motors()
+        # return the positions of the motors after a chunk
+        pulls = self.pulls()
+        moved = np.where(
+            self.targets.torque, self._drive(pulls), self._back_drive(pulls)
+        )
+        self.positions = np.where(self.stalled, self.positions, moved)
         self.velocities = (self.positions - before) / self.chunk
         self._advance_physics()
         self.time += self.chunk
@@ -187,14 +192,6 @@ class Plant:
         force = force + model.actuator_biasprm[:, 0]
         force = force + model.actuator_biasprm[:, 1] * data.actuator_length
         return np.where(self.snapped, -np.inf, -force)
-
-    def _move_motors(self) -> Cables:
-        """Return the positions of the motors after a chunk."""
-        pulls = self.pulls()
-        moved = np.where(
-            self.targets.torque, self._drive(pulls), self._back_drive(pulls)
-        )
-        return np.where(self.stalled, self.positions, moved)
 
     def _drive(self, pulls: Cables) -> Cables:
         """Move powered motors; winding stops at the tension limit, and yields above it.

@@ -133,7 +133,15 @@ class Qtm(MocapServer[QtmOptions]):
         """Return the answer to a command; empty: none."""
         name, *arguments = command.lower().split() or [""]
         if name == "version":
-            return self._set_version(client, arguments)
+            if not arguments:
+                return protocol.pack_text(COMMAND, f"Version is {client.version}")
+            wanted = arguments[0]
+            is_valid = re.fullmatch(r"\d+\.\d+", wanted) is not None
+            newest = _numbers(self.options.version)
+            if not (is_valid and _OLDEST <= _numbers(wanted) <= newest):
+                return protocol.pack_text(ERROR, "Version NOT supported")
+            client.version = wanted
+            return protocol.pack_text(COMMAND, f"Version set to {wanted}")
         if name == "qtmversion":
             return protocol.pack_text(COMMAND, "QTM Version is 2024.1 (emulated)")
         if name == "byteorder":
@@ -141,35 +149,21 @@ class Qtm(MocapServer[QtmOptions]):
         if name == "getparameters":
             return self._parameters(client)
         if name == "streamframes":
-            return self._stream_frames(client, arguments)
+            if arguments == ["stop"]:
+                client.is_streaming = False
+                return b""
+            # Euler angles and other components are not emulated
+            if len(arguments) != 2 or arguments[1] != "6d":
+                return protocol.pack_text(ERROR, "Parse error")
+            client.is_streaming = True
+            is_measuring = self.options.is_measuring
+            return b"" if is_measuring else protocol.pack(protocol.NO_MORE_DATA)
         return protocol.pack_text(ERROR, "Parse error")
-
-    def _set_version(self, client: _Client, arguments: list[str]) -> bytes:
-        if not arguments:
-            return protocol.pack_text(COMMAND, f"Version is {client.version}")
-        wanted = arguments[0]
-        is_valid = re.fullmatch(r"\d+\.\d+", wanted) is not None
-        newest = _numbers(self.options.version)
-        if not (is_valid and _OLDEST <= _numbers(wanted) <= newest):
-            return protocol.pack_text(ERROR, "Version NOT supported")
-        client.version = wanted
-        return protocol.pack_text(COMMAND, f"Version set to {wanted}")
 
     def _parameters(self, client: _Client) -> bytes:
         if not self._names:
             return protocol.pack_text(ERROR, "Parameters not available")
         return protocol.encode_parameters(client.version, self._names, self.options.up)
-
-    def _stream_frames(self, client: _Client, arguments: list[str]) -> bytes:
-        if arguments == ["stop"]:
-            client.is_streaming = False
-            return b""
-        # Euler angles and other components are not emulated
-        if len(arguments) != 2 or arguments[1] != "6d":
-            return protocol.pack_text(ERROR, "Parse error")
-        client.is_streaming = True
-        is_measuring = self.options.is_measuring
-        return b"" if is_measuring else protocol.pack(protocol.NO_MORE_DATA)
 
     def _encode(
         self, number: int, time: float, bodies: Mapping[str, StreamedBody]

@@ -236,14 +236,6 @@ class Servo(ABC):
     def _changed(self, register: EmulatedRegister) -> None:
         """React to a register that an instruction changed."""
 
-    def _check_health(self) -> None:
-        """Raise the hardware errors that the measurements show."""
-        if self.temperature > self["temperature_limit"]:
-            self.raise_error("overheating")
-        volts = round(self.state.voltage / VOLTAGE_UNIT)
-        if not self["min_voltage"] <= volts <= self["max_voltage"]:
-            self.raise_error("voltage")
-
     def is_present(self, now: float) -> bool:
         """Return whether the servo listens: it is powered and does not restart."""
         return now >= max(self.silent_until, self.gone_until)
@@ -290,12 +282,24 @@ class Servo(ABC):
             now: time [s].
         """
         self.state = state
-        self._heat(seconds)
+        # advance the thermal model: first order, heated by the square of current
+        final = AMBIENT + _HEATING * self.state.current**2
+        time = _THERMAL_TIME
+        if self.overheats:
+            final = _FAULT_AMBIENT
+            time = _FAULT_THERMAL_TIME
+        share = min(1.0, seconds / time)
+        self.temperature += share * (final - self.temperature)
         overloaded = abs(state.current) >= self.overload_current
         self._overloaded_for = self._overloaded_for + seconds if overloaded else 0.0
         if self._overloaded_for > self.overload_time and self.torque:
             self.raise_error("overload")
-        self._check_health()
+        # raise the hardware errors that the measurements show
+        if self.temperature > self["temperature_limit"]:
+            self.raise_error("overheating")
+        volts = round(self.state.voltage / VOLTAGE_UNIT)
+        if not self["min_voltage"] <= volts <= self["max_voltage"]:
+            self.raise_error("voltage")
 
     def restart(self, now: float) -> None:
         """Begin a restart: the servo is silent, and then as after power-up."""
@@ -318,16 +322,6 @@ class Servo(ABC):
         self.silent_until = silent_until
         self._overloaded_for = 0.0
         self.forget_turns()
-
-    def _heat(self, seconds: float) -> None:
-        """Advance the thermal model: first order, heated by the square of current."""
-        final = AMBIENT + _HEATING * self.state.current**2
-        time = _THERMAL_TIME
-        if self.overheats:
-            final = _FAULT_AMBIENT
-            time = _FAULT_THERMAL_TIME
-        share = min(1.0, seconds / time)
-        self.temperature += share * (final - self.temperature)
 
     def _split(self, address: int, data: bytes) -> list[tuple[EmulatedRegister, int]]:
         """Return the registers that data cover, with their values."""

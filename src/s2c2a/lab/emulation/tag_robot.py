@@ -67,7 +67,12 @@ class TagCameraRobot(SimulatedRobot):
         self._camera = CameraModel.of_field(WIDTH, HEIGHT, FIELD)
         self._layout = TagLayout.collars(arm.module_count)
         self._tags = TagCamera(self._camera, self._layout, arm)
-        self._view = _portrait_view(arm, distance, np.deg2rad(azimuth_deg))
+        # `T_world_camera` of an upright camera that is turned to portrait
+        azimuth = np.deg2rad(azimuth_deg)
+        target = np.array([0.0, 0.0, HEIGHT_SHARE * arm.length])
+        direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        self._view = look_at(target + distance * direction, target, right)
         self._start_pictures()
 
     def open(self) -> Reading:
@@ -125,11 +130,3 @@ class TagCameraRobot(SimulatedRobot):
             age = np.asarray(now - exposure)
             values = {"camera_positions": positions, "camera_age": age}
         return values
-
-
-def _portrait_view(arm: ArmSpec, distance: float, azimuth: float) -> Pose:
-    """`T_world_camera` of an upright camera that is turned to portrait."""
-    target = np.array([0.0, 0.0, HEIGHT_SHARE * arm.length])
-    direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    return look_at(target + distance * direction, target, right)

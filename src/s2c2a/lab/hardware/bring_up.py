@@ -235,7 +235,10 @@ class BringUp:
             for number in range(repeat):
                 winches = self._winches_at(ids)
                 self._take_up(ids, winches)
-                taut = self._mean_positions(ids)
+                # mean of several readings of the positions [ticks], to average their
+                # noise
+                readings = [self._positions(ids) for _ in range(AVERAGED_READINGS)]
+                taut = np.round(np.mean(readings, axis=0)).astype(int)
                 at_home = Winches.of(self._arm, taut).positions(stretch)
                 for id in ids:
                     homes[id].append(int(at_home[self._places[id]]))
@@ -336,7 +339,12 @@ class BringUp:
             with self._switched_on(ids, currents):
                 yield
         except EmergencyStopError:
-            self._halt(ids)
+            # stop servos where they are, then hold or release all that have torque
+            with suppress(BusError):
+                self._bus.stop(ids, PATIENCE)
+            if self._servos.on_emergency == "release":
+                with suppress(BusError):
+                    self._bus.set_torque(sorted(self._powered), on=False)
             raise
 
     @contextmanager
@@ -360,14 +368,6 @@ class BringUp:
         except BaseException:
             self._bus.set_torque(ids, on=False)
             raise
-
-    def _halt(self, ids: list[int]) -> None:
-        """Stop servos where they are, then hold or release all that have torque."""
-        with suppress(BusError):
-            self._bus.stop(ids, PATIENCE)
-        if self._servos.on_emergency == "release":
-            with suppress(BusError):
-                self._bus.set_torque(sorted(self._powered), on=False)
 
     def _wind(self, displacements: dict[int, float], winches: Winches) -> None:
         """Move cables to displacements [m], until they stand still.
@@ -420,11 +420,6 @@ class BringUp:
         for id, state in states.items():
             positions[self._places[id]] = state.position
         return positions
-
-    def _mean_positions(self, ids: list[int]) -> np.ndarray:
-        """Mean of several readings of the positions [ticks], to average their noise."""
-        readings = [self._positions(ids) for _ in range(AVERAGED_READINGS)]
-        return np.round(np.mean(readings, axis=0)).astype(int)
 
     def _winches_at(self, ids: list[int]) -> Winches:
         """Winches whose zero is the present position of the cables."""

@@ -37,12 +37,7 @@ class MotionWatch:
             S2C2AError: the motion takes too long.
         """
         EMERGENCY_STOP.check()
-        self._check_gap()
-        if time.perf_counter() > self._end:
-            raise self._overdue
-
-    def _check_gap(self) -> None:
-        """Check the time since the last goal: who started the motion may have left."""
+        # check the time since the last goal: who started the motion may have left
         now = time_with_sleep()
         pause = now - self._last
         if pause > STANDSTILL:
@@ -51,3 +46,5 @@ class MotionWatch:
                 "which ends here; see that nobody touches the arm, then start again"
             )
         self._last = now
+        if time.perf_counter() > self._end:
+            raise self._overdue

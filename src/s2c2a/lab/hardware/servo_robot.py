@@ -84,7 +84,12 @@ class ServoRobot(Robot):
         self.arm = arm
         self._geometry = ArmGeometry.of(arm)
         self._servos = servos_of(arm)
-        self._check_protocol()
+        if self._servos.protocol != self.protocol:
+            raise S2C2AError(
+                f"the servos of '{self.arm.name}' speak {self._servos.protocol}, not "
+                f"{self.protocol}; choose --robot {self._servos.protocol}, or correct "
+                "servos.protocol in the arm file"
+            )
         path = calibration or default_path(arm)
         self._calibration = load_calibration(path, arm)
         self._winches = Winches.of(arm, self._calibration.home(arm))
@@ -156,7 +161,11 @@ class ServoRobot(Robot):
             values["tensions"] = tensions
         fault = self._describe_faults(states)
         fault = fault or self._monitor.find_fault(self._goal, displacements)
-        self._warn_of_slack(displacements, tensions)
+        # warn of a cable that may have snapped, once after every opening
+        text = self._monitor.find_slack(displacements, tensions)
+        if text and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(text, stacklevel=1)
         self._restart_after_watchdog(states)
         return Reading(moment, values, fault)
 
@@ -216,14 +225,6 @@ class ServoRobot(Robot):
     def _flat_ids(self) -> list[int]:
         return self._ids[self._present].tolist()
 
-    def _check_protocol(self) -> None:
-        if self._servos.protocol != self.protocol:
-            raise S2C2AError(
-                f"the servos of '{self.arm.name}' speak {self._servos.protocol}, not "
-                f"{self.protocol}; choose --robot {self._servos.protocol}, or correct "
-                "servos.protocol in the arm file"
-            )
-
     def _is_ready(self) -> bool:
         """Whether all servos are prepared and sound."""
         if self._bus is None or self._is_halted:
@@ -246,7 +247,20 @@ class ServoRobot(Robot):
         bus = open_bus(self._servos, self._port, self._fast_read)
         try:
             check_ticks(self.arm, bus)
-            self._check_identity(bus)
+            # check that every servo answers and is the calibrated one
+            check_presence(bus, self._flat_ids, self._servos.number_of)
+            found = {info.id: info for info in bus.scan(self._flat_ids)}
+            for servo in self._calibration.servos:
+                info = found.get(servo.id)
+                if info and (info.model, info.firmware) != (
+                    servo.model,
+                    servo.firmware,
+                ):
+                    raise RobotError(
+                        f"servo {info.id} is {info.model} with firmware {info.firmware}; "
+                        f"{servo.model} with firmware {servo.firmware} was calibrated. If "
+                        "you replaced it, home the arm again (`s2c2a motors home`)"
+                    )
             for part, ids in self._servos.parts():
                 speed = part.limits.speed / self.arm.motor.pulley_radius
                 bus.prepare(ids, part.limits.current, speed)
@@ -260,40 +274,24 @@ class ServoRobot(Robot):
         self._bus = bus
         self._is_halted = False
         try:
-            self._take_over()
+            # let the servos hold the arm where it is
+            states = self._read_all()
+            fault = self._describe_faults(states)
+            if fault:
+                raise RobotError(f"the arm cannot start: {fault}")
+            positions = self._positions(states)
+            turn = 2 * np.pi * self.arm.motor.pulley_radius
+            if (self._high - self._low).max() >= turn:
+                warnings.warn(MANY_TURNS, stacklevel=1)
+            self._winches = self._winches.in_same_turn(positions)
+            displacements = self._winches.displacements(positions)
+            check_plausible(displacements, self.arm)
+            self._goal = displacements
+            self._send_positions(positions)
+            self.bus.set_torque(self._flat_ids, on=True)
         except BaseException:
             self.close()
             raise
-
-    def _check_identity(self, bus: ServoBus) -> None:
-        """Check that every servo answers and is the calibrated one."""
-        check_presence(bus, self._flat_ids, self._servos.number_of)
-        found = {info.id: info for info in bus.scan(self._flat_ids)}
-        for servo in self._calibration.servos:
-            info = found.get(servo.id)
-            if info and (info.model, info.firmware) != (servo.model, servo.firmware):
-                raise RobotError(
-                    f"servo {info.id} is {info.model} with firmware {info.firmware}; "
-                    f"{servo.model} with firmware {servo.firmware} was calibrated. If "
-                    "you replaced it, home the arm again (`s2c2a motors home`)"
-                )
-
-    def _take_over(self) -> None:
-        """Let the servos hold the arm where it is."""
-        states = self._read_all()
-        fault = self._describe_faults(states)
-        if fault:
-            raise RobotError(f"the arm cannot start: {fault}")
-        positions = self._positions(states)
-        turn = 2 * np.pi * self.arm.motor.pulley_radius
-        if (self._high - self._low).max() >= turn:
-            warnings.warn(MANY_TURNS, stacklevel=1)
-        self._winches = self._winches.in_same_turn(positions)
-        displacements = self._winches.displacements(positions)
-        check_plausible(displacements, self.arm)
-        self._goal = displacements
-        self._send_positions(positions)
-        self.bus.set_torque(self._flat_ids, on=True)
 
     def last_calibration(self) -> datetime:
         """When the arm was homed."""
@@ -315,7 +313,15 @@ class ServoRobot(Robot):
 
     def _approach(self, start: Actions, target: Actions) -> None:
         """Wind all cables together, slowly and smoothly; see `_wind_along`."""
-        duration = self._approach_duration(float(np.abs(start - target).max()))
+        # time [s] for a distance [m], within the limits of rate and acceleration
+        distance = float(np.abs(start - target).max())
+        geometry = self._geometry
+        period = self.arm.control_period
+        radius = float(geometry.cable_radii[self._present.any(axis=-1)].min())
+        bending_speed = radius * geometry.step_limit / period
+        speed = min(REST_SPEED * self._speeds[self._present].min(), bending_speed)
+        acceleration = radius * geometry.acceleration_limit / period**2
+        duration = max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
         parts = np.linspace(0.0, 1.0, int(np.ceil(duration / REST_PERIOD)) + 1)[1:]
         shares = parts**2 * (3.0 - 2.0 * parts)  # starts and ends at rest
         self._wind_along([start + share * (target - start) for share in shares])
@@ -342,20 +348,6 @@ class ServoRobot(Robot):
             if fault:
                 raise RobotError(f"the arm stopped on its way to rest: {fault}")
             time.sleep(REST_PERIOD)
-
-    def _approach_duration(self, distance: float) -> float:
-        """Time [s] for a distance [m], within the limits of rate and acceleration.
-
-        The way is d (3 s^2 - 2 s^3) with s = t / T, so that its largest speed is
-        1.5 d / T and its largest acceleration 6 d / T^2.
-        """
-        geometry = self._geometry
-        period = self.arm.control_period
-        radius = float(geometry.cable_radii[self._present.any(axis=-1)].min())
-        bending_speed = radius * geometry.step_limit / period
-        speed = min(REST_SPEED * self._speeds[self._present].min(), bending_speed)
-        acceleration = radius * geometry.acceleration_limit / period**2
-        return max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
 
     def _read_states(self) -> dict[int, ServoState]:
         """Read all servos; those that do not answer are asked again at once."""
@@ -416,13 +408,6 @@ class ServoRobot(Robot):
         self._budget = np.minimum(self._budget + speed * elapsed, most)
         reach = np.maximum(self._budget, 0.0)
         return self._goal + np.clip(wanted - self._goal, -reach, reach)
-
-    def _warn_of_slack(self, displacements: Actions, tensions: np.ndarray) -> None:
-        """Warn of a cable that may have snapped, once after every opening."""
-        text = self._monitor.find_slack(displacements, tensions)
-        if text and not self._has_warned:
-            self._has_warned = True
-            warnings.warn(text, stacklevel=1)
 
     def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
         """Let servos that stopped by their watchdog go to the last goal and obey."""

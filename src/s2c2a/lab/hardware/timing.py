@@ -44,7 +44,15 @@ class BusTiming:
         """
         cycles = len(self.durations)
         if self.incomplete > MAX_INCOMPLETE * cycles:
-            return _describe_missed(self.missed, cycles, place)
+            missed = self.missed
+            if min(missed.values()) == cycles:
+                return f"none of the {len(missed)} servos answers in any cycle; {ALL_SILENT}"
+            worst = max(missed, key=lambda id: missed[id])
+            return (
+                f"servo {worst} ({place(worst)}) is missing in {missed[worst]} of {cycles} "
+                f"cycles; {SOME_SILENT}. Damaged answers count as missing: "
+                "look for a loose plug, and for two servos with one id"
+            )
         median = float(np.median(self.durations))
         if median > self.period:
             return (
@@ -53,17 +61,6 @@ class BusTiming:
                 "the latency timer of the adapter to 1 ms, or try --fast-read"
             )
         return ""
-
-
-def _describe_missed(missed: Mapping[int, int], cycles: int, place: Place) -> str:
-    if min(missed.values()) == cycles:
-        return f"none of the {len(missed)} servos answers in any cycle; {ALL_SILENT}"
-    worst = max(missed, key=lambda id: missed[id])
-    return (
-        f"servo {worst} ({place(worst)}) is missing in {missed[worst]} of {cycles} "
-        f"cycles; {SOME_SILENT}. Damaged answers count as missing: "
-        "look for a loose plug, and for two servos with one id"
-    )
 
 
 def prepare_timing(bus: ServoBus, servos: Servos) -> None:

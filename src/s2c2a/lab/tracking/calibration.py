@@ -202,14 +202,7 @@ def load_tracking_calibration(
             f"{path} is the tracking calibration of '{calibration.arm}', not of "
             f"'{arm.name}'; name another file, or calibrate the tracker of this arm"
         )
-    _check_bodies(calibration, arm, path)
-    return calibration
-
-
-def _check_bodies(
-    calibration: TrackingCalibration, arm: ArmSpec, path: str | os.PathLike
-) -> None:
-    """Check that the offsets are of bodies that the arm file names."""
+    # check that the offsets are of bodies that the arm file names
     try:
         calibration.ends(arm)
     except TrackingError as error:
@@ -217,6 +210,7 @@ def _check_bodies(
             f"{path} does not fit the bodies of the arm file: {error}; correct "
             "tracking.ends, or calibrate again (`s2c2a tracking frames`)"
         ) from error
+    return calibration
 
 
 def load_or_empty(path: str | os.PathLike, arm: ArmSpec) -> TrackingCalibration:

@@ -184,13 +184,10 @@ class FrameOrder:
             return
         clock_reset = -elapsed > RESTART_SILENCE
         if not silent and not (clock_reset and (counted < 0 or self._by_time)):
-            self._refuse(frame, last)
+            repeated = frame.number == last.number and not self._by_time
+            raise DatagramError(
+                f"frame {frame.number} at {frame.source_time} s came after frame "
+                f"{last.number} at {last.source_time} s; count frames and time up",
+                DropReason.DUPLICATE if repeated else DropReason.LATE,
+            )
         self.restarts += 1
-
-    def _refuse(self, frame: PoseFrame, last: PoseFrame) -> None:
-        repeated = frame.number == last.number and not self._by_time
-        raise DatagramError(
-            f"frame {frame.number} at {frame.source_time} s came after frame "
-            f"{last.number} at {last.source_time} s; count frames and time up",
-            DropReason.DUPLICATE if repeated else DropReason.LATE,
-        )

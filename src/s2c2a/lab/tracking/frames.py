@@ -99,8 +99,28 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
             leave large residuals.
     """
     measured = _Measured.of(arm, held)
-    _check_base(held)
-    _check_lengths(measured)
+    # check that the base body stands still: it is no end
+    first = held[0].base
+    shift = max(np.linalg.norm(one.base.position - first.position) for one in held)
+    turn = max(angle_between(one.base, first) for one in held)
+    if shift > MAX_BASE_SHIFT or turn > MAX_BASE_TURN:
+        raise FrameError(
+            f"the base body moves by {1000 * shift:.1f} mm and "
+            f"{np.rad2deg(turn):.1f} deg while the arm bends; fix it, or check that "
+            "its name is not that of a module end"
+        )
+    # check the units, from distances of ends, or of one end and the base
+    points = measured.positions[0]
+    total = measured.lengths[1:].sum()
+    distance = np.linalg.norm(points[-1] - points[0])
+    if len(points) == 1:
+        total = measured.lengths[0]
+        distance = np.linalg.norm(points[0])
+    if not total / LENGTH_RATIO < distance < total * LENGTH_RATIO:
+        raise FrameError(
+            f"the ends are {distance:.4g} m apart, and the arm file has {total:.4g} "
+            "m; send meters, or state the units of the datagrams"
+        )
     _check_order(measured)
     arm_in_base = _align(measured)
     _check_direction(measured, arm_in_base)
@@ -164,34 +184,6 @@ class _Measured:
 def _vectors(matrices: np.ndarray) -> np.ndarray:
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
     return flat.reshape(*matrices.shape[:-2], 3)
-
-
-def _check_base(held: Sequence[HeldPoses]) -> None:
-    """Check that the base body stands still: it is no end."""
-    first = held[0].base
-    shift = max(np.linalg.norm(one.base.position - first.position) for one in held)
-    turn = max(angle_between(one.base, first) for one in held)
-    if shift > MAX_BASE_SHIFT or turn > MAX_BASE_TURN:
-        raise FrameError(
-            f"the base body moves by {1000 * shift:.1f} mm and "
-            f"{np.rad2deg(turn):.1f} deg while the arm bends; fix it, or check that "
-            "its name is not that of a module end"
-        )
-
-
-def _check_lengths(measured: _Measured) -> None:
-    """Check the units, from distances of ends, or of one end and the base."""
-    points = measured.positions[0]
-    total = measured.lengths[1:].sum()
-    distance = np.linalg.norm(points[-1] - points[0])
-    if len(points) == 1:
-        total = measured.lengths[0]
-        distance = np.linalg.norm(points[0])
-    if not total / LENGTH_RATIO < distance < total * LENGTH_RATIO:
-        raise FrameError(
-            f"the ends are {distance:.4g} m apart, and the arm file has {total:.4g} "
-            "m; send meters, or state the units of the datagrams"
-        )
 
 
 def _check_order(measured: _Measured) -> None:

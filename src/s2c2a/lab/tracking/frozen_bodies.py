@@ -76,7 +76,11 @@ class FrozenBodies:
         changed = {name for name in self._bodies if self._is_new(name, frame)}
         for module, name in enumerate(self._names):
             if name in changed or name not in frame.poses:
-                self._begin(module, frame.arrival_time)
+                # count from a frame in which the pose of an end is new, or missing
+                self._since[module] = frame.arrival_time
+                self._references[module] = self._last
+                self._changes[module] = 0.0
+                self._frames[module] = 0
             elif changed:
                 self._frames[module] += 1
         # the cables of all modules up to an end move it
@@ -89,13 +93,6 @@ class FrozenBodies:
             return False
         values = np.concatenate([pose.position, pose.rotation])
         return not self._repeats.is_repeated(name, values)
-
-    def _begin(self, module: int, time: float) -> None:
-        """Count from a frame in which the pose of an end is new, or missing."""
-        self._since[module] = time
-        self._references[module] = self._last
-        self._changes[module] = 0.0
-        self._frames[module] = 0
 
     def _settle(self, time: float) -> None:
         """Compare the commands that were sent until a time with those of the ends."""

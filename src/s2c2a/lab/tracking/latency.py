@@ -84,27 +84,7 @@ def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
         LatencyError: there is too little motion, or too few frames, the tracked ends
             do not follow, or the data leave the latency open.
     """
-    module = _moving_module(arm, record)
-    near = _fitted(arm, record, module, slice(module, module + 1))
-    ends = _fitted(arm, record, module, slice(None))
-    # the lag of damped modes resembles a delay: where both fits differ, the model errs
-    spread = abs(near.seconds - ends.seconds) / 2
-    return _checked(replace(near, std=float(np.hypot(near.std, spread))))
-
-
-def _fitted(arm: ArmSpec, record: MotionRecord, module: int, ends: slice) -> Latency:
-    """Fit the model to some of the ends."""
-    motion = _motion(arm, replace(record, positions=record.positions[:, ends]), module)
-    found = identify_response(motion, SEARCH)
-    variances = motion.outputs.var(axis=0)
-    strongest = variances.argmax()
-    left = found.residuals[:, strongest].var() / variances[strongest]
-    frequencies = tuple(found.frequencies.tolist())
-    return Latency(found.delay, found.delay_std, float(1.0 - left), frequencies)
-
-
-def _moving_module(arm: ArmSpec, record: MotionRecord) -> int:
-    """Index of the module that moves most."""
+    # index of the module that moves most
     if len(record.times) < MIN_FRAMES or not np.isfinite(record.cables).all():
         raise LatencyError(
             f"{len(record.times)} servo readings, or missing ones among them; give at "
@@ -120,10 +100,11 @@ def _moving_module(arm: ArmSpec, record: MotionRecord) -> int:
             f"deviation); at least {np.rad2deg(MIN_BEND):.1f} deg are needed. Check "
             "that the servos are powered and follow"
         )
-    return module
-
-
-def _checked(latency: Latency) -> Latency:
+    near = _fitted(arm, record, module, slice(module, module + 1))
+    ends = _fitted(arm, record, module, slice(None))
+    # the lag of damped modes resembles a delay: where both fits differ, the model errs
+    spread = abs(near.seconds - ends.seconds) / 2
+    latency = replace(near, std=float(np.hypot(near.std, spread)))
     if latency.explained < MIN_EXPLAINED:
         raise LatencyError(
             f"the servos explain {100 * latency.explained:.0f} % of the tracked motion; "
@@ -140,6 +121,17 @@ def _checked(latency: Latency) -> Latency:
             "longer, or measure the latency on a stiffer arm with the same tracker"
         )
     return latency
+
+
+def _fitted(arm: ArmSpec, record: MotionRecord, module: int, ends: slice) -> Latency:
+    """Fit the model to some of the ends."""
+    motion = _motion(arm, replace(record, positions=record.positions[:, ends]), module)
+    found = identify_response(motion, SEARCH)
+    variances = motion.outputs.var(axis=0)
+    strongest = variances.argmax()
+    left = found.residuals[:, strongest].var() / variances[strongest]
+    frequencies = tuple(found.frequencies.tolist())
+    return Latency(found.delay, found.delay_std, float(1.0 - left), frequencies)
 
 
 def _motion(arm: ArmSpec, record: MotionRecord, module: int) -> Motion:

@@ -136,20 +136,7 @@ class StateCheck:
         reasons = [""] * len(states)
         self._positions[1:] = states[:, POSITION]
         self._axes[1:] = states[:, AXIS]
-        conflicts = self._conflicts()
-        if any(one.any() for one in conflicts):
-            self._reject_conflicts(*conflicts, reasons)
-        self._reject_jumps(reasons, time)
-        checked = states.copy()
-        if any(reasons):
-            checked[[bool(reason) for reason in reasons]] = np.nan
-        return CheckedStates(checked, tuple(reasons))
-
-    def _conflicts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return which pairs (j, k) have an impossible distance, axis j or axis k.
-
-        Each has shape (rows, rows), and is true for j < k only.
-        """
+        # return which pairs (j, k) have an impossible distance, axis j or axis k
         positions = self._positions
         axes = self._axes
         # chords[j, k] leads from end j to end k; comparisons with NaN are false
@@ -162,7 +149,14 @@ class StateCheck:
         along_last = np.einsum("jkx,kx->jk", chords, axes)
         first = along_first < np.maximum(least, self._least_first)
         last = along_last < np.maximum(least, self._least_last)
-        return impossible, first, last
+        conflicts = impossible, first, last
+        if any(one.any() for one in conflicts):
+            self._reject_conflicts(*conflicts, reasons)
+        self._reject_jumps(reasons, time)
+        checked = states.copy()
+        if any(reasons):
+            checked[[bool(reason) for reason in reasons]] = np.nan
+        return CheckedStates(checked, tuple(reasons))
 
     def _reject_conflicts(
         self,

@@ -145,16 +145,13 @@ class ReceivingTracker(Tracker):
             yield
         except Exception as error:
             if not stop.is_set():
-                self._note(error)
-
-    def _note(self, error: Exception) -> None:
-        self._fault = str(error)
-        if isinstance(error, DropError):
-            self._dropped[error.reason] += 1
-        elif not isinstance(error, TrackingError):
-            failed = self.drop_reasons["FAILED"]
-            self._dropped[failed] += 1
-            self._fault = str(failed.value)
+                self._fault = str(error)
+                if isinstance(error, DropError):
+                    self._dropped[error.reason] += 1
+                elif not isinstance(error, TrackingError):
+                    failed = self.drop_reasons["FAILED"]
+                    self._dropped[failed] += 1
+                    self._fault = str(failed.value)
 
     def _is_restart(self, frame: PoseFrame, sender: object = None) -> bool:
         """Refuse a frame that is not newer than all before, unless the source restarted.

@@ -40,7 +40,12 @@ def tracker_of(source: str) -> Tracker:
     text, *given = source.split(",")
     name, *address = text.split(":")
     if name not in _ADDRESSES:
-        _check_is_class(text)
+        # refuse a misspelled protocol: a user's class is in a file or a module
+        place, _, cls = text.partition(":")
+        if ":" in text and not (place.endswith(".py") or cls.isidentifier()):
+            raise TrackingError(
+                f"'{text}' is no tracking source{did_you_mean(place, _ADDRESSES)}; give {FORMS}"
+            )
         return _make(_own_class(text), dict(options_from(given)))
     names = next((n for n in _ADDRESSES[name] if len(n) == len(address)), None)
     if names is None or "" in address:
@@ -50,15 +55,6 @@ def tracker_of(source: str) -> Tracker:
         if file := options[option]:
             options[option] = str(located(source, file))
     return _make(resolve("tracker", name, {}), options)
-
-
-def _check_is_class(text: str) -> None:
-    """Refuse a misspelled protocol: a user's class is in a file or a module."""
-    place, _, cls = text.partition(":")
-    if ":" in text and not (place.endswith(".py") or cls.isidentifier()):
-        raise TrackingError(
-            f"'{text}' is no tracking source{did_you_mean(place, _ADDRESSES)}; give {FORMS}"
-        )
 
 
 def _own_class(text: str) -> Any:

@@ -169,22 +169,19 @@ class StateSensor:
             exposure = self._clock.exposure(arrival, frame.source_time)
             states = self._ends.states(frame)
             jump = self._jumps.find(states, exposure)
-            checked = self._without_frozen(frame, states)
+            # states that the arm can have, of bodies that are not frozen
+            is_frozen = self._frozen.find(frame)
+            # a frozen row would contradict others, which are true
+            states = np.where(is_frozen[:, None], np.nan, states)
+            checked = self._check(states, frame.arrival_time)
+            reasons = [
+                FROZEN if frozen else reason
+                for frozen, reason in zip(is_frozen, checked.reasons, strict=True)
+            ]
+            checked = CheckedStates(checked.states, tuple(reasons))
             newest = _CheckedFrame(frame, exposure, checked, jump)
             self._newest = newest
         return newest
-
-    def _without_frozen(self, frame: PoseFrame, states: States) -> CheckedStates:
-        """States that the arm can have, of bodies that are not frozen."""
-        is_frozen = self._frozen.find(frame)
-        # a frozen row would contradict others, which are true
-        states = np.where(is_frozen[:, None], np.nan, states)
-        checked = self._check(states, frame.arrival_time)
-        reasons = [
-            FROZEN if frozen else reason
-            for frozen, reason in zip(is_frozen, checked.reasons, strict=True)
-        ]
-        return CheckedStates(checked.states, tuple(reasons))
 
     def _warn(self, module: int, reason: str, message: str) -> None:
         """Warn of each reason of a module once."""

@@ -26,12 +26,6 @@ class _DrivenRobot:
     """The robot that is driven.
 
     Attributes:
-        robot: the simulated arm, servos (dynamixel, feetech; docs/guides/hardware.md),
-            or your own class, such as my_arm.py:MyArm.
-        robot_option: further arguments of that class.
-        tracking: source of the poses of a real arm's module ends, such as udp:9763 or
-            natnet:192.168.1.10 (docs/guides/tracking.md); by default that of the arm file.
-        fidelity: of the simulation.
         seed: random seed of the simulated noise.
     """
 

@@ -53,7 +53,6 @@ def live(
     `ssh -L`.
 
     Args:
-        arm: a preset or an arm file.
         strategy: more strategies without training, by name or your own file.py:Class.
         driven: robot, weights and control.
         scene: a file of obstacles that stand there from the start, and can be dragged
@@ -65,7 +64,12 @@ def live(
     """
     require("live", "viser", "websockets", "msgspec")
     factory = driven.factory()
-    _check_host(host, factory)
+    # raise S2C2AError if other machines could move a real arm
+    if host != THIS_MACHINE and not factory.simulated:
+        raise S2C2AError(
+            f"--host {host} lets other machines connect, and {factory.name} may be a "
+            "real arm; leave out --host, and use `ssh -L` from another machine"
+        )
     on_message = partial(print, flush=True)
     options = driven.control_options(strategy) | {"host": host}
     print_sessions(driven.weights)
@@ -93,15 +97,6 @@ def _obstacles_of(scene: Path) -> "tuple[Obstacle, ...]":
             f"{MAX_OBSTACLES}; leave some out"
         )
     return tuple(map(Obstacle.of, rows))
-
-
-def _check_host(host: str, factory: RobotFactory) -> None:
-    """Raise S2C2AError if other machines could move a real arm."""
-    if host != THIS_MACHINE and not factory.simulated:
-        raise S2C2AError(
-            f"--host {host} lets other machines connect, and {factory.name} may be a "
-            "real arm; leave out --host, and use `ssh -L` from another machine"
-        )
 
 
 def wait_for_interrupt() -> None:

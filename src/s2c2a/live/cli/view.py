@@ -55,40 +55,36 @@ def open_window(what: tuple[str, ...], port: int) -> "Window":
             f"({ENDING}), a strategy (.safetensors), or an arm"
         )
     if all(Path(name).is_dir() or name.endswith(ENDING) for name in what):
-        return _window_on_episodes(what, port)
+        # window that compares runs, or shows one recording
+        from s2c2a import data, episodes, viz
+        from s2c2a.live import viewing
+        from s2c2a.runtime.step_writer import PIECES, joined
+
+        files = _episode_files(what)
+        loaded = [episodes.load_episodes(file) for file in files]
+        # only recordings have this option
+        if len(files) == 1 and "babbling" in loaded[0][1]:
+            return viewing.view_recording(data.load_recording(files[0]).episodes, port)
+        traces = []
+        for file, (runs, options) in zip(files, loaded, strict=True):
+            if options.get(PIECES):  # of a killed process
+                runs = [joined(runs)]
+            for run in runs:
+                label = f"{_run_label(run.options)} · {file.parent.name}"
+                traces.append(viz.Trace(run, label))
+        arms = [run.arm for runs, _ in loaded for run in runs]
+        for other in arms:
+            if not other.same_mechanics(arms[0]):
+                raise S2C2AError(
+                    f"runs of '{arms[0].name}' and of '{other.name}' cannot be shown "
+                    "together; give those of one arm"
+                )
+        return viewing.view_runs(traces, arms[0], port)
     if len(what) > 1:
         raise S2C2AError(
             f"{len(what)} names, and not all are runs; give runs, or a single name"
         )
     return viewing.view_arm(load_arm(what[0]), port)
-
-
-def _window_on_episodes(what: tuple[str, ...], port: int) -> "Window":
-    """Window that compares runs, or shows one recording."""
-    from s2c2a import data, episodes, viz
-    from s2c2a.live import viewing
-    from s2c2a.runtime.step_writer import PIECES, joined
-
-    files = _episode_files(what)
-    loaded = [episodes.load_episodes(file) for file in files]
-    # only recordings have this option
-    if len(files) == 1 and "babbling" in loaded[0][1]:
-        return viewing.view_recording(data.load_recording(files[0]).episodes, port)
-    traces = []
-    for file, (runs, options) in zip(files, loaded, strict=True):
-        if options.get(PIECES):  # of a killed process
-            runs = [joined(runs)]
-        for run in runs:
-            label = f"{_run_label(run.options)} · {file.parent.name}"
-            traces.append(viz.Trace(run, label))
-    arms = [run.arm for runs, _ in loaded for run in runs]
-    for other in arms:
-        if not other.same_mechanics(arms[0]):
-            raise S2C2AError(
-                f"runs of '{arms[0].name}' and of '{other.name}' cannot be shown "
-                "together; give those of one arm"
-            )
-    return viewing.view_runs(traces, arms[0], port)
 
 
 def _episode_files(what: tuple[str, ...]) -> list[Path]:

@@ -18,12 +18,18 @@ if TYPE_CHECKING:
 
 SETTLING_TIME = 0.1  # s; a light arm is then at rest
 DEFAULT_ROWS = 400
+InitialGuess = Annotated[
+    Arm,
+    tyro.conf.arg(
+        help="initial guess: a preset or an arm file, such as the one of `s2c2a import`."
+    ),
+]
 Groups = Annotated[tuple[str, ...], tyro.conf.arg(metavar="GROUP ...")]
 
 
 def identify(
     recording: tyro.conf.Positional[Path],
-    arm: Arm,
+    arm: InitialGuess,
     out: Path,
     fit: Groups = (),
     on: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RECORDING ...")] = (),
@@ -41,7 +47,6 @@ def identify(
 
     Args:
         recording: recording of the arm with measured module ends, at least the tip.
-        arm: initial guess: a preset or an arm file, such as the one of `s2c2a import`.
         out: the arm file to write.
         fit: groups of parameters to fit (docs/guides/identify.md); by default those that most
             recordings determine.
@@ -52,7 +57,6 @@ def identify(
         rows: maximum number of rows to fit, evenly spaced, for recordings at rest; 400
             by default.
         rounds: maximum number of iterations.
-        fidelity: of the simulation.
         jobs: parallel simulations, all cores by default; the result is the same.
         overwrite: replace the arm file if it exists.
     """

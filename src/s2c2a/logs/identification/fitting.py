@@ -138,7 +138,18 @@ class _Optimizer:
         try:
             for count in (rounds - rounds // 2, rounds // 2):
                 if count:
-                    finished = self._minimize(count)
+                    # run at most this many rounds; return whether they converged
+                    result = least_squares(
+                        self._cost_terms,
+                        self._coordinates,
+                        self._jacobian,
+                        coordinate_bounds(self._problem),
+                        ftol=TOLERANCE,
+                        xtol=TOLERANCE,
+                        max_nfev=count + 1,
+                    )
+                    self._coordinates = result.x
+                    finished = bool(result.status > 0)
                 errors = residuals(problem, self._coordinates)
                 self._variance = estimate_variance(problem, errors)
         except KeyboardInterrupt:
@@ -148,20 +159,6 @@ class _Optimizer:
         self._progress("fitting", rounds, rounds)
         posterior = estimate_posterior(problem, self._residual_jacobian, self._variance)
         return Fit(problem, self._coordinates, posterior, finished)
-
-    def _minimize(self, rounds: int) -> bool:
-        """Run at most this many rounds; return whether they converged."""
-        result = least_squares(
-            self._cost_terms,
-            self._coordinates,
-            self._jacobian,
-            coordinate_bounds(self._problem),
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
-            max_nfev=rounds + 1,
-        )
-        self._coordinates = result.x
-        return bool(result.status > 0)
 
     def _cost_terms(self, coordinates: np.ndarray) -> np.ndarray:
         errors = residuals(self._problem, coordinates) / np.sqrt(self._variance)

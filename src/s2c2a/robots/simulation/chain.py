@@ -95,11 +95,25 @@ def build_model(
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    _set_options(spec, arm)
+    option = spec.option
+    option.gravity = arm.gravity
+    option.tolerance = _TOLERANCE
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     _add_chain(spec, arm, fidelity, payload, center_line)
     _add_cables(spec, arm, fidelity)
     if arm.sensors.imu is not None:
-        _add_inertial_sensors(spec, arm.module_count)
+        # add accelerometers of all modules, then gyroscopes of all, at their ends
+        kinds = (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
+        for number, kind in enumerate(kinds):
+            for module in range(arm.module_count):
+                spec.add_sensor(
+                    name=f"inertial_{number}_{module}",
+                    type=kind,
+                    objtype=mujoco.mjtObj.mjOBJ_SITE,
+                    objname=f"end_{module}",
+                )
     model = spec.compile()
     _set_time_step(model, arm, fidelity)
     return model
@@ -157,15 +171,6 @@ def _explicit_springs_are_stable(
     limit = 4.0 * masses + 2.0 * step * np.diag(model.dof_damping)
     largest = scipy.linalg.eigh(stiffness, limit, eigvals_only=True)[-1]
     return bool(step**2 * largest < 0.5)
-
-
-def _set_options(spec: mujoco.MjSpec, arm: ArmSpec) -> None:
-    option = spec.option
-    option.gravity = arm.gravity
-    option.tolerance = _TOLERANCE
-    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
 def joint_name(module: int, segment: int, axis: str) -> str:
@@ -227,34 +232,15 @@ def _add_chain(
             _add_cable_sites(body, arm, modules, (number, segment + 1), half.length)
             if center_line and (segment + 1) % segments_per_point == 0:
                 name = f"center_{number}_{segment}"
-                _add_center_line_sensor(spec, body, name, half.length)
+                body.add_site(name=name, pos=(0, 0, half.length))
+                spec.add_sensor(
+                    name=name,
+                    type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
+                    objtype=mujoco.mjtObj.mjOBJ_SITE,
+                    objname=name,
+                )
             end = half.length
         body.add_site(name=f"end_{number}", pos=(0, 0, half.length))
-
-
-def _add_center_line_sensor(
-    spec: mujoco.MjSpec, body, name: str, height: float
-) -> None:
-    body.add_site(name=name, pos=(0, 0, height))
-    spec.add_sensor(
-        name=name,
-        type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        objname=name,
-    )
-
-
-def _add_inertial_sensors(spec: mujoco.MjSpec, modules: int) -> None:
-    """Add accelerometers of all modules, then gyroscopes of all, at their ends."""
-    kinds = (mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtSensor.mjSENS_GYRO)
-    for number, kind in enumerate(kinds):
-        for module in range(modules):
-            spec.add_sensor(
-                name=f"inertial_{number}_{module}",
-                type=kind,
-                objtype=mujoco.mjtObj.mjOBJ_SITE,
-                objname=f"end_{module}",
-            )
 
 
 def _add_slide(body, module: MismatchedModule, number: int) -> None:
@@ -373,12 +359,28 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
         else:
             _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
         parameters = arm.modules[owner].cable
-        actuator = _add_actuator(spec, tendon.name, parameters.viscous_friction)
+        # add an actuator that pulls with the commanded tension less viscous friction
+        actuator = spec.add_actuator(
+            name=tendon.name, target=tendon.name, trntype=mujoco.mjtTrn.mjTRN_TENDON
+        )
+        actuator.forcelimited = True
+        actuator.forcerange = (-mujoco.mjMAXVAL, 0.0)  # cables never push
+        actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+        actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        actuator.gainprm[0] = -1.0
+        actuator.biasprm[2] = -parameters.viscous_friction
         if arm.actuation == "pressure":
-            _push(actuator, arm.modules[owner].chamber_area or 0.0)
+            # turn an actuator into a chamber, which takes a pressure and pushes
+            area = arm.modules[owner].chamber_area or 0.0
+            actuator.forcerange = (0.0, mujoco.mjMAXVAL)
+            actuator.gainprm[0] = area
         if arm.actuation == "displacement":
             pretension = float(geometry.pretensions[owner, cable])
-            _add_spring(actuator, parameters.stiffness, rest_length, pretension)
+            # put a spring behind an actuator, which then takes a commanded displacement
+            stiffness = parameters.stiffness
+            actuator.gainprm[0] = stiffness
+            actuator.biasprm[0] = stiffness * rest_length - pretension
+            actuator.biasprm[1] = -stiffness
 
 
 def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
@@ -392,32 +394,3 @@ def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) ->
             tendon.wrap_joint(joint_name(number, segment, "x"), float(levers[0]))
         if arm.modules[number].mismatch.axial_stiffness is not None:
             tendon.wrap_joint(slide_name(number), 1.0)
-
-
-def _add_actuator(spec: mujoco.MjSpec, name: str, viscous_friction: float):
-    """Add an actuator that pulls with the commanded tension less viscous friction."""
-    actuator = spec.add_actuator(
-        name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON
-    )
-    actuator.forcelimited = True
-    actuator.forcerange = (-mujoco.mjMAXVAL, 0.0)  # cables never push
-    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
-    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.gainprm[0] = -1.0
-    actuator.biasprm[2] = -viscous_friction
-    return actuator
-
-
-def _push(actuator, area: float) -> None:
-    """Turn an actuator into a chamber, which takes a pressure and pushes."""
-    actuator.forcerange = (0.0, mujoco.mjMAXVAL)
-    actuator.gainprm[0] = area
-
-
-def _add_spring(
-    actuator, stiffness: float, rest_length: float, pretension: float
-) -> None:
-    """Put a spring behind an actuator, which then takes a commanded displacement."""
-    actuator.gainprm[0] = stiffness
-    actuator.biasprm[0] = stiffness * rest_length - pretension
-    actuator.biasprm[1] = -stiffness

@@ -122,19 +122,16 @@ class EventSchedule:
     def apply_until(self, time: float, robot: "SimulatedRobot") -> None:
         """Apply all events that are due at `time` [s]."""
         while self._pending and self._pending[0].time <= time + 1e-9:
-            _apply_event(self._pending.pop(0), robot)
-
-
-def _apply_event(event: Event, robot: "SimulatedRobot") -> None:
-    methods: dict[str, Callable[..., None]] = {
-        "payload": robot.set_payload,
-        "homing_error": robot.add_homing_error,
-        "stiffness_loss": robot.reduce_cable_stiffness,
-        "sensor_loss": robot.lose_sensors,
-    }
-    if event.is_sensor_fault:
-        robot.set_sensor_fault(event.sensor, event.kind, *event.values)
-    elif event.kind == "force":
-        robot.apply_force(np.asarray(event.values))
-    else:
-        methods[event.kind](*event.values)
+            event = self._pending.pop(0)
+            methods: dict[str, Callable[..., None]] = {
+                "payload": robot.set_payload,
+                "homing_error": robot.add_homing_error,
+                "stiffness_loss": robot.reduce_cable_stiffness,
+                "sensor_loss": robot.lose_sensors,
+            }
+            if event.is_sensor_fault:
+                robot.set_sensor_fault(event.sensor, event.kind, *event.values)
+            elif event.kind == "force":
+                robot.apply_force(np.asarray(event.values))
+            else:
+                methods[event.kind](*event.values)

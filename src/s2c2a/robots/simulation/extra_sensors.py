@@ -99,7 +99,10 @@ class CameraView:
         random = random_stream(*self._stream, max(int(number), 0))
         if number < 0 or not is_new or random.random() < camera.lost:
             return {}
-        positions = self._positions_at(exposure)
+        times, states = zip(*self._history, strict=True)
+        columns = np.array(states)[..., POSITION].reshape(len(times), -1).T
+        values = [np.interp(exposure, times, column) for column in columns]
+        positions = np.array(values).reshape(-1, 3)
         positions += random.normal(scale=camera.noise, size=positions.shape)
         if camera.sees == "tip":
             positions[:-1] = np.nan
@@ -107,12 +110,6 @@ class CameraView:
             "camera_positions": positions,
             "camera_age": np.asarray(time - exposure),
         }
-
-    def _positions_at(self, time: float) -> Float[np.ndarray, "modules 3"]:
-        times, states = zip(*self._history, strict=True)
-        columns = np.array(states)[..., POSITION].reshape(len(times), -1).T
-        values = [np.interp(time, times, column) for column in columns]
-        return np.array(values).reshape(-1, 3)
 
 
 class MotorCurrents:

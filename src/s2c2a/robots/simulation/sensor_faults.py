@@ -76,7 +76,11 @@ class SensorFaults:
         self, name: str, fault: _Fault, values: np.ndarray, time: float
     ) -> np.ndarray:
         amount = fault.amount
-        first = _first_of_each_row(np.shape(values))
+        # one for the first value of every module, or for a single number; else zero
+        shape = np.shape(values)
+        first = np.zeros(shape or 1)
+        first[..., 0] = 1.0
+        first = first.reshape(shape)
         match fault.kind:
             case "offset":
                 return values + amount * first
@@ -105,10 +109,3 @@ class SensorFaults:
         if earlier:
             return earlier[-1]
         return seen[0][1] if seen else values
-
-
-def _first_of_each_row(shape: tuple[int, ...]) -> np.ndarray:
-    """One for the first value of every module, or for a single number; else zero."""
-    first = np.zeros(shape or 1)
-    first[..., 0] = 1.0
-    return first.reshape(shape)

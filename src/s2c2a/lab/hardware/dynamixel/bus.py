@@ -168,7 +168,10 @@ class DynamixelBus(SerialBus):
         """Switch the torque, of all servos at once; see `ServoBus`."""
         ids = tuple(ids)
         if on:
-            self._repeat_goals(ids)
+            # write the last goals again, with a confirmation
+            for id in ids:
+                if id in self._goals:
+                    self.write(id, "goal_position", self._goals[id])
             self.arm_watchdog(ids, self._watchdog)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
         self._write_values("torque", dict.fromkeys(ids, int(on)))  # with a confirmation
@@ -258,18 +261,6 @@ class DynamixelBus(SerialBus):
         allowed = self._current_units(self._max_current)
         wanted = {"return_delay": 0, limit_name: min(stored[limit_name], allowed)}
         return stored_changes(stored, required, wanted)
-
-    def _repeat_goals(self, ids: Iterable[int]) -> None:
-        """Write the last goals again, with a confirmation.
-
-        With a lost goal, a servo that is switched on would turn to its old one.
-
-        Raises:
-            BusError: a servo does not confirm its goal.
-        """
-        for id in ids:
-            if id in self._goals:
-                self.write(id, "goal_position", self._goals[id])
 
     def _join_state(self, info: ServoInfo) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""

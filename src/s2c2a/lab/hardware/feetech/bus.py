@@ -95,7 +95,12 @@ class FeetechBus(SerialBus):
                 or the servo does not answer afterwards.
         """
         code = self._baud_code(baud_rate)
-        self._check_assignment(id, new_id)
+        if not 0 <= new_id <= tables.MAX_ID:
+            raise BusError(f"the new id is {new_id}; choose 0 to {tables.MAX_ID}")
+        if self.read(id, "torque"):
+            raise BusError(f"the torque of servo {id} is on; switch it off first")
+        if new_id != id and self._identify(new_id) is not None:
+            raise BusError(f"another servo has the id {new_id}; choose a free one")
         self.write(id, "lock", 0)
         # which id or rate the answer has depends on the firmware: none is awaited
         self._line.write(self.packets.write(id, REGISTERS["id"], new_id))
@@ -104,7 +109,15 @@ class FeetechBus(SerialBus):
             self._store(new_id, "baud_rate", code)
         else:
             self._line.write(self.packets.write(new_id, REGISTERS["baud_rate"], code))
-            self._lock_at_new_rate(new_id, baud_rate)
+            # lock the EPROM; some firmware changes its rate only at the next power-up
+            old_rate = self._line.baud_rate
+            self._line.baud_rate = baud_rate
+            try:
+                if self._identify(new_id) is None:
+                    self._line.baud_rate = old_rate
+                self.write(new_id, "lock", 1)
+            finally:
+                self._line.baud_rate = old_rate
 
     def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
         """See `ServoBus`; the current is limited last, once the servos are ready.
@@ -133,7 +146,10 @@ class FeetechBus(SerialBus):
         self._note_stored_limit(id, stored["max_torque"])
         self.write(id, "acceleration", 0)
         self.write(id, "goal_time", 0)
-        self._speeds[id] = self._speed_value(id, speed)
+        # speed as the servo counts it, at least one unit: zero can mean no limit
+        steps = speed / tables.TICK_SPEED
+        value = min(steps / self._steps_per_unit(id), tables.MAX_SPEED)
+        self._speeds[id] = max(int(value), 1)
         self.write(id, "goal_speed", self._speeds[id])
 
     def set_torque(self, ids: Iterable[int], on: bool) -> None:
@@ -148,7 +164,19 @@ class FeetechBus(SerialBus):
         """
         ids = tuple(ids)
         if on:
-            self._release_goals(ids)
+            # write the goals that were kept back; servos without one stay in place
+            kept = {id: self._kept_goals[id] for id in ids if id in self._kept_goals}
+            unknown = [id for id, goal in kept.items() if goal is None]
+            states = self.read_states(unknown)
+            missing = [id for id in unknown if id not in states]
+            if missing:
+                raise self._absence(missing[0])
+            goals = {id: state.position for id, state in states.items()}
+            goals |= {id: goal for id, goal in kept.items() if goal is not None}
+            for id, goal in goals.items():
+                # confirmed: with a lost goal, the servo would turn to its old one
+                self.write(id, "goal_position", goal)
+                del self._kept_goals[id]
         else:
             self._kept_goals |= dict.fromkeys(ids)
             # at once; an absent servo does not delay the others
@@ -244,25 +272,6 @@ class FeetechBus(SerialBus):
         blocks = (REGISTERS["identity"], REGISTERS["state"])
         return [(self.packets.read(id, block), block.size) for block in blocks]
 
-    def _check_assignment(self, id: int, new_id: int) -> None:
-        if not 0 <= new_id <= tables.MAX_ID:
-            raise BusError(f"the new id is {new_id}; choose 0 to {tables.MAX_ID}")
-        if self.read(id, "torque"):
-            raise BusError(f"the torque of servo {id} is on; switch it off first")
-        if new_id != id and self._identify(new_id) is not None:
-            raise BusError(f"another servo has the id {new_id}; choose a free one")
-
-    def _lock_at_new_rate(self, id: int, baud_rate: int) -> None:
-        """Lock the EPROM; some firmware changes its rate only at the next power-up."""
-        old_rate = self._line.baud_rate
-        self._line.baud_rate = baud_rate
-        try:
-            if self._identify(id) is None:
-                self._line.baud_rate = old_rate
-            self.write(id, "lock", 1)
-        finally:
-            self._line.baud_rate = old_rate
-
     def _stored_changes(self, id: int) -> list[StoredChange]:
         stored = self._settings(id)
         allowed = self._current_units(self._max_current)
@@ -285,25 +294,6 @@ class FeetechBus(SerialBus):
         """Write to an unlocked EPROM, and lock it."""
         self.write(id, name, value)
         self.write(id, "lock", 1)
-
-    def _release_goals(self, ids: tuple[int, ...]) -> None:
-        """Write the goals that were kept back; servos without one stay in place.
-
-        Raises:
-            BusError: a servo does not answer; it and those after it stay off.
-        """
-        kept = {id: self._kept_goals[id] for id in ids if id in self._kept_goals}
-        unknown = [id for id, goal in kept.items() if goal is None]
-        states = self.read_states(unknown)
-        missing = [id for id in unknown if id not in states]
-        if missing:
-            raise self._absence(missing[0])
-        goals = {id: state.position for id, state in states.items()}
-        goals |= {id: goal for id, goal in kept.items() if goal is not None}
-        for id, goal in goals.items():
-            # confirmed: with a lost goal, the servo would turn to its old one
-            self.write(id, "goal_position", goal)
-            del self._kept_goals[id]
 
     def _has_restarted(self, answer: Answer) -> bool:
         """Whether a servo lost the speed that it was prepared with."""
@@ -333,12 +323,6 @@ class FeetechBus(SerialBus):
         """Unit of the speeds of a servo [steps/s]."""
         is_fine = self._phase(id) & tables.PHASE_FINE_SPEED
         return 1 if is_fine else tables.COARSE_SPEED_STEPS
-
-    def _speed_value(self, id: int, speed: float) -> int:
-        """Speed as the servo counts it, at least one unit: zero can mean no limit."""
-        steps = speed / tables.TICK_SPEED
-        value = min(steps / self._steps_per_unit(id), tables.MAX_SPEED)
-        return max(int(value), 1)
 
 
 def _value(answer: Answer, name: str) -> int:

@@ -57,7 +57,11 @@ class Connection:
             now: time on any steady clock [s].
         """
         if self.layout is not None and now - self._heard > SILENCE:
-            self._disconnect(now)
+            if self.is_connected and not self.problem:
+                self.problem = self._no_answer()
+            self.layout = None
+            self.names = None
+            self._restart_requests(now)
         if now < self._next:
             return None
         kind = self._wanted()
@@ -82,13 +86,6 @@ class Connection:
     def _restart_requests(self, now: float) -> None:
         self._pause = FIRST_PAUSE
         self._next = now
-
-    def _disconnect(self, now: float) -> None:
-        if self.is_connected and not self.problem:
-            self.problem = self._no_answer()
-        self.layout = None
-        self.names = None
-        self._restart_requests(now)
 
     def _no_answer(self) -> str:
         return (

@@ -197,17 +197,13 @@ def _definitions(reader: Reader, layout: MessageLayout) -> Iterator[tuple[int, R
         if layout.has_sizes:
             (size,) = reader.unpack(_COUNT)
         else:
-            size = _measure(reader, kind, layout)
+            # return the size of the definition that follows [bytes]
+            if kind not in layout.definitions:
+                raise malformed(f"there is no definition of type {kind}")
+            ahead = Reader(reader.peek())
+            _skip(ahead, layout.definitions[kind])
+            size = reader.remaining - ahead.remaining
         yield kind, reader.section(size)
-
-
-def _measure(reader: Reader, kind: int, layout: MessageLayout) -> int:
-    """Return the size of the definition that follows [bytes]."""
-    if kind not in layout.definitions:
-        raise malformed(f"there is no definition of type {kind}")
-    ahead = Reader(reader.peek())
-    _skip(ahead, layout.definitions[kind])
-    return reader.remaining - ahead.remaining
 
 
 def _decode(text: bytes) -> str:
@@ -260,23 +256,19 @@ def parse_frame(reader: Reader, layout: MessageLayout) -> NatNetFrame:
     bodies: tuple[RigidBody, ...] = ()
     for section in layout.sections:
         if section is Section.RIGID_BODIES:
-            bodies = _read_bodies(reader, layout)
+            count = reader.count(BODY_SIZE)
+            size = count * BODY_SIZE
+            if layout.has_sizes and reader.unpack(_COUNT) != (size,):
+                raise malformed(f"{count} rigid bodies do not take {size} bytes")
+            values = list(_BODY.iter_unpack(reader.take(size)))
+            if len({id for id, *_ in values}) < count:
+                raise malformed("a rigid body occurs twice")
+            tracked = [body for body in values if body[-1] & _TRACKED]
+            bodies = tuple(RigidBody(body[0], body[1:4], body[4:8]) for body in tracked)
         else:
             _skip_section(reader, section, layout)
     time, flags = _read_suffix(reader, layout)
     return NatNetFrame(number, time, bodies, bool(flags & _MODELS_CHANGED))
-
-
-def _read_bodies(reader: Reader, layout: MessageLayout) -> tuple[RigidBody, ...]:
-    count = reader.count(BODY_SIZE)
-    size = count * BODY_SIZE
-    if layout.has_sizes and reader.unpack(_COUNT) != (size,):
-        raise malformed(f"{count} rigid bodies do not take {size} bytes")
-    values = list(_BODY.iter_unpack(reader.take(size)))
-    if len({id for id, *_ in values}) < count:
-        raise malformed("a rigid body occurs twice")
-    tracked = [body for body in values if body[-1] & _TRACKED]
-    return tuple(RigidBody(body[0], body[1:4], body[4:8]) for body in tracked)
 
 
 def _skip_section(reader: Reader, section: Section, layout: MessageLayout) -> None:

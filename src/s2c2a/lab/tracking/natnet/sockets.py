@@ -39,7 +39,11 @@ def _open(local: str, port: int, group: str) -> socket.socket:
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         if group:
-            _join(opened, port, group, local)
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # bound to the group, the socket gets no frames of other groups; Windows refuses it
+            opened.bind((local if os.name == "nt" else group, port))
+            membership = socket.inet_aton(group) + socket.inet_aton(local)
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
         else:
             opened.bind((local, port))
     except (OSError, ValueError, TypeError) as error:
@@ -51,11 +55,3 @@ def _open(local: str, port: int, group: str) -> socket.socket:
         ) from error
     opened.setblocking(False)
     return opened
-
-
-def _join(opened: socket.socket, port: int, group: str, local: str) -> None:
-    opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    # bound to the group, the socket gets no frames of other groups; Windows refuses it
-    opened.bind((local if os.name == "nt" else group, port))
-    membership = socket.inet_aton(group) + socket.inet_aton(local)
-    opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)

@@ -132,17 +132,18 @@ class NatNetTracker(MocapTracker):
         if kind == MessageKind.FRAME:
             self._take_frame(reader, arrival)
         elif kind == MessageKind.SERVER_INFO:
-            self._take_server_info(reader, arrival)
+            info = parse_server_info(reader)
+            self._dialog.take_server_info(info, arrival)
+            if self._dialog.layout is None:
+                self._settled.set()
+            elif info.group is not None and len(self._sockets) == 1:
+                self._join_stated(info.group)
         elif kind == MessageKind.DEFINITIONS:
-            self._take_definitions(reader, arrival)
-
-    def _take_server_info(self, reader: Reader, arrival: float) -> None:
-        info = parse_server_info(reader)
-        self._dialog.take_server_info(info, arrival)
-        if self._dialog.layout is None:
-            self._settled.set()
-        elif info.group is not None and len(self._sockets) == 1:
-            self._join_stated(info.group)
+            layout = self._dialog.layout
+            if layout is not None:
+                names = parse_definitions(reader, layout)
+                self._dialog.take_definitions(names, arrival)
+                self._settled.set()
 
     def _join_stated(self, group: tuple[str, int]) -> None:
         """Join the group that Motive states."""
@@ -150,13 +151,6 @@ class NatNetTracker(MocapTracker):
             self._join(*group)
         except TrackingError as error:
             self._dialog.problem = str(error)
-
-    def _take_definitions(self, reader: Reader, arrival: float) -> None:
-        layout = self._dialog.layout
-        if layout is not None:
-            names = parse_definitions(reader, layout)
-            self._dialog.take_definitions(names, arrival)
-            self._settled.set()
 
     def _take_frame(self, reader: Reader, arrival: float) -> None:
         dialog = self._dialog

@@ -79,19 +79,15 @@ class PacketStream:
         packets = []
         while len(self._buffer) >= HEADER.size:
             size, kind = HEADER.unpack_from(self._buffer)
-            _check_header(size, kind)
+            is_size = HEADER.size <= size <= MAX_PACKET
+            if not is_size or kind > max(PacketKind):
+                raise _malformed(f"a packet of kind {kind} and {size} bytes")
             if len(self._buffer) < size:
                 break
             content = bytes(self._buffer[HEADER.size : size])
             del self._buffer[:size]
             packets.append(QtmPacket(PacketKind(kind), content))
         return packets
-
-
-def _check_header(size: int, kind: int) -> None:
-    is_size = HEADER.size <= size <= MAX_PACKET
-    if not is_size or kind > max(PacketKind):
-        raise _malformed(f"a packet of kind {kind} and {size} bytes")
 
 
 def _malformed(fault: str) -> DatagramError:

@@ -137,16 +137,13 @@ class QtmSession:
                 "its calibration settings"
             )
         else:
-            self._use(parameters)
+            if self.parameters is None:
+                self._commands.append(_STREAM)
+                self._error = ""
+                self.problem = self._no_frames()
+            self.parameters = parameters
             return
         self.parameters = None
-
-    def _use(self, parameters: StreamParameters) -> None:
-        if self.parameters is None:
-            self._commands.append(_STREAM)
-            self._error = ""
-            self.problem = self._no_frames()
-        self.parameters = parameters
 
     def take_no_data(self, now: float) -> None:
         """Note that no measurement runs."""

@@ -42,19 +42,16 @@ class BaseAverage:
         if self.pose is None:
             self._take(measured)
         elif not _is_near(measured, self.pose):
-            return self._take_far(measured)
+            self._far += 1
+            if self._far < MOVED_FRAMES:
+                return None
+            self._reset()
+            self.restarts += 1
+            self._take(measured)
+            return self.pose
         else:
             self._far = 0
             self._take(measured)
-        return self.pose
-
-    def _take_far(self, measured: Pose) -> Pose | None:
-        self._far += 1
-        if self._far < MOVED_FRAMES:
-            return None
-        self._reset()
-        self.restarts += 1
-        self._take(measured)
         return self.pose
 
     def _take(self, measured: Pose) -> None:

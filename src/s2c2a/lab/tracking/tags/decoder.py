@@ -20,21 +20,23 @@ def main(kind: str, *paths: str) -> None:
     """Write the images of a video, or one image for each picture."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no image
-    _limit_memory()
-    if kind == "video":
-        _write_video(output, paths[0])
-    else:
-        _write_pictures(output, paths)
-    output.write(END)
-    output.close()
-
-
-def _limit_memory() -> None:
     with suppress(ImportError, ValueError, OSError):  # not on every system
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if kind == "video":
+        _write_video(output, paths[0])
+    else:
+        import cv2
+        import numpy as np
+
+        for path in paths:
+            with open(path, "rb") as file:
+                content = np.frombuffer(file.read(), np.uint8)
+            _write_image(output, cv2.imdecode(content, cv2.IMREAD_GRAYSCALE), 0.0)
+    output.write(END)
+    output.close()
 
 
 def _write_video(output, path: str) -> None:
@@ -49,16 +51,6 @@ def _write_video(output, path: str) -> None:
         if not is_read:
             return
         _write_image(output, image, rate)
-
-
-def _write_pictures(output, paths) -> None:
-    import cv2
-    import numpy as np
-
-    for path in paths:
-        with open(path, "rb") as file:
-            content = np.frombuffer(file.read(), np.uint8)
-        _write_image(output, cv2.imdecode(content, cv2.IMREAD_GRAYSCALE), 0.0)
 
 
 def _write_image(output, image, rate: float) -> None:

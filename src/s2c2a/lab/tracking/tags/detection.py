@@ -157,30 +157,34 @@ def refine_corners(
         raise TagError(TagDropReason.TOO_SMALL)
     refined = corners
     for _ in range(_REFINEMENTS):
-        refined = _refine_once(gray, refined)
+        unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+        homography = cv2.getPerspectiveTransform(unit, refined.astype(np.float32))
+        profiles = _profiles(gray, homography)
+        # gray values of black and white at the four edges
+        black = profiles[:, :, :_LEVEL_SAMPLES].mean(axis=(1, 2))
+        white = profiles[:, :, -_LEVEL_SAMPLES:].mean(axis=(1, 2))
+        contrast = white - black
+        if contrast.min() < MIN_CONTRAST:
+            raise TagError(TagDropReason.FAINT)
+        rises = (profiles - black[:, None, None]) / contrast[:, None, None]
+        # compare the steepest slope of the mean profile of every edge with a step
+        slopes = np.gradient(rises.mean(axis=1), _ACROSS, axis=1)
+        widths = CELLS / np.maximum(slopes.max(axis=1), 1e-9)
+        if widths.max() > MAX_EDGE_WIDTH:
+            raise TagError(TagDropReason.BLURRED)
+        # (edges, along), outward, in sides of the tag
+        offsets = _REACH - np.trapezoid(rises, _ACROSS, axis=2)
+        points = _map(homography, _edge_points(offsets))
+        lines = [_fit_line(edge) for edge in points]
+        _check_straightness(offsets)
+        refined = np.array(
+            [_intersect(lines[edge - 1], lines[edge]) for edge in range(4)]
+        )
     shift = np.linalg.norm(refined - corners, axis=1).max()
     # an oblique tag is only a few pixels wide, and its first corners are whole pixels
     if shift > max(MAX_SHIFT * sides.max() / CELLS, 1.5):
         raise TagError(TagDropReason.COVERED)
     return refined
-
-
-def _refine_once(gray: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
-    homography = cv2.getPerspectiveTransform(unit, corners.astype(np.float32))
-    profiles = _profiles(gray, homography)
-    black, white = _levels(profiles)
-    contrast = white - black
-    if contrast.min() < MIN_CONTRAST:
-        raise TagError(TagDropReason.FAINT)
-    rises = (profiles - black[:, None, None]) / contrast[:, None, None]
-    _check_sharpness(rises)
-    # (edges, along), outward, in sides of the tag
-    offsets = _REACH - np.trapezoid(rises, _ACROSS, axis=2)
-    points = _map(homography, _edge_points(offsets))
-    lines = [_fit_line(edge) for edge in points]
-    _check_straightness(offsets)
-    return np.array([_intersect(lines[edge - 1], lines[edge]) for edge in range(4)])
 
 
 def _edge_points(offsets: np.ndarray) -> np.ndarray:
@@ -217,21 +221,6 @@ def _profiles(gray: np.ndarray, homography: np.ndarray) -> np.ndarray:
 def _map(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     homogeneous = points @ homography[:, :2].T + homography[:, 2]
     return homogeneous[..., :2] / homogeneous[..., 2:]
-
-
-def _levels(profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gray values of black and white at the four edges."""
-    black = profiles[:, :, :_LEVEL_SAMPLES].mean(axis=(1, 2))
-    white = profiles[:, :, -_LEVEL_SAMPLES:].mean(axis=(1, 2))
-    return black, white
-
-
-def _check_sharpness(rises: np.ndarray) -> None:
-    """Compare the steepest slope of the mean profile of every edge with a step."""
-    slopes = np.gradient(rises.mean(axis=1), _ACROSS, axis=1)
-    widths = CELLS / np.maximum(slopes.max(axis=1), 1e-9)
-    if widths.max() > MAX_EDGE_WIDTH:
-        raise TagError(TagDropReason.BLURRED)
 
 
 def _check_straightness(offsets: np.ndarray) -> None:

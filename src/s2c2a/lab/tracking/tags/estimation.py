@@ -85,7 +85,17 @@ def estimate_poses(
     Raises:
         TagError: the image is malformed, or not of the size of the camera model.
     """
-    gray = _gray(image, camera)
+    is_image = isinstance(image, np.ndarray) and image.dtype == np.uint8
+    if not is_image or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
+        raise TagError(TagDropReason.MALFORMED)
+    if image.shape[:2] != (camera.height, camera.width):
+        height, width = image.shape[:2]
+        raise TagError(
+            TagDropReason.WRONG_SIZE,
+            f"the pictures have {width} x {height} pixels, the camera model "
+            f"{camera.width} x {camera.height}; calibrate with the size that is used",
+        )
+    gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     tags = layout.by_id
     found = detect_tags(gray, tags)
     poses = {}
@@ -100,20 +110,6 @@ def estimate_poses(
         except TagError as error:
             found.dropped[error.reason] += 1
     return TagPoses(poses, found.views, found.dropped)
-
-
-def _gray(image: np.ndarray, camera: CameraModel) -> np.ndarray:
-    is_image = isinstance(image, np.ndarray) and image.dtype == np.uint8
-    if not is_image or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
-        raise TagError(TagDropReason.MALFORMED)
-    if image.shape[:2] != (camera.height, camera.width):
-        height, width = image.shape[:2]
-        raise TagError(
-            TagDropReason.WRONG_SIZE,
-            f"the pictures have {width} x {height} pixels, the camera model "
-            f"{camera.width} x {camera.height}; calibrate with the size that is used",
-        )
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 
 def _body_pose(
@@ -139,7 +135,20 @@ def _body_pose(
     possible = [best, *(rival for rival in rivals if rival.error < limit)]
     chosen = _choose_by_rough(possible, rough, tags, camera)
     pose = chosen or _choose_by_previous(possible, before)
-    _check_precision(pose, _corners(views, tags), camera)
+    # refuse a pose that the noise of the corners moves too far
+    model = _corners(views, tags)
+    # about the center of the tags: a rotation about a far origin would move them
+    center = model.mean(axis=0)
+    centered = Pose(pose.position + pose.matrix @ center, pose.rotation)
+    _, jacobian = _project(centered, model - center, camera)
+    information = jacobian.T @ jacobian / CORNER_NOISE**2
+    try:
+        deviations = np.sqrt(np.diag(np.linalg.inv(information)))
+    except np.linalg.LinAlgError as error:
+        raise TagError(TagDropReason.IMPRECISE) from error
+    is_turned = np.linalg.norm(deviations[:3]) > MAX_ROTATION_STD
+    if is_turned or np.linalg.norm(deviations[3:]) > MAX_POSITION_STD:
+        raise TagError(TagDropReason.IMPRECISE)
     return pose
 
 
@@ -271,19 +280,3 @@ def _choose_by_previous(possible: list[PoseCandidate], before: Pose | None) -> P
     if turns[first] > min(_MAX_TURN, _CONTINUITY * turns[second]):
         raise TagError(TagDropReason.AMBIGUOUS)
     return possible[first].pose
-
-
-def _check_precision(pose: Pose, model: np.ndarray, camera: CameraModel) -> None:
-    """Refuse a pose that the noise of the corners moves too far."""
-    # about the center of the tags: a rotation about a far origin would move them
-    center = model.mean(axis=0)
-    centered = Pose(pose.position + pose.matrix @ center, pose.rotation)
-    _, jacobian = _project(centered, model - center, camera)
-    information = jacobian.T @ jacobian / CORNER_NOISE**2
-    try:
-        deviations = np.sqrt(np.diag(np.linalg.inv(information)))
-    except np.linalg.LinAlgError as error:
-        raise TagError(TagDropReason.IMPRECISE) from error
-    is_turned = np.linalg.norm(deviations[:3]) > MAX_ROTATION_STD
-    if is_turned or np.linalg.norm(deviations[3:]) > MAX_POSITION_STD:
-        raise TagError(TagDropReason.IMPRECISE)

@@ -132,7 +132,12 @@ class TagLayout(BaseModel):
             raise LayoutError(
                 f"{modules} modules; collars have ids for 1 to {MAX_MODULES}"
             )
-        _check_width(size, half_width)
+        if not SHEET * size <= 2 * half_width * (1 + 1e-9):
+            raise LayoutError(
+                f"tags of {1000 * size:g} mm and their white margins need a collar of "
+                f"{1000 * SHEET * size:g} mm, got {2000 * half_width:g} mm; choose "
+                "smaller tags or a wider collar"
+            )
         names = [BASE, *(f"end-{module}" for module in range(1, modules + 1))]
         chosen = _choose(bodies, names) or names
         capped = _choose(caps, names) or names[-1:]
@@ -158,15 +163,6 @@ def square(size: float) -> Float[np.ndarray, "4 3"]:
     """Return the corners of a square [m], tag frame, in the order of `Tag.corners`."""
     signs = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
     return size / 2 * signs
-
-
-def _check_width(size: float, half_width: float) -> None:
-    if not SHEET * size <= 2 * half_width * (1 + 1e-9):
-        raise LayoutError(
-            f"tags of {1000 * size:g} mm and their white margins need a collar of "
-            f"{1000 * SHEET * size:g} mm, got {2000 * half_width:g} mm; choose "
-            "smaller tags or a wider collar"
-        )
 
 
 def _choose(bodies: Iterable[str], names: list[str]) -> list[str]:

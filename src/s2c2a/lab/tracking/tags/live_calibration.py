@@ -54,7 +54,14 @@ def read_pictures(paths: Sequence[Path]) -> list[np.ndarray]:
         CameraError: one is damaged or too large.
     """
     for path in paths:
-        _check_size(path)
+        try:
+            size = path.stat().st_size
+        except OSError as error:
+            raise CameraError(
+                f"{path} cannot be read: {error}; leave it out"
+            ) from error
+        if size > MAX_BYTES:
+            raise CameraError(f"{path} has more than {MAX_BYTES} bytes; leave it out")
     pictures = []
     decoder = DecodingProcess("pictures", paths)
     try:
@@ -63,15 +70,6 @@ def read_pictures(paths: Sequence[Path]) -> list[np.ndarray]:
     finally:
         decoder.close()
     return pictures
-
-
-def _check_size(path: Path) -> None:
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise CameraError(f"{path} cannot be read: {error}; leave it out") from error
-    if size > MAX_BYTES:
-        raise CameraError(f"{path} has more than {MAX_BYTES} bytes; leave it out")
 
 
 def _decoded(decoder: DecodingProcess, path: Path) -> np.ndarray:

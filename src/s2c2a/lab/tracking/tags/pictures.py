@@ -198,21 +198,16 @@ class Canvas:
         painted = cv2.warpPerspective(texture, warp, size, borderMode=edge)
         inside = np.zeros(image.shape, np.uint8)
         cv2.fillConvexPoly(inside, np.rint(shifted).astype(np.int32), 1)
-        distances = self._plane(corners, left, top, image.shape)
+        # depths of a plane [m] in a part of the picture
+        first, second, _, last = corners
+        normal = np.cross(second - first, last - first)
+        rows, columns = np.indices(image.shape) + np.array([top, left])[:, None, None]
+        rays = np.stack([columns, rows, np.ones(image.shape)], axis=-1)
+        slopes = rays @ np.linalg.inv(self._lens.matrix).T @ normal
+        distances = normal @ first / np.where(slopes == 0, np.inf, slopes)
         nearer = (inside > 0) & (distances < depths)
         image[nearer] = painted[nearer]
         depths[nearer] = distances[nearer]
-
-    def _plane(
-        self, corners: np.ndarray, left: int, top: int, shape: tuple[int, ...]
-    ) -> np.ndarray:
-        """Depths of a plane [m] in a part of the picture."""
-        first, second, _, last = corners
-        normal = np.cross(second - first, last - first)
-        rows, columns = np.indices(shape) + np.array([top, left])[:, None, None]
-        rays = np.stack([columns, rows, np.ones(shape)], axis=-1)
-        slopes = rays @ np.linalg.inv(self._lens.matrix).T @ normal
-        return normal @ first / np.where(slopes == 0, np.inf, slopes)
 
 
 def _plain(gray: int) -> np.ndarray:

@@ -191,30 +191,26 @@ def _paper(name: str) -> tuple[float, float]:
 def _tag_figure(page: Sequence[PlacedTag], paper: tuple[float, float]) -> Figure:
     figure, axes = _sheet(paper)
     for placed in page:
-        _draw_tag(axes, placed)
+        tag = placed.tag
+        side = placed.side
+        outline = Rectangle(
+            (placed.left, placed.bottom),
+            side,
+            side,
+            fill=False,
+            linewidth=0.3,
+            linestyle=(0, (8, 8)),
+            edgecolor="0.6",
+        )
+        axes.add_patch(outline)
+        margin = (side - tag.size) / 2
+        cells = cv2.aruco.generateImageMarker(tag_dictionary(), tag.id, CELLS)
+        picture = np.kron(cells, np.ones((_CELL_PIXELS, _CELL_PIXELS), np.uint8))
+        left = placed.left + margin
+        bottom = placed.bottom + margin
+        _draw(axes, picture, left, bottom, tag.size, tag.size)
+        _draw_caption(axes, placed, margin)
     return figure
-
-
-def _draw_tag(axes: Axes, placed: PlacedTag) -> None:
-    tag = placed.tag
-    side = placed.side
-    outline = Rectangle(
-        (placed.left, placed.bottom),
-        side,
-        side,
-        fill=False,
-        linewidth=0.3,
-        linestyle=(0, (8, 8)),
-        edgecolor="0.6",
-    )
-    axes.add_patch(outline)
-    margin = (side - tag.size) / 2
-    cells = cv2.aruco.generateImageMarker(tag_dictionary(), tag.id, CELLS)
-    picture = np.kron(cells, np.ones((_CELL_PIXELS, _CELL_PIXELS), np.uint8))
-    left = placed.left + margin
-    bottom = placed.bottom + margin
-    _draw(axes, picture, left, bottom, tag.size, tag.size)
-    _draw_caption(axes, placed, margin)
 
 
 def _draw_caption(axes: Axes, placed: PlacedTag, margin: float) -> None:
@@ -257,14 +253,6 @@ def _sheet(paper: tuple[float, float]) -> tuple[Figure, Axes]:
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
-    _draw_ruler(axes)
-    axes.set_autoscale_on(False)
-    axes.set_xlim(0, width)
-    axes.set_ylim(0, height)
-    return figure, axes
-
-
-def _draw_ruler(axes: Axes) -> None:
     bottom = 0.008
     axes.plot([MARGIN, MARGIN + RULER], [bottom, bottom], color="black", linewidth=0.4)
     for millimeters in range(0, 101, 5):
@@ -273,6 +261,10 @@ def _draw_ruler(axes: Axes) -> None:
         line = [bottom, bottom + tick]
         axes.plot([position, position], line, color="black", linewidth=0.4)
     axes.text(MARGIN + RULER + 0.004, bottom, _ADVICE, fontsize=8)
+    axes.set_autoscale_on(False)
+    axes.set_xlim(0, width)
+    axes.set_ylim(0, height)
+    return figure, axes
 
 
 def _save(figures: Iterator[Figure], count: int, path: Path) -> list[Path]:

@@ -128,7 +128,11 @@ class TagTracker(ReceivingTracker):
             self._previous[name] = (arrival, pose)
         poses = dict(found.poses)
         if self._average_base:
-            self._replace_base(poses)
+            moved = self._base.restarts
+            average = self._base.update(poses.pop(BASE, None))
+            self._restarts += self._base.restarts - moved
+            if average is not None:
+                poses[BASE] = average
         self._arrivals.append(arrival)
         self._keep(PoseFrame(arrival, source, self._accepted, poses))
 
@@ -138,13 +142,6 @@ class TagTracker(ReceivingTracker):
             for name, (seen, pose) in self._previous.items()
             if now - seen < CONTINUITY_TIME
         }
-
-    def _replace_base(self, poses: dict[str, Pose]) -> None:
-        moved = self._base.restarts
-        average = self._base.update(poses.pop(BASE, None))
-        self._restarts += self._base.restarts - moved
-        if average is not None:
-            poses[BASE] = average
 
 
 def _read(source: PictureSource) -> Picture:
@@ -183,11 +180,7 @@ def tag_tracker(
     if str(layout_file):
         layout = load_layout(layout_file)
     else:
-        layout = _any_collars()
+        names = [f"end-{module}" for module in range(1, MAX_MODULES + 1)]
+        layout = TagLayout.collars(MAX_MODULES, caps=names)
     open_camera = opener(device, camera.width, camera.height)
     return TagTracker(open_camera, camera, layout, average_base)
-
-
-def _any_collars() -> TagLayout:
-    names = [f"end-{module}" for module in range(1, MAX_MODULES + 1)]
-    return TagLayout.collars(MAX_MODULES, caps=names)

@@ -63,8 +63,19 @@ def camera_values(text: str) -> dict[str, Any]:
     Raises:
         ValueError: it is no such calibration, or of another model of distortion.
     """
-    values = _parse(text)
-    _check_model(values)
+    try:
+        values = yaml.load(_OPENCV_HEADER.sub("", text), _Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"not YAML of ROS or OpenCV: {error}") from error
+    if not isinstance(values, dict):
+        raise ValueError("not a table of keys")
+    # refuse what `CameraModel` does not describe
+    model = values.get("distortion_model", MODEL)
+    if model not in (MODEL, "rational_polynomial") or values.get("fisheye_model"):
+        raise ValueError(
+            f"distortion_model '{model!s:.40}', or a fisheye: calibrate with {MODEL} "
+            "(k1, k2, p1, p2, k3)"
+        )
     matrix = _numbers(values, _MATRICES)
     if len(matrix) != 9 or matrix[1] or matrix[3] or matrix[6:] != [0, 0, 1]:
         raise ValueError(
@@ -79,26 +90,6 @@ def camera_values(text: str) -> dict[str, Any]:
         "distortion": _distortion(_numbers(values, _DISTORTIONS)),
         "rms": next((values[name] for name in _ERRORS if name in values), 0.0),
     }
-
-
-def _parse(text: str) -> dict:
-    try:
-        values = yaml.load(_OPENCV_HEADER.sub("", text), _Loader)
-    except yaml.YAMLError as error:
-        raise ValueError(f"not YAML of ROS or OpenCV: {error}") from error
-    if not isinstance(values, dict):
-        raise ValueError("not a table of keys")
-    return values
-
-
-def _check_model(values: dict) -> None:
-    """Refuse what `CameraModel` does not describe."""
-    model = values.get("distortion_model", MODEL)
-    if model not in (MODEL, "rational_polynomial") or values.get("fisheye_model"):
-        raise ValueError(
-            f"distortion_model '{model!s:.40}', or a fisheye: calibrate with {MODEL} "
-            "(k1, k2, p1, p2, k3)"
-        )
 
 
 def _value(values: dict, names: Sequence[str]) -> Any:
