@@ -15,7 +15,7 @@ from tools.markdown import cell, first_paragraph, header, linked, table
 FOLDER = "reference"
 GROUPS = {
     "Data": ("collect", "import", "export"),
-    "Training": ("train", "pretrain", "identify", "sweep"),
+    "Training": ("train", "pretrain", "identify"),
     "Control": (
         "demo",
         "reach",

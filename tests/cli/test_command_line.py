@@ -23,7 +23,6 @@ COMMANDS = [
     "train",
     "reach",
     "run",
-    "sweep",
     "benchmark",
     "bench",
     "doctor",
@@ -140,7 +139,7 @@ def test_help_imports_no_large_package():
         "from s2c2a.cli.main import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "large = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed', 'optuna',"
+        "large = {'jax', 'mujoco', 'matplotlib', 'scipy', 'distributed',"
         " 'viser', 'websockets'}\n"
         "large &= set(sys.modules)\n"
         "sys.exit(f'imported {large}' if large else 0)\n"
@@ -313,24 +312,6 @@ def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):
         assert len(list(csv.DictReader(file))) == 200 / 8
     assert "step limit of 4 deg" in capsys.readouterr().out
     assert "0.01 to 10" in failing(capsys, "run", "circle", "--pace", "0")
-
-
-def test_an_invalid_sweep_is_rejected_before_it_writes_files(tmp_path, capsys):
-    def error_of(*arguments):
-        return failing(capsys, "sweep", *arguments, "--out", str(tmp_path / "sweep"))
-
-    assert "planner.solver.iterations" in error_of(
-        "circle", "--vary", "planner.solver.iteration=5:60"
-    )
-    assert "no task 'triangle'" in error_of("triangle", "--vary", "integral_gain=0,1")
-    assert "at least one, such as circle" in error_of("--vary", "integral_gain=0,1")
-    assert "they share position" in error_of(
-        "circle", "--vary", "integral_gain=0,1", "--metric", "tilt"
-    )
-    assert "no recipe" in error_of(
-        "circle", "--vary", "integral_gain=0,1", "--recipe", "none.toml"
-    )
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):

@@ -28,7 +28,12 @@ from s2c2a.strategies import (
     strategy_named,
 )
 from s2c2a.strategies.options import GoalPart
-from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
+from s2c2a_experiments.benchmark.search_space import (
+    STRATEGY,
+    Value,
+    with_options,
+    with_values,
+)
 from s2c2a_experiments.tables import VARIANTS
 
 TUNED = resources.files("s2c2a_experiments.benchmark").joinpath("tuned.toml")
@@ -81,7 +86,7 @@ class Entrant:
         family: of the paper's Table I, or of the field.
         strategy: see `strategy_named`.
         recipe: by which it is trained and plans.
-        tuned: what its tuning varies, as `s2c2a sweep --vary` reads it.
+        tuned: what its tuning varies; see `range_from`.
         camera: whether it sees the tip by a camera, as others by motion capture.
         is_own: whether the user has entered it.
         arms: that it is trained for, where that takes long; all if empty.

@@ -36,12 +36,11 @@ from s2c2a.plugins.discovery import (
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
-IN_A_CLONE = "bench", "reproduce", "sweep"
+IN_A_CLONE = "bench", "benchmark", "reproduce"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
     "run": "; finished runs are kept: continue with --out and the run directory",
-    "sweep": "; finished trials are kept: repeat the command to continue",
     "reproduce": "; finished work is kept: repeat the command to continue",
 }
 """How to continue an interrupted command, by command."""
