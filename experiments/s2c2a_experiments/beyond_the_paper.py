@@ -459,47 +459,6 @@ def sensor_faults(
         results.keep(study.sensor_fault_rows(compared, results.make))
 
 
-def transfer(
-    arm_seeds: tuple[int, ...] = (0, 20, 21),
-    counts: tuple[int, int] = (4, 6),
-    halves: tuple[int, ...] = (20, 21),
-    strength: float = 0.5,
-    tasks: tuple[str, ...] = ("circle", "tilt-50"),
-    samples: tuple[int, ...] = (0, 500),
-    base: Arm = "twin_arm",
-    seed: int = 0,
-    prior: int = 24,
-    work: Work = ALL_CORES,
-) -> None:
-    """Transfer of networks to a similar arm or another module count (docs/guides/transfer.md).
-
-    Repeat the command to continue an interrupted run.
-
-    Args:
-        arm_seeds: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
-            training from the networks of the next.
-        counts: module counts of the source and of the target; their modules have half
-            the length of the base's.
-        halves: seeds of randomized arms with these module counts.
-        strength: magnitude of the mismatch.
-        tasks: names of tasks.
-        samples: lengths of short recordings, such as 0 100 500 2000; 0 for none.
-        base: a preset or an arm file.
-        seed: random seed of data, training and start.
-        prior: number of further randomized arms that a prior is learned from; 0 for no
-            prior.
-        work: run directory and parallel execution.
-    """
-    from s2c2a_experiments.transfer import EXPERIMENT, Transfer, transfer_rows
-
-    study = Transfer(
-        load_arm(base), arm_seeds, counts, halves, strength, tasks, samples, seed, prior
-    )
-    options = asdict(study) | {"base": base}
-    with _study(EXPERIMENT, options, work) as results:
-        results.keep(transfer_rows(study, results.make))
-
-
 def real(
     recording: tyro.conf.Positional[Path],
     unseen: tuple[Path, ...] = (),

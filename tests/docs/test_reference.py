@@ -17,6 +17,9 @@ from tools.reference_arm import arm_keys
 REFERENCE = ROOT / "docs" / "reference"
 API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
 INTERNAL = {
+    "execution": "compiled programs, executors, cache: of every command",
+    "files": "guarded reading and atomic writing: of every file",
+    "plugins": "names of parts: the guide of extending",
     "cli": "the command line: Commands",
     "live": "the page in the browser: s2c2a live and s2c2a view",
     "integrations": "other software: the guides of exports, environments and ROS 2",
