@@ -34,7 +34,6 @@ from s2c2a_experiments.benchmark.search_space import (
     with_options,
     with_values,
 )
-from s2c2a_experiments.tables import VARIANTS
 
 TUNED = resources.files("s2c2a_experiments.benchmark").joinpath("tuned.toml")
 """What the same number of trials has found for each entrant (`tune`)."""
@@ -242,9 +241,7 @@ def _by_recipes() -> list[Entrant]:
     """Those that a recipe of the package describes."""
     best = recipe_named("best")
     paper = recipe_named("paper")
-    one_step = replace(VARIANTS["best, one step"], name="best-one-step")
     evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
-    change = "planner.terms.BendChange.weight=0.005:0.3:log"
     horizon = ("planner.solver.iterations=1:60:log", evenness)
     adam = (
         "planner.solver.learning_rate=0.005:0.1:log",
@@ -255,9 +252,6 @@ def _by_recipes() -> list[Entrant]:
         Entrant("pcc-horizon", "horizon, arcs", "pcc", best, horizon),
         Entrant("pcc-fitted", "horizon, fitted arcs", "pcc-fitted", best, horizon),
         Entrant("paper", "forward model: biLSTM", "s2c2a", paper, adam),
-        Entrant(
-            "one-step", "forward model: gray box", "s2c2a", one_step, (evenness, change)
-        ),
         Entrant("best", "horizon, gray box", "s2c2a", best, horizon),
         Entrant(
             "best-camera", "horizon, tip seen", "s2c2a", best, horizon, camera=True
