@@ -23,6 +23,7 @@ from s2c2a.execution.compilation import compiled
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import TrainedNetworks, estimator_of, training_data
 
+SEEN = 20.0  # s, in which the tip position is measured
 EXPERIMENT = "payloads"
 WITHOUT = "without estimation"
 ESTIMATED = "estimated"

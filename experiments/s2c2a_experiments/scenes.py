@@ -81,7 +81,7 @@ class SceneStudy:
     drawn: int = 50
     crossings: int = 20
     unsolvable: int = 20
-    seeds: tuple[int, ...] = (0,)
+    seeds: tuple[int, ...] = (0, 1, 2)
 
 
 def turned_task(name: str, arm: ArmSpec, degrees: float) -> Task:
