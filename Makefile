@@ -63,14 +63,14 @@ browser:  ## what the tests of the pages need; they are skipped without it, and 
 		echo "no Chromium here, and no right to install it: the tests of the pages will be skipped"
 
 .venv/ready: .venv/installed  # what the checks and the tests need, too
-	$(BIN)/pip install -c constraints.txt -e ".[dev]"
+	$(BIN)/pip install -c constraints.txt -e ".[dev]" -e ./experiments
 	touch .venv/ready
 
-.venv/installed: pyproject.toml constraints.txt  # the package and the live page
+.venv/installed: pyproject.toml experiments/pyproject.toml constraints.txt  # package, experiments and live page
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "$(PYTHON) is older than 3.11; name another one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install -c constraints.txt -e ".[live]"
+	$(BIN)/pip install -c constraints.txt -e ".[live]" -e ./experiments
 	touch .venv/installed
 
 clean:

@@ -40,7 +40,7 @@ from importlib.util import find_spec
 import s2c2a
 for name in ("lab", "logs", "live", "integrations"):
     assert find_spec(f"s2c2a.{name}") is None, name
-for name in ("viser", "cv2", "serial", "distributed", "optuna", "pytest"):
+for name in ("viser", "cv2", "serial", "distributed", "pytest"):
     assert find_spec(name) is None, name
 arm = s2c2a.load_arm("twin_arm")
 recording = s2c2a.collect(arm, "one.episodes", episodes=1, samples=8)

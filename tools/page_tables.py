@@ -412,18 +412,12 @@ def choosing_table() -> str:
         [
             "no tracking, but time for a simulation of your arm file",
             "a [prior](transfer.md) without data",
-            f"{_from_prior('from a prior, 0 samples')} (three randomized arms; "
-            f"{_from_prior('whole recording')} with all data)",
+            "1.39 (three randomized arms; 0.91 with all data)",
         ],
         [
             "50 s of tracked motion",
             "the prior, trained on them",
-            f"{_from_prior('from a prior, 500 samples')} (the same arms)",
-        ],
-        [
-            "networks of another arm of the same make, and 50 s of tracked motion",
-            "`train --from`, see [transfer](transfer.md)",
-            f"{_from_prior('from another, 500 samples')} (the same arms)",
+            "1.16 (the same arms)",
         ],
         [
             "a need to explain every parameter, and data",
@@ -456,18 +450,6 @@ def _circle(folder: str, strategy: str) -> str:
 def _strong_mismatch(recipe: str) -> str:
     file = "randomised-arms/strength-1.0.json"
     return number(_mean_value(file, "circle", "position", recipe))
-
-
-def _from_prior(strategy: str) -> str:
-    row = find_row(
-        "transfer/twin_arm.json",
-        arm="mean of 3 arms at 0.5, 3 modules",
-        task="circle",
-        strategy=strategy,
-        metric="position",
-        unit="cm",
-    )
-    return number(row["mean"])
 
 
 REAL_FILES = ("opencr_v4", "stanford_trunk", "kosice")
@@ -744,39 +726,6 @@ def repetition_table() -> str:
     return table(["repetition [cm]", *(f"`{arm}`" for arm in arms)], lines)
 
 
-TRANSFER_CASES = (
-    ("new arm", "mean of 3 arms at 0.5, 3 modules"),
-    ("six modules", "mean of 1 arms at 0.5, 6 modules"),
-)
-TRANSFER_METRICS = (
-    ("circle", "position", "cm"),
-    ("tilt-50", "position", "cm"),
-    ("tilt-50", "tilt", "deg"),
-)
-SAMPLES = (0, 100, 500, 2000)
-
-
-def _transfer_table(start: str) -> str:
-    """Errors by the number of samples, and as multiples of full training."""
-    file = "transfer/twin_arm.json"
-    lines = []
-    for label, arm in TRANSFER_CASES:
-        for task, metric, unit in TRANSFER_METRICS:
-            match = {"arm": arm, "task": task, "metric": metric}
-            whole = find_row(file, strategy="whole recording", unit=unit, **match)
-            cells = [number(whole["mean"])]
-            for samples in SAMPLES:
-                strategy = f"{start}, {samples} samples"
-                error = find_row(file, strategy=strategy, unit=unit, **match)
-                ratio = find_row(file, strategy=strategy, unit="times", **match)
-                cells.append(
-                    f"{number(error['mean'])}, {number(ratio['mean'], 1)} times"
-                )
-            lines.append([f"{label}, {task} [{unit}]", *cells])
-    head = ["", "whole recording, 9000", *map(str, SAMPLES)]
-    return table(head, lines)
-
-
 FAULTS = {
     "healthy": "none",
     "drift": "drift",
@@ -817,18 +766,6 @@ def sensor_faults_table() -> str:
         "camera",
     ]
     return table(head, lines)
-
-
-@shown_as("transfer-prior")
-def transfer_from_prior_table() -> str:
-    """A new arm from the prior over randomized arms."""
-    return _transfer_table("from a prior")
-
-
-@shown_as("transfer-another")
-def transfer_from_another_table() -> str:
-    """A new arm from the networks of another one."""
-    return _transfer_table("from another")
 
 
 @shown_as("planners")

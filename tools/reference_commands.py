@@ -18,7 +18,7 @@ SHARED_FROM = 3  # commands; an option of so many is stated once
 COLUMNS = ("option", "values", "default", "meaning")
 GROUPS = {
     "Data": ("collect", "import", "export"),
-    "Training": ("train", "pretrain", "identify", "sweep"),
+    "Training": ("train", "pretrain", "identify"),
     "Control": (
         "demo",
         "reach",

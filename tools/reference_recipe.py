@@ -36,8 +36,8 @@ episodes = 36
 hidden = 64
 ```
 
-A file without `based_on` needs all keys that have no default. `s2c2a sweep` writes such
-files. [The recipe best](../concepts/recipe.md) explains and measures the choices, and
+A file without `based_on` needs all keys that have no default.
+[The recipe best](../concepts/recipe.md) explains and measures the choices, and
 [Your robot and your own parts](../guides/extending.md) replaces a part by your code.
 """
 NUMBERS = """Solver, terms, guides and state estimator are components. Their numbers are

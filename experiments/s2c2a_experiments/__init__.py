@@ -9,7 +9,6 @@
 - `randomized_arms`: all strategies on arms with random model mismatch.
 - `targets`, `true_reach`: targets within and out of the reach of a simulated arm.
 - `sensors`, `payloads`: state estimation with other sensors, and with payloads.
-- `transfer`, `transferred_networks`: networks of one arm as the starting point for another arm.
 - `real`, `real_models`: forward models compared on recordings of real arms.
 - `plans`: plans compared with a long multi-start search.
 """

@@ -71,7 +71,15 @@ def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
     limits = TIME_LIMITS if spec.same_mechanics(load_arm("twin_arm")) else {}
     entries = [_entry(timing, limits.get(timing.operation)) for timing in timings]
     _print_entries(spec, entries)
-    machine = _machine()
+    info = Path("/proc/cpuinfo")
+    text = info.read_text(encoding="utf-8") if info.is_file() else ""
+    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    machine = {
+        "processor": model[1].strip() if model else platform.processor(),
+        "cores": all_cores(),
+        "system": platform.platform(),
+        **versions(),
+    }
     print("; ".join(f"{name} {value}" for name, value in machine.items()))
     if out:
         content = {
@@ -193,16 +201,3 @@ def _format_time(seconds: float | None) -> str:
     if seconds is None:
         return ""
     return f"{seconds:.2f} s" if seconds >= 1 else f"{1e3 * seconds:.2f} ms"
-
-
-def _machine() -> dict[str, object]:
-    """Hardware and software versions."""
-    info = Path("/proc/cpuinfo")
-    text = info.read_text(encoding="utf-8") if info.is_file() else ""
-    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
-    return {
-        "processor": model[1].strip() if model else platform.processor(),
-        "cores": all_cores(),
-        "system": platform.platform(),
-        **versions(),
-    }

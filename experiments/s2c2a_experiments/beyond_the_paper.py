@@ -1,181 +1,124 @@
 """Experiments of `s2c2a reproduce` beyond the paper's tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import tyro
-
-from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, Events, print_results, progress_bar
-from s2c2a.cli.dependent_options import beside
-from s2c2a.cli.execution import ALL_CORES, NEW_FOLDER, Folder, Work, run_directory
+from s2c2a.arm import load_arm, randomized_arm
+from s2c2a.cli.console import print_results, print_table, progress_bar
+from s2c2a.cli.execution import ALL_CORES, Work, run_directory
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
     from s2c2a.evaluation.report import Row
     from s2c2a.jobs import Make
 
-ComparedStrategy = Annotated[
-    str, tyro.conf.arg(metavar="best|best-long|paper|pcc|pcc-fitted|FILE")
-]
+PATHS = ("circle", "square", "eight", "circle@0.5", "square@0.5", "eight@0.5")
 
 
-def randomized_arms(
-    arms: int = 10,
-    strengths: tuple[float, ...] = (0.5, 1.0),
-    strategies: tuple[ComparedStrategy, ...] = ("best", "paper", "pcc", "pcc-fitted"),
-    tasks: tuple[str, ...] = (),
-    targets: int = 200,
-    base: Arm = "twin_arm",
-    seed: int = 0,
-    reachable_from: float = 0.75,
+def _ingredients(seeds: int = 3, arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
+    from s2c2a_experiments.table_files import save_across
+    from s2c2a_experiments.tables import ablation_rows
+
+    options = {"seeds": seeds, "arm": arm}
+    with run_directory("ingredients", options, work, resume=True) as (directory, make):
+        rows = ablation_rows(_seeds(seeds), make, arm)
+    print(save_across("ingredients", rows, directory).read_text(encoding="utf-8"))
+
+
+def _circle(seeds: int = 3, recipe: str = "best", work: Work = ALL_CORES) -> None:
+    from s2c2a.jobs.circle import circle_table
+    from s2c2a.strategies import recipe_from
+
+    options = {"seeds": seeds, "recipe": recipe}
+    with run_directory("circle", options, work, own_data=True) as (directory, make):
+        rows, pictures = circle_table(
+            directory, _seeds(seeds), make, recipe_from(recipe), "fast"
+        )
+    print_results(f"circle, {seeds} seeds", rows, pictures, directory)
+
+
+def _controller(
+    seeds: int = 3,
+    recipe: str = "best",
+    arm: str | None = None,
     work: Work = ALL_CORES,
 ) -> None:
-    """All strategies on arms with random model mismatch (docs/results/protocol.md).
+    """The references are recorded while inverse PCC follows the circle at three speeds."""
+    from s2c2a.evaluation.report import save_rows
+    from s2c2a.jobs.circle import ARMS
+    from s2c2a.strategies import recipe_from
+    from s2c2a_experiments.circle import controller_table
 
-    Data, training and tasks are repeated for each arm. Repeat the command to continue an
-    interrupted run.
+    names = (arm,) if arm else ARMS
+    options = {"seeds": seeds, "recipe": recipe, "arms": names}
+    with run_directory("controller", options, work, own_data=True) as (directory, make):
+        arms = [load_arm(name) for name in names]
+        rows, final_errors = controller_table(
+            arms, _seeds(seeds), make, recipe_from(recipe)
+        )
+    save_rows(rows, directory / "results.json")
+    print_results("C2A in closed loop, 1000 steps", rows, [], directory)
+    print(
+        "mean of the last 200 steps, worst seed [deg]: "
+        + ", ".join(f"{error:.2f}" for error in final_errors)
+    )
 
-    Args:
-        arms: number of arms at each strength, sampled as `s2c2a arm random` does, with
-            seeds from zero.
-        strengths: magnitudes of the mismatch.
-        strategies: pcc and pcc-fitted are baselines; the others are recipes of the
-            paper's strategy, by name or file.
-        tasks: names of tasks, with a pace if it is not one: square@0.5. Without it:
-            circle, the six tilts and hold-middle.
-        targets: number of targets within reach, each held for five seconds, to find
-            strategies that diverge; none if zero.
-        base: a preset or an arm file: modules, cables, and all that the controllers
-            know.
-        seed: random seed of data, training and start.
-        reachable_from: magnitude from which targets are moved within the reach of the
-            randomized arm.
-        work: run directory and parallel execution.
-    """
+
+def _calibration(arm: str = "twin_arm", seeds: int = 1) -> None:
+    from s2c2a.execution.executors import limit_jax_to_one_thread
+    from s2c2a_experiments import calibration as study
+
+    limit_jax_to_one_thread()
+    spec = load_arm(arm)
+    study.check_comparable(spec)
+    measured = study.mean_measurements(spec, _seeds(seeds))
+    rows = []
+    for claim in study.claims_for(spec):
+        value = measured[claim.quantity]
+        shown = f"{value:.2f} {claim.unit}"
+        holds = "yes" if claim.holds(value) else "NO"
+        tolerance = f"± {claim.tolerance:.0%}"
+        rows.append((claim.quantity, shown, f"{claim.paper:g}", tolerance, holds))
+    for name, claim in zip(("I", "II", "III"), study.LARGEST, strict=True):
+        shown = f"{measured[claim.quantity]:.1f} deg"
+        rows.append((f"largest {name}", shown, f"{claim.paper:g}", "", "reported"))
+    header = ("quantity", "measured", "paper", "tolerance", "within")
+    print_table(f"{spec.name} compared with the paper's arm", header, rows)
+
+
+def _randomized_arms(
+    settings: Mapping[str, Any], arm: str = "twin_arm", work: Work = ALL_CORES
+) -> None:
     from s2c2a_experiments import randomized_arms as study
 
-    compared = study.RandomizedArmsStudy(
-        load_arm(base),
-        arms,
-        strengths,
-        strategies,
-        tasks or study.TASKS,
-        targets,
-        seed,
-        reachable_from,
-    )
-    options = asdict(compared) | {"base": base}
+    compared = study.RandomizedArmsStudy(load_arm(arm), **settings)
+    options = asdict(compared) | {"base": arm}
     with _study(study.EXPERIMENT, options, work, as_table=True) as results:
         results.keep(study.randomized_arms_rows(compared, results.make))
 
 
-@beside("random_arms", "strength")
-def sensors(
-    arm: Arm = "twin_arm",
-    random_arms: int = 0,
-    strength: float = 0.5,
-    sets: tuple[str, ...] = (
-        "encoders",
-        "encoders-known-payload",
-        "bends",
-        "imu",
-        "current",
-        "camera",
-        "flex",
-        "imu-current-camera",
-    ),
-    payloads_g: tuple[float, ...] = (0.0, 50.0, 100.0),
-    tasks: tuple[str, ...] = ("circle",),
-    seeds: int = 1,
-    event: Events = (),
-    work: Work = ALL_CORES,
-) -> None:
-    """Tip errors under unknown payloads for sets of sensors (docs/guides/sensors.md).
-
-    Networks are trained without payload, once for all sets except `flex`, whose sensor
-    model is trained too. Repeat the command to continue an interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
-            instead of this arm; none if zero.
-        strength: magnitude of their mismatch.
-        sets: sets of sensors; encoders-known-payload is encoders and a known payload.
-        payloads_g: masses at the tip [g].
-        tasks: names of tasks.
-        seeds: number of seeds, from zero.
-        event: a disturbance during the run, such as "6 payload 0.05" or "10 sensor_loss";
-            repeat the option for several (docs/guides/sensors.md).
-        work: run directory and parallel execution.
-    """
+def _sensors(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> None:
+    """Networks are trained without payload, once for all sets except `flex`."""
     from s2c2a_experiments import sensors as study
 
-    options = {
-        "arm": arm,
-        "random_arms": random_arms,
-        "strength": strength,
-        "sets": sets,
-        "payloads_g": payloads_g,
-        "tasks": tasks,
-        "events": event,
-        "seeds": seeds,
-    }
-    compared = study.SensorStudy(
-        arms=study.randomized_arms(load_arm(arm), random_arms, strength),
-        sets=sets,
-        payloads=_kilograms(payloads_g),
-        tasks=tasks,
-        seeds=_seeds(seeds),
-        strength=strength,
-        events="; ".join(event),
-    )
+    compared = study.SensorStudy(load_arm(arm), seeds=_seeds(seeds))
+    options = asdict(compared) | {"arm": arm}
     title = f"sensors, {seeds} seeds"
     with _study(study.EXPERIMENT, options, work, title) as results:
         results.keep(study.sensor_rows(compared, results.make))
 
 
-@beside("random_arms", "strengths")
-def stability(
-    arm: Arm = "twin_arm",
-    random_arms: int = 3,
-    strengths: tuple[float, ...] = (0.5, 1.0),
-    sets: tuple[str, ...] = ("bends", "imu", "current", "camera"),
-    payloads_g: tuple[float, ...] = (0.0, 50.0, 100.0, 150.0),
-    seconds: float = 60.0,
-    seeds: int = 1,
-    work: Work = ALL_CORES,
-) -> None:
-    """Vibration over arms, sensors and payloads: held points, circles with a force.
-
-    The payloads are unknown; encoders alone that know them are compared. Repeat the
-    command to continue an interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        random_arms: number of randomized arms at each strength, beside this arm.
-        strengths: magnitudes of their mismatch.
-        sets: sets of sensors.
-        payloads_g: masses at the tip [g].
-        seconds: for which each point is held.
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+def _stability(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
+    """The payloads are unknown; encoders alone that know them are compared."""
     from s2c2a_experiments import stability as study
-    from s2c2a_experiments.sensors import randomized_arms
 
     base = load_arm(arm)
-    arms = [base]
-    if random_arms:
-        for strength in strengths:
-            arms += randomized_arms(base, random_arms, strength)
-    compared = study.StabilityStudy(
-        tuple(arms), sets, _kilograms(payloads_g), _seeds(seeds), seconds
-    )
+    arms = (base, randomized_arm(base, 0, 0.5))
+    compared = study.StabilityStudy(arms, seeds=_seeds(seeds))
     options = asdict(compared) | {"arms": [one.name for one in arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         rows = study.stability_rows(compared, results.make)
@@ -184,468 +127,257 @@ def stability(
     print(f"{len(vibrating)} of {len(rows) // 2} runs move too much")
 
 
-@beside("random_arms", "strength")
-def motion(
-    arm: Arm = "twin_arm",
-    random_arms: int = 0,
-    strength: float = 0.5,
-    payload_g: float = 50.0,
-    seeds: int = 3,
-    work: Work = ALL_CORES,
-) -> None:
-    """Speed, ways of the tip, jumps of the target, and how smooth plans are.
-
-    Repeat the command to continue an interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
-            instead of this arm; none if zero.
-        strength: magnitude of their mismatch.
-        payload_g: unknown mass at the tip, with inertial sensors, for the circle and the
-            jumps [g]; none if zero.
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+def _motion(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import motion as study
-    from s2c2a_experiments.sensors import randomized_arms
 
-    arms = randomized_arms(load_arm(arm), random_arms, strength)
-    (payload,) = _kilograms((payload_g,))
-    moved = study.MotionStudy(arms, seeds=_seeds(seeds), payload=payload)
-    options = asdict(moved) | {"arms": [one.name for one in arms]}
+    moved = study.MotionStudy((load_arm(arm),), seeds=_seeds(seeds))
+    options = asdict(moved) | {"arms": [one.name for one in moved.arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.motion_rows(moved, results.make))
 
 
-def scenes(
-    arm: Arm = "twin_arm",
-    drawn: int = 50,
-    crossings: int = 20,
-    unsolvable: int = 20,
-    seeds: int = 1,
-    work: Work = ALL_CORES,
+def _randomized_motion(
+    arm: str = "twin_arm", seeds: int = 2, work: Work = ALL_CORES
 ) -> None:
-    """Ways of the whole arm past obstacles: turned, drawn and unsolvable scenes, crossings.
+    from s2c2a_experiments import motion as study
 
-    Repeat the command to continue an interrupted run.
+    arms = tuple(randomized_arm(load_arm(arm), seed, 0.5) for seed in range(2))
+    moved = study.MotionStudy(arms, seeds=_seeds(seeds), payload=0.0)
+    options = asdict(moved) | {"arms": [one.name for one in moved.arms]}
+    with _study(study.EXPERIMENT, options, work) as results:
+        results.keep(study.motion_rows(moved, results.make))
 
-    Args:
-        arm: a preset or an arm file.
-        drawn: number of drawn scenes, each with a way.
-        crossings: number of spheres that cross the way.
-        unsolvable: number of drawn scenes that have no way.
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+
+def _scenes(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import scenes as study
 
-    passed = study.SceneStudy(
-        load_arm(arm), drawn, crossings, unsolvable, _seeds(seeds)
-    )
+    passed = study.SceneStudy(load_arm(arm), seeds=_seeds(seeds))
     options = asdict(passed) | {"arm": passed.arm.name}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.scene_rows(passed, results.make))
 
 
-@beside("random_arms", "strength", "train_random_arms")
-def reach(
-    arm: Arm = "twin_arm",
-    random_arms: int = 2,
-    strength: float = 0.5,
-    train_random_arms: bool = False,
-    poses: int = 500,
-    seed: int = 0,
-    work: Work = ALL_CORES,
-) -> None:
-    """Reachability beside a long search: verdicts, misses, and time.
-
-    Args:
-        arm: a preset or an arm file; its networks are trained.
-        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, beside
-            this arm.
-        strength: magnitude of their mismatch.
-        train_random_arms: train their networks, too; without it they bend as arcs.
-        poses: number of poses of each arm.
-        seed: of data, training, poses and starts.
-        work: run directory and parallel execution.
-    """
+def _reach(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import reach as study
-    from s2c2a_experiments.sensors import randomized_arms
 
     base = load_arm(arm)
-    arms = (base, *(randomized_arms(base, random_arms, strength)[:random_arms]))
-    searched = study.ReachStudy(arms, train_random_arms, poses, seed)
+    arms = (base, randomized_arm(base, 0, 0.5))
+    searched = study.ReachStudy(arms)
     options = asdict(searched) | {"arms": [one.name for one in arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.reach_rows(searched, results.make))
 
 
-@beside("random_arms", "strength")
-def shapes(
-    arm: Arm = "twin_arm",
-    random_arms: int = 1,
-    strength: float = 0.5,
-    curves: int = 10,
-    seeds: int = 1,
-    work: Work = ALL_CORES,
-) -> None:
-    """Shapes of the whole arm: distance of the center line from drawn curves.
-
-    Repeat the command to continue an interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        random_arms: number of randomized arms beside this arm.
-        strength: magnitude of their mismatch.
-        curves: number of curves that the arm can take, and of those of another arm.
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+def _shapes(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import shapes as study
-    from s2c2a_experiments.sensors import randomized_arms
 
-    arms = [load_arm(arm)]
-    if random_arms:
-        arms += randomized_arms(arms[0], random_arms, strength)
-    taken = study.ShapeStudy(tuple(arms), curves, _seeds(seeds))
-    options = asdict(taken) | {"arms": [one.name for one in arms]}
+    base = load_arm(arm)
+    taken = study.ShapeStudy((base, randomized_arm(base, 0, 0.5)), seeds=_seeds(seeds))
+    options = asdict(taken) | {"arms": [one.name for one in taken.arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.shape_rows(taken, results.make))
 
 
-@beside("random_arms", "strength")
-def repetition(
-    arm: Arm = "twin_arm",
-    random_arms: int = 3,
-    strength: float = 1.0,
-    tasks: tuple[str, ...] = ("circle",),
-    repetitions: int = 5,
-    turns: int = 3,
-    seeds: int = 1,
-    work: Work = ALL_CORES,
-) -> None:
-    """What a slow camera teaches, over runs (learning control) and within one.
-
-    Repeat the command to continue an interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        random_arms: number of randomized arms, sampled as `s2c2a arm random` does, to use
-            instead of this arm; none if zero.
-        strength: magnitude of their mismatch.
-        tasks: names of tasks.
-        repetitions: of each task.
-        turns: of the circle in one run, with and without the camera; none if zero.
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+def _repetition(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import repetition as study
-    from s2c2a_experiments.sensors import randomized_arms
 
-    arms = randomized_arms(load_arm(arm), random_arms, strength)
-    repeated = study.RepetitionStudy(arms, tasks, repetitions, _seeds(seeds), turns)
+    arms = tuple(randomized_arm(load_arm(arm), seed, 1.0) for seed in range(3))
+    repeated = study.RepetitionStudy(arms, seeds=_seeds(seeds))
     options = asdict(repeated) | {"arms": [one.name for one in arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.repetition_rows(repeated, results.make))
 
 
-def data(
-    arms: tuple[Arm, ...] = ("twin_arm", "simulated_arm"),
-    arm_seeds: tuple[int, ...] = (31, 33, 32, 34),
-    strengths: tuple[float, ...] = (0.5, 0.5, 1.0, 1.0),
-    base: Arm = "twin_arm",
-    kinds: tuple[str, ...] = ("coverage", "mixed", "coverage-mixed"),
-    tasks: tuple[str, ...] = ("circle", "square", "tilt-50", "hold-middle"),
+def _data(
+    files: Sequence[Path] = (),
+    arm: str = "twin_arm",
     seeds: int = 3,
     work: Work = ALL_CORES,
 ) -> None:
-    """Kinds of babbling compared in closed loop, and the choice among them.
-
-    A kind is chosen in place of the first one if its errors are smaller by two standard
-    errors over the arms. Repeat the command to continue an interrupted run.
-
-    Args:
-        arms: presets or arm files, such as those that `s2c2a import` fits to recordings.
-        arm_seeds: of randomized arms, as `s2c2a arm random` samples them.
-        strengths: magnitude of the mismatch of each.
-        base: of the randomized arms, a preset or an arm file.
-        kinds: of babbling; the first is the one to beat.
-        tasks: names of tasks.
-        seeds: number of seeds, from zero; each sets data, training and start.
-        work: run directory and parallel execution.
-    """
+    """A kind is chosen if its errors are smaller by two standard errors over the arms."""
     from s2c2a_experiments import data_choice as study
 
-    drawn = _drawn_arms(base, arm_seeds, strengths)
-    compared = study.DataStudy(
-        (*map(load_arm, arms), *drawn), kinds, tasks, _seeds(seeds)
-    )
-    options = asdict(compared) | {"arms": [arm.name for arm in compared.arms]}
+    base = load_arm(arm)
+    drawn = ((31, 0.5), (33, 0.5), (32, 1.0), (34, 1.0))
+    arms = [base, load_arm("simulated_arm"), *map(load_arm, files)]
+    arms += [randomized_arm(base, *pair) for pair in drawn]
+    compared = study.DataStudy(tuple(arms), seeds=_seeds(seeds))
+    options = asdict(compared) | {"arms": [one.name for one in compared.arms]}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.data_rows(compared, results.make))
-    print(f"chosen: {study.choice(results.rows, kinds)}")
+    print(f"chosen: {study.choice(results.rows, compared.kinds)}")
 
 
-def session(
-    arm_seeds: tuple[int, ...] = (31, 33, 32),
-    strengths: tuple[float, ...] = (0.5, 0.5, 1.0),
-    task: str = "circle",
-    base: Arm = "twin_arm",
-    seed: int = 0,
-    work: Work = ALL_CORES,
-) -> None:
-    """Moved frames, other homing and other stiffness, before and after a session.
-
-    Repeat the command to continue an interrupted run (docs/guides/session.md).
-
-    Args:
-        arm_seeds: of randomized arms, as `s2c2a arm random` samples them.
-        strengths: magnitude of the mismatch of each.
-        task: name of a task.
-        base: a preset or an arm file.
-        seed: of data, training, start and days.
-        work: run directory and parallel execution.
-    """
+def _session(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import session as study
 
-    arms = _drawn_arms(base, arm_seeds, strengths)
-    options = {"arms": [one.name for one in arms], "task": task, "seed": seed}
+    base = load_arm(arm)
+    drawn = ((31, 0.5), (33, 0.5), (32, 1.0))
+    arms = tuple(randomized_arm(base, *pair) for pair in drawn)
+    options = {"arms": [one.name for one in arms], "task": "circle", "seed": 0}
     with _study(study.EXPERIMENT, options, work) as results:
-        changed = study.SessionStudy(arms, task, seed, results.directory)
+        changed = study.SessionStudy(arms, "circle", 0, results.directory)
         results.keep(study.session_rows(changed, results.make))
 
 
-def sensor_faults(
-    arm: Arm = "twin_arm",
-    sets: tuple[str, ...] = ("encoders", "bends", "imu", "current", "camera"),
-    faults: tuple[str, ...] = (
-        "drift",
-        "latency",
-        "noise",
-        "offset",
-        "negated",
-        "zeros",
-        "frozen",
-        "reversed",
-    ),
-    seconds: tuple[float, ...] = (5.0,),
-    payload_g: float = 50.0,
-    seeds: int = 1,
-    work: Work = ALL_CORES,
+def _sensor_faults(
+    arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES
 ) -> None:
-    """Errors on the circle while a sensor is faulty, from 8 s on.
-
-    Every fault is also kept to the end of the run. Repeat the command to continue an
-    interrupted run.
-
-    Args:
-        arm: a preset or an arm file.
-        sets: sets of sensors, of which all fail together.
-        faults: kinds of faults.
-        seconds: durations of the faults.
-        payload_g: unknown mass at the tip [g].
-        seeds: number of seeds, from zero.
-        work: run directory and parallel execution.
-    """
+    """Every fault begins at 8 s, and is also kept to the end of the run."""
     from s2c2a_experiments import sensor_faults as study
 
-    durations = (*seconds, float("inf"))
-    compared = study.SensorFaultStudy(
-        load_arm(arm), sets, faults, durations, payload_g / 1000, _seeds(seeds)
-    )
+    compared = study.SensorFaultStudy(load_arm(arm), seeds=_seeds(seeds))
     options = asdict(compared) | {"arm": arm}
     with _study(study.EXPERIMENT, options, work) as results:
         results.keep(study.sensor_fault_rows(compared, results.make))
 
 
-def transfer(
-    arm_seeds: tuple[int, ...] = (0, 20, 21),
-    counts: tuple[int, int] = (4, 6),
-    halves: tuple[int, ...] = (20, 21),
-    strength: float = 0.5,
-    tasks: tuple[str, ...] = ("circle", "tilt-50"),
-    samples: tuple[int, ...] = (0, 500),
-    base: Arm = "twin_arm",
-    seed: int = 0,
-    prior: int = 24,
-    work: Work = ALL_CORES,
-) -> None:
-    """Transfer of networks to a similar arm or another module count (docs/guides/transfer.md).
-
-    Repeat the command to continue an interrupted run.
-
-    Args:
-        arm_seeds: seeds of randomized arms, as `s2c2a arm random` samples them; each starts
-            training from the networks of the next.
-        counts: module counts of the source and of the target; their modules have half
-            the length of the base's.
-        halves: seeds of randomized arms with these module counts.
-        strength: magnitude of the mismatch.
-        tasks: names of tasks.
-        samples: lengths of short recordings, such as 0 100 500 2000; 0 for none.
-        base: a preset or an arm file.
-        seed: random seed of data, training and start.
-        prior: number of further randomized arms that a prior is learned from; 0 for no
-            prior.
-        work: run directory and parallel execution.
-    """
-    from s2c2a_experiments.transfer import EXPERIMENT, Transfer, transfer_rows
-
-    study = Transfer(
-        load_arm(base), arm_seeds, counts, halves, strength, tasks, samples, seed, prior
-    )
-    options = asdict(study) | {"base": base}
-    with _study(EXPERIMENT, options, work) as results:
-        results.keep(transfer_rows(study, results.make))
-
-
-def real(
-    recording: tyro.conf.Positional[Path],
-    unseen: tuple[Path, ...] = (),
-    block: int = 25,
-    episodes: int = 0,
-    last: int = 0,
-    largest: float = 0.0,
-    gap: int = 25,
-    models: tuple[str, ...] = (),
-    seeds: int = 1,
-    folder: Folder = NEW_FOLDER,
-) -> None:
-    """Forward models on recordings of real arms, such as `s2c2a import` writes.
-
-    Held-out rows are not used in training. Hysteresis states are propagated along the
-    whole recording.
-
-    Args:
-        recording: training data.
-        unseen: other recordings of the same arm, used for testing only, after a separate
-            training on all rows.
-        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows;
-            none if zero.
-        episodes: hold out the last one of every so many episodes, in a separate
-            training; none if zero.
-        last: hold out so many last rows of every episode, in a separate training; none
-            if zero.
-        largest: hold out this share of the rows, those with the largest pulls, in a
-            separate training, such as 0.15; none if zero.
-        gap: rows on either side of held-out ones that are not used at all: neighbors in
-            time are alike.
-        models: names of models; all by default.
-        seeds: number of training seeds, from zero.
-        folder: run directory.
-    """
+def _real(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None:
+    """The first recording trains; others of the same arm only test, by another training."""
     from s2c2a_experiments.real import EXPERIMENT, RealComparison, real_rows
 
-    study = RealComparison.of(
-        recording, unseen, block, last, models, largest, gap, episodes
-    )
-    options = {
-        "recording": str(recording),
-        "unseen": [str(path) for path in unseen],
-        "block": block,
-        "episodes": episodes,
-        "last": last,
-        "largest": largest,
-        "gap": gap,
-        "models": models,
-        "seeds": seeds,
-    }
+    study = RealComparison.of(files[0], files[1:])
+    options = {"recordings": [str(path) for path in files], "seeds": seeds}
     with (
-        _study(EXPERIMENT, options, folder, resume=False, as_table=True) as results,
+        _study(EXPERIMENT, options, work, resume=False, as_table=True) as results,
         progress_bar() as progress,
     ):
         results.keep(real_rows(study, range(seeds), progress, results.keep))
 
 
-def open_loop(
-    recording: tyro.conf.Positional[Path],
-    block: int = 25,
-    gap: int = 25,
-    seeds: int = 1,
-    folder: Folder = NEW_FOLDER,
-) -> None:
-    """Predictions of a second without measurements: at rest, with vibration, linear.
-
-    Args:
-        recording: training data, and held-out blocks that are predicted.
-        block: hold out the 7th, 14th and 20th of every twenty blocks of so many rows.
-        gap: rows on either side of held-out ones that are not used at all.
-        seeds: number of training seeds, from zero.
-        folder: run directory.
-    """
+def _open_loop(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None:
+    """One recording trains; held-out blocks of it are predicted."""
     from s2c2a.data import load_recording
     from s2c2a_experiments.open_loop import EXPERIMENT, open_loop_rows
-    from s2c2a_experiments.real import split_blocks
+    from s2c2a_experiments.real import BLOCK, GAP, split_blocks
 
+    if len(files) != 1:
+        raise S2C2AError(f"{len(files)} files were given; name one recording")
+    (recording,) = files
     recorded = load_recording(recording)
-    split = split_blocks(recorded, block)
-    options = {"recording": str(recording), "block": block, "gap": gap, "seeds": seeds}
-    with _study(EXPERIMENT, options, folder, resume=False, as_table=True) as results:
-        results.keep(open_loop_rows(recorded, split, gap, range(seeds)))
+    split = split_blocks(recorded, BLOCK)
+    options = {"recording": str(recording), "seeds": seeds}
+    with _study(EXPERIMENT, options, work, resume=False, as_table=True) as results:
+        results.keep(open_loop_rows(recorded, split, GAP, range(seeds)))
 
 
-def payloads(
-    weights: tyro.conf.Positional[Path],
-    recordings: tyro.conf.Positional[tuple[Path, ...]],
-    seen: float = 20.0,
-    folder: Folder = NEW_FOLDER,
-) -> None:
-    """Payload estimation on recordings of real arms.
+def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
+    """Weights that are trained without payload, then recordings of the same arm with one.
 
-    The networks are trained without payload. The state estimator uses the encoders
-    and, for the first seconds, the tip position.
-
-    Args:
-        weights: networks from `s2c2a train`, trained on a recording without payload.
-        recordings: recordings of the same arm with a payload, imported with --like the
-            first.
-        seen: time in which the tip position is measured [s].
-        folder: run directory.
+    The state estimator uses the encoders and, for the first seconds, the tip position.
     """
     from s2c2a.data import load_recording
     from s2c2a.strategies import load_networks
-    from s2c2a_experiments.payloads import EXPERIMENT, payload_rows
+    from s2c2a_experiments.payloads import EXPERIMENT, SEEN, payload_rows
 
+    weights, *recordings = files
     loaded = {str(path.with_suffix("")): load_recording(path) for path in recordings}
-    options = {
-        "weights": weights,
-        "recordings": [str(path) for path in recordings],
-        "seen": seen,
-    }
-    title = f"payloads, tip measured for {seen:g} s"
+    options = {"weights": weights, "recordings": [str(path) for path in recordings]}
+    title = f"payloads, tip measured for {SEEN:g} s"
     networks = load_networks(weights)
-    with _study(EXPERIMENT, options, folder, title, resume=False) as results:
-        results.keep(payload_rows(networks, loaded, seen, results.keep))
+    with _study(EXPERIMENT, options, work, title, resume=False) as results:
+        results.keep(payload_rows(networks, loaded, SEEN, results.keep))
 
 
-def plans(
-    weights: tuple[Path, ...] = (),
-    count: int = 10_000,
-    seed: int = 0,
-    folder: Folder = NEW_FOLDER,
-) -> None:
-    """Random planning problems compared with a long search.
-
-    Reports the share of plans that are stuck although their cost could decrease.
-
-    Args:
-        weights: files of networks; those of the package by default.
-        count: number of problems for each.
-        seed: random seed of the problems.
-        folder: run directory.
-    """
+def _plans(files: Sequence[Path] = (), work: Work = ALL_CORES) -> None:
+    """Networks of the package are compared on more problems than those of files."""
     from s2c2a import strategies
     from s2c2a.jobs.circle import ARMS
     from s2c2a_experiments.plans import plan_rows
 
-    networks = [strategies.load_networks(path) for path in weights]
+    count = 400 if files else 10_000
+    networks = [strategies.load_networks(path) for path in files]
     if not networks:
         networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
-    options = {"weights": weights, "count": count, "seed": seed}
     title = f"{count} plans compared with a long search"
-    with _study("plans", options, folder, title, resume=False) as results:
-        results.keep(plan_rows(networks, count, seed, results.keep))
+    options = {"weights": files, "count": count, "seed": 0}
+    with _study("plans", options, work, title, resume=False) as results:
+        results.keep(plan_rows(networks, count, 0, results.keep))
+
+
+WEAK: dict[str, Any] = {"arms": 10, "strengths": (0.5,)}
+STRONG: dict[str, Any] = {"arms": 3, "strengths": (1.0,)}
+"""Mismatch of randomized arms."""
+COMPARED = ("best", "best-long", "paper", "pcc-fitted")
+HELD: dict[str, Any] = {"strategies": ("best",), "tasks": ("circle",), "targets": 200}
+PATHS_ALONE: dict[str, Any] = {"strategies": ("best",), "tasks": PATHS, "targets": 0}
+RANDOMIZED = {
+    "randomised-arms": (
+        "all strategies on arms with random model mismatch, of strength 0.5",
+        WEAK | {"targets": 20},
+    ),
+    "randomised-arms-strong": (
+        "the same, of strength 1",
+        STRONG | {"strategies": COMPARED, "targets": 20},
+    ),
+    "randomised-arms-paths": (
+        "paths at two paces, strength 0.5",
+        PATHS_ALONE | {"arms": 4, "strengths": (0.5,)},
+    ),
+    "randomised-arms-paths-strong": (
+        "paths at two paces, strength 1",
+        PATHS_ALONE | {"arms": 2, "strengths": (1.0,)},
+    ),
+    "randomised-arms-held": ("200 held targets, strength 0.5", WEAK | HELD),
+    "randomised-arms-held-strong": ("200 held targets, strength 1", STRONG | HELD),
+}
+TABLES: dict[str, tuple[str, Callable[..., None]]] = {
+    "ingredients": ("ablation study of the recipe `best`", _ingredients),
+    "circle": ("the circle on both arms: ours, pcc and pcc-fitted", _circle),
+    "controller": (
+        "the controller C2A alone, on recorded reference configurations",
+        _controller,
+    ),
+    "calibration": (
+        "properties of the simulated arm beside those that the paper reports",
+        _calibration,
+    ),
+    "sensors": ("tip errors under unknown payloads for sets of sensors", _sensors),
+    "sensor-faults": (
+        "errors on the circle while a sensor is faulty",
+        _sensor_faults,
+    ),
+    "stability": ("vibration over arms, sensors and payloads", _stability),
+    "motion": (
+        "speed, ways of the tip, jumps of the target, and how smooth plans are",
+        _motion,
+    ),
+    "motion-randomised": ("the same on two randomized arms", _randomized_motion),
+    "scenes": (
+        "ways of the whole arm past obstacles: turned, drawn and unsolvable scenes",
+        _scenes,
+    ),
+    "shapes": ("distance of the center line from drawn curves", _shapes),
+    "reach": ("reachability beside a long search: verdicts, misses, time", _reach),
+    "repetition": ("what a slow camera teaches, over runs and within one", _repetition),
+    "session": (
+        "moved frames, other homing and stiffness, before and after a session",
+        _session,
+    ),
+    "data": (
+        "kinds of babbling compared; FILE ...: further arm files",
+        _data,
+    ),
+    "plans": (
+        "random planning problems beside a long search; FILE ...: weights",
+        _plans,
+    ),
+    "real": (
+        "forward models on real arms; FILE ...: a recording, and others to test on",
+        _real,
+    ),
+    "open-loop": (
+        "predictions of a second without measurements; FILE: a recording",
+        _open_loop,
+    ),
+    "payloads": (
+        "estimated payloads of a real arm; FILE ...: weights, then recordings",
+        _payloads,
+    ),
+}
+"""Name -> summary, and a function whose parameters are the options that it takes."""
+for _name, (_summary, _settings) in RANDOMIZED.items():
+    TABLES[_name] = (_summary, partial(_randomized_arms, _settings))
 
 
 @dataclass
@@ -680,7 +412,7 @@ class _Results:
 def _study(
     name: str,
     options: Mapping[str, Any],
-    folder: Folder,
+    work: Work,
     title: str = "",
     *,
     resume: bool = True,
@@ -690,7 +422,7 @@ def _study(
 
     Of several arms, their means and the worst are printed; the files have all rows.
     """
-    with run_directory(name, dict(options), folder, resume=resume) as (directory, make):
+    with run_directory(name, dict(options), work, resume=resume) as (directory, make):
         results = _Results(directory, make, name if as_table else "")
         yield results
     rows = results.rows
@@ -700,27 +432,7 @@ def _study(
         print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
 
 
-def _drawn_arms(
-    base: str, seeds: Sequence[int], strengths: Sequence[float]
-) -> "tuple[ArmSpec, ...]":
-    """Randomized arms, one for each seed and strength."""
-    from s2c2a.arm import randomized_arm
-
-    if len(seeds) != len(strengths):
-        raise S2C2AError(
-            f"{len(seeds)} --arm-seeds and {len(strengths)} --strengths were given; give "
-            "one strength for each seed"
-        )
-    nominal = load_arm(base)
-    pairs = zip(seeds, strengths, strict=True)
-    return tuple(randomized_arm(nominal, *pair) for pair in pairs)
-
-
 def _seeds(count: int) -> tuple[int, ...]:
     from s2c2a.jobs import checked_seeds
 
     return tuple(checked_seeds(0, count))
-
-
-def _kilograms(payloads_g: Sequence[float]) -> tuple[float, ...]:
-    return tuple(payload / 1000 for payload in payloads_g)

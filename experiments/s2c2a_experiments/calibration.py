@@ -1,22 +1,18 @@
 """Comparison of an arm with the paper's (docs/results/protocol.md; Chen et al. 2025, II-D).
 
-Makes rows of estimation errors and workspace extents, and searches the stiffnesses and
-the hysteresis with which a simulated arm matches the printed numbers.
+Makes rows of estimation errors and workspace extents.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
-from scipy.optimize import minimize
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import ArmError, SimulationError
+from s2c2a.errors import ArmError
 from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
@@ -62,7 +58,7 @@ ESTIMATION = _claims(
 LARGEST = _claims(
     "estimation error {}, largest", {"I": 8.8, "II": 19.6, "III": 36.3}, np.inf, "deg"
 )
-"""Reported only; the search does not use them."""
+"""Reported only."""
 WORKSPACE = _claims("workspace {}", {"x": 0.92, "y": 0.92, "z": 0.39}, 0.15, "m")
 PCC_CIRCLE = Claim("pcc on circle", 2.5, 0.30, "cm")
 C2S_ERROR = Claim("NN_C2S held out", 1.93, 0.30, "%")
@@ -104,12 +100,10 @@ def measure(
     return values
 
 
-def mean_measurements(
-    arm: ArmSpec, seeds: Sequence[int], with_network: bool
-) -> dict[str, float]:
+def mean_measurements(arm: ArmSpec, seeds: Sequence[int]) -> dict[str, float]:
     """Means over seeds of `measure`, for the quantities that `claims_for` lists."""
     full = PCC_CIRCLE in claims_for(arm)
-    per_seed = [measure(arm, seed, full, with_network and full) for seed in seeds]
+    per_seed = [measure(arm, seed, full, full) for seed in seeds]
     return {
         name: sum(values[name] for values in per_seed) / len(per_seed)
         for name in per_seed[0]
@@ -154,70 +148,6 @@ def claims_for(arm: ArmSpec) -> tuple[Claim, ...]:
     if arm.name == "twin_arm":
         return (*claims, PCC_CIRCLE, C2S_ERROR)
     return claims
-
-
-def search(
-    arm: ArmSpec,
-    seed: int,
-    evaluations: int,
-    on_evaluation: Callable[[int, float], None] = lambda *_: None,
-) -> ArmSpec:
-    """Fit stiffnesses and hysteresis to the claims (Nelder-Mead on logarithms).
-
-    The claim of NN_C2S is left out, because it needs a training. Parameters that are
-    zero stay zero, so the kind of hysteresis does not change.
-
-    Args:
-        arm: the starting point.
-        seed: of the recording and of the run of `pcc`.
-        evaluations: most evaluations.
-        on_evaluation: called with the number of evaluations and the misfit after each one.
-
-    Returns:
-        The arm with the smallest misfit.
-    """
-    claims = [claim for claim in claims_for(arm) if claim is not C2S_ERROR]
-    with_pcc = PCC_CIRCLE in claims
-    count = 0
-
-    def misfit(logarithms: np.ndarray) -> float:
-        nonlocal count
-        count += 1
-        try:
-            scaled = _scale_parameters(arm, np.exp(logarithms))
-            values = measure(scaled, seed, with_pcc, with_network=False)
-        except (ValidationError, ArmError, SimulationError):
-            return np.inf  # an invalid arm, or one whose simulation diverges
-        total = 0.0
-        for claim in claims:
-            relative = values[claim.quantity] / claim.paper - 1
-            total += (relative / claim.tolerance) ** 2
-        on_evaluation(count, total)
-        return total
-
-    start = np.zeros(1 + 2 * arm.module_count)
-    simplex = np.vstack([start, start + 0.15 * np.eye(len(start))])
-    options = {"maxfev": evaluations, "initial_simplex": simplex}
-    result = minimize(misfit, start, method="Nelder-Mead", options=options)
-    return _scale_parameters(arm, np.exp(result.x))
-
-
-def _scale_parameters(arm: ArmSpec, factors: np.ndarray) -> ArmSpec:
-    """Scale bending stiffness, then each cable's stiffness and hysteresis."""
-    stiffness_factors, hysteresis_factors = np.split(factors[1:], 2)
-    description = arm.model_dump()
-    for number, module in enumerate(description["modules"]):
-        module["bending_stiffness"] = _rounded(module["bending_stiffness"] * factors[0])
-        cable = module["cable"]
-        cable["stiffness"] = _rounded(cable["stiffness"] * stiffness_factors[number])
-        for kind in ("backlash", "friction", "creep"):
-            cable[kind] = _rounded(np.multiply(cable[kind], hysteresis_factors[number]))
-    return ArmSpec.model_validate(description)
-
-
-def _rounded(values: np.ndarray) -> Any:
-    """A number or several, to three significant digits."""
-    return np.vectorize(lambda value: float(f"{value:.3g}"))(values).tolist()
 
 
 def sensing_rows(

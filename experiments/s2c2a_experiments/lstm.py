@@ -120,7 +120,14 @@ class LSTMStrategy:
         self._act = compiled(_Policy.act, policy)
         self._configurations = compiled(configurations_from_states)
         self._memory: _Memory | None = None
-        self._warm_up()
+        # compile everything: no control step waits for it
+        heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
+        states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
+        reading = Reading(0.0, {"states": states})
+        goal = Goal.of(self.arm.module_count).with_position(states[-1, POSITION])
+        self.start(reading)
+        self.step(reading, goal)
+        self._memory = None
 
     def start(self, reading: Reading) -> None:
         """Begin with an arm at rest.
@@ -148,7 +155,13 @@ class LSTMStrategy:
         Raises:
             StrategyError: the goal holds no tip position.
         """
-        return _desired_tip(goal)
+        desired = np.asarray(goal.positions[-1], np.float32)
+        if not (goal.position_weights[-1] > 0 and np.isfinite(desired).all()):
+            raise StrategyError(
+                "the LSTM follows tip positions, and this goal holds none; add one with "
+                "`with_position`"
+            )
+        return desired
 
     def act(self, plan: Float[np.ndarray, "3"], estimate: Estimate) -> Actions:
         """The action that leads to the desired tip position.
@@ -181,15 +194,6 @@ class LSTMStrategy:
             raise StrategyError(
                 "this strategy was not started; call start(reading) with the arm at rest"
             )
-
-    def _warm_up(self) -> None:
-        heights = np.cumsum(ArmGeometry.of(self.arm).lengths)
-        states = np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0] for height in heights])
-        reading = Reading(0.0, {"states": states})
-        goal = Goal.of(self.arm.module_count).with_position(states[-1, POSITION])
-        self.start(reading)
-        self.step(reading, goal)
-        self._memory = None
 
 
 class _Memory(NamedTuple):
@@ -268,18 +272,3 @@ def _states(reading: Reading) -> np.ndarray:
             "motion capture"
         )
     return np.asarray(states, np.float32)
-
-
-def _desired_tip(goal: Goal) -> Float[np.ndarray, "3"]:
-    """The desired tip position [m].
-
-    Raises:
-        StrategyError: the goal holds none.
-    """
-    desired = np.asarray(goal.positions[-1], np.float32)
-    if not (goal.position_weights[-1] > 0 and np.isfinite(desired).all()):
-        raise StrategyError(
-            "the LSTM follows tip positions, and this goal holds none; add one with "
-            "`with_position`"
-        )
-    return desired

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import Recording
 from s2c2a.errors import RecordingError
@@ -23,6 +22,7 @@ from s2c2a.execution.compilation import compiled
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import TrainedNetworks, estimator_of, training_data
 
+SEEN = 20.0  # s, in which the tip position is measured
 EXPERIMENT = "payloads"
 WITHOUT = "without estimation"
 ESTIMATED = "estimated"
@@ -69,7 +69,17 @@ def payload_rows(
     steps = round(seconds * networks.arm.control_rate)
     disturbance_filter = _filter(networks)
     for name, recording in recordings.items():
-        _check_recording(name, recording, networks.arm, steps)
+        arm = networks.arm
+        recorded = (recording.arm.module_count, recording.arm.cable_count)
+        if recorded != (arm.module_count, arm.cable_count):
+            raise RecordingError(
+                f"{name} is of {recording.arm.name}, and the networks are of {arm.name}"
+            )
+        if min(recording.lengths) <= steps + 1:
+            raise RecordingError(
+                f"{name} has episodes that are shorter than the {steps} steps in which the "
+                "tip is measured; give a shorter time"
+            )
     rows: list[Row] = []
     for name, recording in recordings.items():
         rows += _recording_rows(networks, disturbance_filter, name, recording, steps)
@@ -98,24 +108,6 @@ def _recording_rows(
             for number, length in enumerate(recording.lengths)
         ]
         yield from _rows(networks, name, label, tips, episodes, steps)
-
-
-def _check_recording(name: str, recording: Recording, arm: ArmSpec, steps: int) -> None:
-    """Refuse recordings of other arms, and those that are too short.
-
-    Raises:
-        RecordingError: it is one of these.
-    """
-    recorded = (recording.arm.module_count, recording.arm.cable_count)
-    if recorded != (arm.module_count, arm.cable_count):
-        raise RecordingError(
-            f"{name} is of {recording.arm.name}, and the networks are of {arm.name}"
-        )
-    if min(recording.lengths) <= steps + 1:
-        raise RecordingError(
-            f"{name} has episodes that are shorter than the {steps} steps in which the "
-            "tip is measured; give a shorter time"
-        )
 
 
 def _filter(networks: TrainedNetworks) -> DisturbanceFilter:

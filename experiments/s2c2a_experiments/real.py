@@ -1,10 +1,9 @@
 """Forward models compared on recordings of real arms, with held-out data.
 
-Held-out samples are blocks, whole episodes, the ends of episodes, those with the largest
-pulls, or other recordings. The hysteresis state follows the whole recording, as on the arm; the
-true states of held-out samples are hidden from training, and so are those beside them:
-neighbors in time are alike, and a model that interpolates them would look better than it
-is.
+Held-out samples are blocks, those with the largest pulls, or other recordings. The
+hysteresis state follows the whole recording, as on the arm; the true states of held-out
+samples are hidden from training, and so are those beside them: neighbors in time are
+alike, and a model that interpolates them would look better than it is.
 """
 
 from bisect import bisect_left
@@ -22,19 +21,21 @@ from scipy.ndimage import binary_dilation, label
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
-from s2c2a.errors import RecordingError, StrategyError, did_you_mean
+from s2c2a.errors import RecordingError
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 from s2c2a.strategies import recipe_named, training_data
 from s2c2a.training import FitOptions, TrainingData
-from s2c2a_experiments.real_models import FittedArcs, KernelRegression, Recurrent
+from s2c2a_experiments.real_models import FittedArcs, KernelRegression
 from s2c2a_experiments.real_process import Process
 from s2c2a_experiments.real_scores import TipScores, tip_scores
 
 EXPERIMENT = "real"
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
 STRETCH_END = 0.9  # of the threshold of a stretch of large pulls
+LARGEST = 0.15  # held-out share of the rows, those with the largest pulls
 MAX_LARGEST = 0.5  # share of the rows with the largest pulls
+BLOCK = 25  # rows of a held-out block
 GAP = 25  # rows over which errors of recorded arms are correlated
 BEST = recipe_named("best")
 PAPER = recipe_named("paper")
@@ -43,11 +44,9 @@ MODELS: dict[str, tuple[ForwardOptions, FitOptions]] = {
     "chain": (ChainOptions(), BEST.c2s_fit),
     "paper": (C2SOptions(layers=4, hidden=64), PAPER.c2s_fit),
     "pcc-fitted": (FittedArcs(), PAPER.c2s_fit),
-    "kernels": (KernelRegression(plays=False), PAPER.c2s_fit),
     "kernels with plays": (KernelRegression(), PAPER.c2s_fit),
     "process": (Process(), PAPER.c2s_fit),
     "chain + process": (Process(chain=True), BEST.c2s_fit),
-    "recurrent": (Recurrent(), BEST.c2s_fit),
 }
 
 
@@ -104,53 +103,6 @@ def split_blocks(recording: Recording, size: int) -> HeldOutSplit:
     return HeldOutSplit(f"blocks of {size}", held_out)
 
 
-def split_episodes(recording: Recording, every: int) -> HeldOutSplit:
-    """Hold out whole episodes: the last one of every so many.
-
-    Args:
-        recording: to split.
-        every: number of episodes, of which one is held out.
-
-    Raises:
-        RecordingError: the recording has too few episodes, or all would be held out.
-    """
-    count = len(recording.episodes)
-    if not 1 < every <= count:
-        raise RecordingError(
-            f"cannot hold out one of every {every} of {count} episodes; give 2 to {count}, or "
-            "hold out blocks (--block) of a recording with few episodes"
-        )
-    held_out = _no_samples(recording)
-    for row, length in zip(
-        held_out[every - 1 :: every], recording.lengths[every - 1 :: every], strict=True
-    ):
-        row[:length] = True
-    return HeldOutSplit(f"one of {every} episodes", held_out)
-
-
-def split_end(recording: Recording, count: int) -> HeldOutSplit:
-    """Hold out the last samples of every episode.
-
-    Args:
-        recording: to split.
-        count: number of samples of an episode.
-
-    Raises:
-        RecordingError: an episode has too few samples.
-    """
-    shortest = min(recording.lengths)
-    if not 0 < count < shortest:
-        number = list(recording.lengths).index(shortest) + 1
-        raise RecordingError(
-            f"cannot hold out the last {count} rows of every episode: episode {number} "
-            f"has {shortest} rows; give 1 to {shortest - 1}"
-        )
-    held_out = _no_samples(recording)
-    for row, length in zip(held_out, recording.lengths, strict=True):
-        row[length - count : length] = True
-    return HeldOutSplit(f"last {count}", held_out)
-
-
 def split_largest(recording: Recording, share: float) -> HeldOutSplit:
     """Hold out the samples with the largest pulls, as whole stretches.
 
@@ -184,7 +136,7 @@ def split_largest(recording: Recording, share: float) -> HeldOutSplit:
     if first == len(thresholds):
         raise RecordingError(
             f"no stretch of the largest pulls has at most {100 * share:g} % of the rows; "
-            "give a larger share, or hold out blocks (--block)"
+            "give a longer recording"
         )
     held_out = _no_samples(recording)
     for row, values in zip(held_out, pulls, strict=True):
@@ -226,67 +178,24 @@ class RealComparison(NamedTuple):
     gap: int = GAP
 
     @classmethod
-    def of(
-        cls,
-        recording: Path,
-        unseen: Sequence[Path],
-        block: int,
-        last: int,
-        models: Sequence[str],
-        largest: float = 0.0,
-        gap: int = GAP,
-        episodes: int = 0,
-    ) -> "RealComparison":
-        """Load a comparison from files.
+    def of(cls, recording: Path, unseen: Sequence[Path] = ()) -> "RealComparison":
+        """All models by held-out blocks, the largest pulls, and other recordings.
 
         Args:
             recording: to train on.
             unseen: other recordings.
-            block: samples of a block; 0 for no held-out blocks.
-            last: held-out samples at the end of every episode; 0 for none.
-            models: names of `MODELS`; all if empty.
-            largest: held-out share of the samples with the largest pulls; 0 for none.
-            gap: samples beside held-out ones that nothing uses.
-            episodes: hold out one of every so many episodes; 0 for none.
 
         Raises:
-            RecordingError: a file is no recording, is of another arm, or is too short;
-                an option is out of range; or nothing is held out.
-            StrategyError: a model is unknown.
+            RecordingError: a file is no recording, is of another arm, or is too short.
         """
-        unknown = [name for name in models if name not in MODELS]
-        if unknown:
-            raise StrategyError(
-                f"unknown model {', '.join(unknown)}{did_you_mean(unknown[0], MODELS)}; "
-                f"choose among {', '.join(MODELS)}"
-            )
-        if min(block, last, gap, episodes) < 0:
-            raise RecordingError(
-                f"--block {block}, --episodes {episodes}, --last {last} and --gap {gap}: "
-                "give zero or more"
-            )
         whole = load_recording(recording)
         others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
         for name, other in others.items():
             _check_same_arm(name, other.arm, Path(recording).stem, whole.arm)
-        splits = []
-        if block:
-            splits.append(split_blocks(whole, block))
-        if episodes:
-            splits.append(split_episodes(whole, episodes))
-        if last:
-            splits.append(split_end(whole, last))
-        if largest:
-            splits.append(split_largest(whole, largest))
+        splits = [split_blocks(whole, BLOCK), split_largest(whole, LARGEST)]
         if others:
             splits.append(HeldOutSplit("nothing", _no_samples(whole)))
-        if not splits:
-            raise RecordingError(
-                "--block, --episodes, --last and --largest are zero and hold nothing out; "
-                "give a positive number, or --unseen RECORDING"
-            )
-        names = tuple(models) or tuple(MODELS)
-        return cls(whole, tuple(splits), others, names, gap)
+        return cls(whole, tuple(splits), others, tuple(MODELS))
 
 
 def _check_same_arm(

@@ -1,4 +1,4 @@
-"""Reference models for real recordings: kernel regression, an LSTM, fitted PCC."""
+"""Reference models for real recordings: kernel regression, fitted PCC."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,10 +24,8 @@ from s2c2a.training import (
     TrainingData,
     TrainingProgress,
     quiet,
-    train,
 )
 from s2c2a.training.trained import as_batch, known_error
-from s2c2a_experiments.tip_lstm import LSTM
 
 PLAY_WIDTHS = (0.02, 0.04, 0.08, 0.16)  # fractions of the largest displacement
 KERNEL_WIDTHS = (0.5, 1.0, 2.0, 4.0)
@@ -79,19 +77,14 @@ class Regression(NamedTuple):
 
 @dataclass(frozen=True)
 class KernelRegression(ReferenceModel):
-    """Ridge regression with a Gaussian kernel; validation chooses its width and ridge.
+    """Ridge regression with a Gaussian kernel; validation chooses its width and ridge."""
 
-    Attributes:
-        plays: also use the states of play operators with four widths as inputs.
-    """
-
-    plays: bool = True
     model: str = field(default="kernel regression", kw_only=True)
 
     def predictions(
         self, model: Any, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        inputs = self._inputs(data)
+        inputs = inputs_with_plays(data)
         states = model.predict(inputs.reshape(-1, inputs.shape[-1]))
         return states.reshape(*inputs.shape[:2], -1, 6)
 
@@ -108,7 +101,7 @@ class KernelRegression(ReferenceModel):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained:
-        split = forward_samples(self._inputs(data), data.states, data.lengths)
+        split = forward_samples(inputs_with_plays(data), data.states, data.lengths)
         inputs = []
         targets = []
         for part in (split.training, split.validation, split.test):
@@ -131,12 +124,6 @@ class KernelRegression(ReferenceModel):
         predict = _ridge_regression(all_inputs, all_targets, *best[1:])
         deviations = np.sqrt(sums / np.maximum(known.sum(axis=0), 1))
         return without_curves(Regression(predict, deviations))
-
-    def _inputs(self, data: TrainingData) -> np.ndarray:
-        if self.plays:
-            return inputs_with_plays(data)
-        displacements = cable_displacements(data)
-        return displacements.reshape(*displacements.shape[:2], -1)
 
 
 def inputs_with_plays(
@@ -191,58 +178,6 @@ def _ridge_regression(
     regularized = kernel(points) + ridge * np.eye(len(points))
     weights = np.linalg.solve(regularized, targets - mean)
     return lambda values: kernel((values - center) / scale) @ weights + mean
-
-
-@dataclass(frozen=True)
-class Recurrent(ReferenceModel):
-    """An LSTM over the last readings.
-
-    Attributes:
-        steps: number of readings.
-        hidden: units of each of two layers.
-    """
-
-    steps: int = 10
-    hidden: int = 64
-    model: str = field(default="recurrent network", kw_only=True)
-
-    def predictions(
-        self, model: Any, data: TrainingData
-    ) -> Float[np.ndarray, "episodes samples modules 6"]:
-        predict = jax.jit(lambda windows: model(windows))  # a network has no hash
-        states = [predict(jnp.asarray(episode)) for episode in self._windows(data)]
-        return np.stack(states).reshape(data.states.shape)
-
-    def train(
-        self,
-        data: TrainingData,
-        fit: FitOptions,
-        key: PRNGKeyArray,
-        progress: TrainingProgress = quiet,
-    ) -> Trained:
-        windows = self._windows(data)
-        split = forward_samples(windows, data.states, data.lengths)
-        network_key, fit_key = jax.random.split(key)
-        outputs = data.states[0, 0].size
-        network = LSTM(windows.shape[-1], outputs, 2, self.hidden, network_key)
-
-        def predict(net: LSTM, batch: dict) -> Array:
-            return net(batch["configurations"]).reshape(batch["targets"].shape)
-
-        def loss(net: LSTM, batch: dict, key: PRNGKeyArray | None) -> Array:
-            errors = known_error(predict(net, batch), batch["targets"])
-            return jnp.mean((errors / data.arm.length) ** 2)
-
-        return train(network, loss, predict, split, fit, fit_key, progress)
-
-    def _windows(self, data: TrainingData) -> np.ndarray:
-        """The last readings, oldest first; the first one also stands for the past."""
-        displacements = cable_displacements(data)
-        samples = displacements.shape[1]
-        flat = displacements.reshape(*displacements.shape[:2], -1)
-        padded = np.pad(flat, ((0, 0), (self.steps - 1, 0), (0, 0)), mode="edge")
-        windows = [padded[:, age : age + samples] for age in range(self.steps)]
-        return np.stack(windows, axis=2).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from jaxtyping import Float
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.evaluation.estimates import REJECTED
 from s2c2a.robots import RobotFactory
@@ -77,9 +76,6 @@ class SensorFaultStudy:
         durations: of the faults [s]; infinity is the rest of the run.
         payload: at the tip, unknown [kg].
         seeds: of data, training and start.
-
-    Raises:
-        S2C2AError: unknown set or fault.
     """
 
     arm: ArmSpec
@@ -88,17 +84,6 @@ class SensorFaultStudy:
     durations: tuple[float, ...] = (5.0, np.inf)
     payload: float = 0.05
     seeds: tuple[int, ...] = (0,)
-
-    def __post_init__(self):
-        """Refuse unknown names."""
-        for given, valid in ((self.sets, tuple(VALUES)), (self.faults, FAULTS)):
-            for name in given:
-                if name not in valid:
-                    raise S2C2AError(
-                        f"no faults are known for '{name}'"
-                        f"{did_you_mean(name, valid)}; "
-                        f"choose among {', '.join(valid)}"
-                    )
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2c2a import jobs
-from s2c2a.arm import ArmSpec, randomized_arm
+from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
-from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import RobotFactory
-from s2c2a.robots.simulation.events import parse_events
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Task
-from s2c2a_experiments.randomized_arms import over_arms
 from s2c2a_experiments.run_rows import labeled, metric_rows
 
 EXPERIMENT = "sensors"
@@ -46,38 +43,28 @@ class SensorStudy:
     """What is compared.
 
     Attributes:
-        arms: that carry the sensors.
+        arm: that carries the sensors.
         sets: names in `SENSOR_SETS`, or `KNOWN_PAYLOAD`.
         payloads: at the tip [kg].
         tasks: names.
         seeds: of data, training and start.
-        strength: of the randomized arms' mismatch, for the rows.
-        events: during every run (`robots.simulation.events`).
     """
 
-    arms: tuple[ArmSpec, ...]
-    sets: tuple[str, ...]
-    payloads: tuple[float, ...]
-    tasks: tuple[str, ...]
-    seeds: tuple[int, ...]
-    strength: float = 0.0
-    events: str = ""
-
-    def __post_init__(self):
-        """Refuse unknown sets and empty studies."""
-        parse_events(self.events)
-        valid = (*SENSOR_SETS, KNOWN_PAYLOAD)
-        for name in self.sets:
-            if name not in valid:
-                raise S2C2AError(
-                    f"no set of sensors '{name}'{did_you_mean(name, valid)}; "
-                    f"choose among {', '.join(valid)}"
-                )
-        axes = (self.arms, self.sets, self.payloads, self.tasks, self.seeds)
-        if not all(axes):
-            raise S2C2AError(
-                "nothing to compare; give at least one arm, set, payload, task and seed"
-            )
+    arm: ArmSpec
+    sets: tuple[str, ...] = (
+        "encoders",
+        "encoders-known-payload",
+        "bends",
+        "imu",
+        "current",
+        "camera",
+        "motion-capture",
+        "flex",
+        "imu-current-camera",
+    )
+    payloads: tuple[float, ...] = (0.0, 0.05, 0.1)
+    tasks: tuple[str, ...] = ("circle",)
+    seeds: tuple[int, ...] = (0, 1, 2)
 
 
 @dataclass(frozen=True)
@@ -115,12 +102,6 @@ class Case:
         )
 
 
-def randomized_arms(base: ArmSpec, count: int, strength: float) -> tuple[ArmSpec, ...]:
-    """So many randomized arms; the given arm for none."""
-    arms = [randomized_arm(base, seed, strength) for seed in range(count)]
-    return tuple(arms) or (base,)
-
-
 def with_sensors(arm: ArmSpec, name: str) -> ArmSpec:
     """An arm with a set of sensors."""
     currents = CURRENT if "current" in name else {"current_noise": None}
@@ -130,27 +111,22 @@ def with_sensors(arm: ArmSpec, name: str) -> ArmSpec:
 
 
 def sensor_rows(study: SensorStudy, make: jobs.Make) -> list[Row]:
-    """Result rows of every case; of several arms, also their mean.
+    """Result rows of every case.
 
     Args:
         study: what is compared.
         make: finds or makes runs, networks and recordings.
     """
     cases = [
-        Case(arm, name, payload)
-        for arm in study.arms
+        Case(study.arm, name, payload)
         for name in study.sets
         for payload in study.payloads
     ]
-    groups = [case.make_jobs(study.tasks, study.seeds, study.events) for case in cases]
-    rows_of_arms: dict[str, list[Row]] = {}
+    groups = [case.make_jobs(study.tasks, study.seeds) for case in cases]
+    rows = []
     for case, runs in zip(cases, jobs.in_groups(make, groups), strict=True):
-        label = f"{case}, {study.events}" if study.events else str(case)
-        rows_of_arms.setdefault(case.arm.name, []).extend(_rows(runs, label))
-    rows = [row for group in rows_of_arms.values() for row in group]
-    if len(study.arms) == 1:
-        return rows
-    return over_arms(list(rows_of_arms.values()), study.strength) + rows
+        rows += _rows(runs, str(case))
+    return rows
 
 
 def _rows(runs: Sequence[jobs.Run], label: str) -> list[Row]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError
 from s2c2a.evaluation import Row
 from s2c2a.planning import Goal
 from s2c2a.spaces import POSITION
@@ -54,14 +53,6 @@ class StabilityStudy:
     payloads: tuple[float, ...] = (0.0, 0.05, 0.1, 0.15)
     seeds: tuple[int, ...] = (0,)
     hold_time: float = HOLD_TIME
-
-    def __post_init__(self):
-        """Refuse a hold that ends before the tip is there."""
-        if self.hold_time <= APPROACH_TIME:
-            raise S2C2AError(
-                f"a hold of {self.hold_time:g} s was given; the tip needs "
-                f"{APPROACH_TIME:g} s to its place: give more, such as {HOLD_TIME:g}"
-            )
 
 
 def hold_task(arm: ArmSpec, number: int, time: float) -> Task:

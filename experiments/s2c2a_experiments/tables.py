@@ -18,8 +18,8 @@ from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.models import ChainOptions
-from s2c2a.planning import Adam, Horizon, LeastSquares
-from s2c2a.planning.terms import BendChange, Evenness
+from s2c2a.planning import Adam, Horizon
+from s2c2a.planning.terms import Evenness
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RECIPES, Recipe, RunOptions, strategy_named
 from s2c2a.tasks.paths import PATHS
@@ -383,11 +383,6 @@ _BEST = RECIPES["best"]
 _PAPER = RECIPES["paper"]
 _UNEVEN = tuple(term for term in _BEST.planner.terms if term != Evenness())
 
-_ONE_STEP = replace(
-    _BEST.planner,
-    solver=LeastSquares(),
-    terms=(*_BEST.planner.terms, BendChange()),
-)
 VARIANTS: dict[str, Recipe] = {
     "best": _BEST,
     "best, no memory at all": replace(
@@ -410,7 +405,6 @@ VARIANTS: dict[str, Recipe] = {
     "best, 5 iterations": replace(
         _BEST, planner=replace(_BEST.planner, solver=Horizon(5))
     ),
-    "best, one step": replace(_BEST, planner=_ONE_STEP),
     "best, no integral correction": replace(_BEST, integral_gain=0.0),
     "best, the paper's weights": replace(_BEST, axis_weights=()),
     "best, data as fast as the paper recipe's": replace(_BEST, speeds=_PAPER.speeds),

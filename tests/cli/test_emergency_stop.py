@@ -14,7 +14,6 @@ from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
 from s2c2a.lab.cli import tracking_calibration
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
-from s2c2a_experiments.sweep_command import sweep
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
 
@@ -60,15 +59,6 @@ def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb
         command("twin_arm", robot="sim", tracking="udp:9763")
 
 
-def test_a_signal_stops_a_sweep(monkeypatch, tmp_path):
-    pytest.importorskip("optuna")
-    monkeypatch.setattr("s2c2a_experiments.sweep.search", signal_this_process)
-    vary = ("planner.solver.iterations=5,10",)
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        sweep(("circle",), vary=vary, strategy="pcc")
-
-
 def takes_a_robot(command) -> bool:
     """Whether a command has the options of a robot, by itself or in an object of options."""
     parameters = inspect.signature(command).parameters
@@ -98,7 +88,6 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         "check_contract",
         "latency",
         "frames",
-        "sweep",
         "session",
     }
     # `live` and `ros` obey the signal in their control process; `motors` has its own

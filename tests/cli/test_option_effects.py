@@ -39,16 +39,6 @@ REFUSED = {
         "seed",
     ],
     "live --robot dynamixel --seed 3": ["seed"],
-    "reproduce sensors --strength 0.9": ["strength"],
-    "reproduce motion --strength 0.9": ["strength"],
-    "reproduce stability --random-arms 0 --strengths 2.0": ["strengths"],
-    "reproduce reach --random-arms 0 --strength 0.3 --train-random-arms": [
-        "strength",
-        "train_random_arms",
-    ],
-    "reproduce shapes --random-arms 0 --strength 0.3": ["strength"],
-    "reproduce repetition --random-arms 0 --strength 0.5": ["strength"],
-    "reproduce calibration --out x.toml --overwrite": ["out", "overwrite"],
     "emulate servos --mocap-rate 60 --mocap-latency 0.1 --mocap-noise 0.1": [
         "mocap_rate",
         "mocap_latency",

@@ -4,15 +4,19 @@ import csv
 import json
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm, save_arm
 from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.execution.progress import quiet
 from s2c2a.goals import Goal
+from s2c2a.jobs import Cache
+from s2c2a.strategies import strategy_named
 from s2c2a.tasks import Task
-from s2c2a_experiments.benchmark import command, protocol
+from s2c2a_experiments.benchmark import command, protocol, tune
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells, run_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
 from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
@@ -29,9 +33,10 @@ from s2c2a_experiments.benchmark.scores import (
     path_length_ratio,
     success_of,
 )
+from s2c2a_experiments.benchmark.search_space import range_from
+from s2c2a_experiments.benchmark.tune import TRIALS, drawn_trials
 from s2c2a_experiments.figures import planners
 from s2c2a_experiments.figures.planners import pareto
-from s2c2a_experiments.search_space import value_at, varied_from
 
 TWIN = load_arm("twin_arm")
 OWN = '''
@@ -167,11 +172,21 @@ def test_a_cell_knows_the_payload_only_where_the_task_says_so():
     assert known == {"payload": 0.0, "known payload": pytest.approx(0.048)}
 
 
-def test_every_entrant_is_tuned_in_places_that_exist_and_at_most_four():
+def test_every_entrant_is_tuned_in_at_most_four_places_from_itself_within_ranges():
     for each in untuned():
-        assert len(each.tuned) <= 4
-        if each.tuned:
-            varied_from(each.tuned, each.recipe, each.strategy)
+        ranges = {item.place: item for item in map(range_from, each.tuned)}
+        assert len(ranges) == len(each.tuned) <= 4
+        trials = drawn_trials(each)
+        first = each.with_values(trials[0])
+        assert (first.recipe, first.options) == (each.recipe, each.options)
+        assert len(trials) == TRIALS
+        assert trials == drawn_trials(each)
+        for values in trials:
+            tried = each.with_values(values)
+            assert strategy_named(tried.strategy)
+            assert values.keys() == ranges.keys()
+            for place, value in values.items():
+                assert ranges[place].low <= value <= ranges[place].high
 
 
 def test_the_arms_of_the_protocol_are_distinct():
@@ -419,13 +434,33 @@ def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
     assert names["orientation"] == ["position", "orientation"]
 
 
-@pytest.mark.slow
-def test_tuning_starts_from_the_entrant_as_it_is_and_refuses_what_it_ignores(own):
-    for each in untuned():
-        for varied in (
-            varied_from(each.tuned, each.recipe, each.strategy) if each.tuned else ()
-        ):
-            assert varied.holds(value_at(each.recipe, varied.place, each.strategy))
+def test_tuning_takes_the_trial_with_the_smallest_error_and_leaves_out_failed_ones(
+    monkeypatch, tmp_path
+):
+    (apf,) = (each for each in untuned() if each.name == "apf")
+    trials = drawn_trials(apf)
+
+    def runs(jobs, *_):
+        places = [number // (len(jobs) // TRIALS) for number in range(len(jobs))]
+        position = SimpleNamespace(metric="position")
+        return [
+            S2C2AError("failed")
+            if place == 3
+            else SimpleNamespace(
+                scores=[SimpleNamespace(score=position, value=abs(place - 4.2))]
+            )
+            for place in places
+        ]
+
+    monkeypatch.setattr(tune, "try_all", runs)
+    found = tune.tune([apf], Cache(tmp_path), None, quiet)
+    assert found == {"apf": trials[4]}
+    monkeypatch.setattr(tune, "try_all", lambda jobs, *_: [S2C2AError("x")] * len(jobs))
+    with pytest.raises(S2C2AError, match="all 10 trials of 'apf' failed"):
+        tune.tune([apf], Cache(tmp_path), None, quiet)
+
+
+def test_tuning_refuses_what_it_ignores(own):
     for ignored in ({"entry": (own,)}, {"seeds": 7}):
         with pytest.raises(S2C2AError, match="leave out"):
             benchmark(tune=True, **ignored)

@@ -15,7 +15,6 @@ from s2c2a_experiments.calibration import (
     Claim,
     claims_for,
     measure,
-    search,
 )
 
 SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
@@ -82,20 +81,3 @@ def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
             for kind in ("backlash", "friction", "creep")
             if getattr(module.cable, kind) > 0
         } == kinds
-
-
-@pytest.mark.slow
-def test_the_search_reduces_the_misfit_of_a_detuned_arm(record):
-    record(episodes=3, samples=200)
-    twin = load_arm("twin_creep")
-    stiff = twin.model_copy(
-        update={
-            "modules": tuple(
-                m.model_copy(update={"bending_stiffness": 0.2}) for m in twin.modules
-            )
-        }
-    )
-    misfits = []
-    search(stiff, 0, 3, lambda count, misfit: misfits.append(misfit))
-    assert len(misfits) >= 2
-    assert min(misfits[1:]) < misfits[0]

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -11,24 +10,20 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import RecordingError
 from s2c2a.execution.progress import quiet
-from s2c2a.strategies import recipe_named, training_data
 from s2c2a_experiments import real_process
 from s2c2a_experiments.real import (
+    HeldOutSplit,
     RealComparison,
     real_rows,
     split_blocks,
-    split_end,
-    split_episodes,
     split_largest,
     split_rows,
 )
 from s2c2a_experiments.real_models import (
     FittedArcs,
     KernelRegression,
-    Recurrent,
     without_curves,
 )
-from s2c2a_experiments.tip_lstm import LSTM
 
 from marks import slow_after
 
@@ -56,6 +51,12 @@ def recording(make_arm) -> Recording:
     )
 
 
+def last_rows(recording, count):
+    held_out = np.zeros((1, 600), bool)
+    held_out[:, -count:] = True
+    return HeldOutSplit(f"last {count}", held_out)
+
+
 def test_blocks_are_the_seventh_fourteenth_and_twentieth_of_twenty(recording):
     rows = np.flatnonzero(split_blocks(recording, 25).held_out[0])
     np.testing.assert_array_equal(
@@ -70,24 +71,6 @@ def test_rows_beside_held_out_ones_are_hidden_from_training(recording):
         rows, [*range(140, 185), *range(315, 360), *range(465, 510)]
     )
     np.testing.assert_array_equal(split.hidden(0), split.held_out)
-
-
-def test_more_last_rows_than_the_episode_has_are_rejected(recording):
-    with pytest.raises(RecordingError, match="600"):
-        split_end(recording, 600)
-
-
-def test_the_last_rows_of_every_episode_are_held_out(recording):
-    episode = recording.episodes[0]
-    columns = {name: column[:50] for name, column in episode.columns.items()}
-    several = replace(
-        recording, episodes=(episode, Episode(recording.arm, columns), episode)
-    )
-    held_out = split_end(several, 20).held_out
-    np.testing.assert_array_equal(held_out.sum(axis=1), [20, 20, 20])
-    assert held_out[1, 30:50].all()
-    with pytest.raises(RecordingError, match="episode 2 has 50 rows; give 1 to 49"):
-        split_end(several, 50)
 
 
 def test_the_largest_pulls_are_held_out_as_stretches(recording):
@@ -113,15 +96,13 @@ def test_equal_pulls_cannot_be_split(recording):
     episode = recording.episodes[0]
     columns = {**episode.columns, "sensor.cables": np.ones((600, 1, 3))}
     constant = replace(recording, episodes=(Episode(recording.arm, columns),))
-    with pytest.raises(RecordingError, match="give a larger share"):
+    with pytest.raises(RecordingError, match="give a longer recording"):
         split_largest(constant, 0.15)
 
 
-@pytest.mark.parametrize(
-    "name", slow_after(1, ["kernels", "kernels with plays", "pcc-fitted"])
-)
+@pytest.mark.parametrize("name", slow_after(1, ["kernels with plays", "pcc-fitted"]))
 def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, name):
-    split = split_end(recording, 100)
+    split = last_rows(recording, 100)
     rows = list(split_rows(recording, split, [name], [0]))
     assert [row.metric for row in rows] == [*METRICS, "correlation time"]
     episode = recording.episodes[0]
@@ -131,7 +112,7 @@ def test_models_report_tip_errors_and_do_not_see_held_out_samples(recording, nam
     other = Recording(
         recording.arm, recording.options, (Episode(recording.arm, columns),)
     )
-    moved = list(split_rows(other, split_end(other, 100), [name], [0]))
+    moved = list(split_rows(other, last_rows(other, 100), [name], [0]))
     assert 0.0 < rows[0].mean < 60.0
     # mm; the true states moved, the predictions did not
     assert abs(moved[0].mean - 1e4 * np.sqrt(3.0)) < 60.0
@@ -144,25 +125,6 @@ def log(recording, tmp_path_factory):
         tmp_path_factory.mktemp("real") / "log.episodes",
         recording.options,
     )
-
-
-def test_only_blocks_are_held_out_without_last_rows(log):
-    rows = real_rows(RealComparison.of(log, (), 25, 0, ["pcc-fitted"]), [0], quiet)
-    assert {row.task for row in rows} == {f"{rows[0].arm}, blocks of 25, gap 25"}
-
-
-@pytest.mark.parametrize(
-    ("block", "last", "message"),
-    [
-        (0, 0, "nothing out"),
-        (-5, 0, "zero or more"),
-        (600, 0, "nothing out"),
-        (25, -1, "zero or more"),
-    ],
-)
-def test_options_that_hold_nothing_out_are_rejected(log, block, last, message):
-    with pytest.raises(RecordingError, match=message):
-        RealComparison.of(log, (), block, last, ())
 
 
 def test_another_arm_is_rejected_and_paths_name_recordings(
@@ -181,27 +143,21 @@ def test_another_arm_is_rejected_and_paths_name_recordings(
     with pytest.raises(
         RecordingError, match=r"longer is of test_arm \(2 modules.*imported --like"
     ):
-        RealComparison.of(log, (longer,), 25, 0, ())
+        RealComparison.of(log, (longer,))
     monkeypatch.chdir(tmp_path)
     # the same file name in two directories
     names = [Path(day) / "log.episodes" for day in ("monday", "tuesday")]
     for name in names:
         name.parent.mkdir()
         save_episodes(recording.episodes, name, recording.options)
-    rows = real_rows(RealComparison.of(log, names, 0, 0, ["pcc-fitted"]), [0], quiet)
+    comparison = RealComparison.of(log, names)._replace(models=("pcc-fitted",))
+    rows = real_rows(comparison, [0], quiet)
     assert {row.task for row in rows} == {
+        "test_arm, blocks of 25, gap 25",
+        "test_arm, largest 15 %, gap 25",
         "test_arm, monday/log",
         "test_arm, tuesday/log",
     }
-
-
-def test_the_recurrent_network_predicts_states_of_all_samples(recording):
-    data = training_data(recording, recipe_named("best"))
-    windows = Recurrent()._windows(data)
-    network = LSTM(windows.shape[-1], 6, 1, 4, jax.random.key(0))
-    predicted = Recurrent().predictions(network, data)
-    assert predicted.shape == data.states.shape
-    assert np.isfinite(predicted).all()
 
 
 def test_rows_of_finished_models_are_kept_when_a_later_one_fails(log, monkeypatch):
@@ -210,21 +166,12 @@ def test_rows_of_finished_models_are_kept_when_a_later_one_fails(log, monkeypatc
 
     monkeypatch.setattr(KernelRegression, "train", fail)
     kept = []
-    comparison = RealComparison.of(log, (), 25, 0, ["pcc-fitted", "kernels"])
+    comparison = RealComparison.of(log)._replace(
+        models=("pcc-fitted", "kernels with plays")
+    )
     with pytest.raises(ValueError, match="broken"):
         real_rows(comparison, [0], quiet, lambda rows: kept.append(len(rows)))
     assert kept == [6]
-
-
-def test_whole_episodes_are_held_out(recording):
-    several = replace(recording, episodes=recording.episodes * 5)
-    split = split_episodes(several, 2)
-    assert split.name == "one of 2 episodes"
-    np.testing.assert_array_equal(split.held_out.all(axis=1), [0, 1, 0, 1, 0])
-    # the gap stays within an episode
-    np.testing.assert_array_equal(split.hidden(25), split.held_out)
-    with pytest.raises(RecordingError, match="of 5 episodes; give 2 to 5"):
-        split_episodes(several, 6)
 
 
 def test_one_command_compares_all_splits_and_judges_a_recording_by_a_whole_training(
@@ -237,17 +184,17 @@ def test_one_command_compares_all_splits_and_judges_a_recording_by_a_whole_train
         return without_curves(np.array([1.0, 0.2]))
 
     monkeypatch.setattr(FittedArcs, "train", train)
-    comparison = RealComparison.of(log, [log], 25, 100, ["pcc-fitted"], 0.15, 10)
+    comparison = RealComparison.of(log, [log])
+    comparison = comparison._replace(models=("pcc-fitted",), gap=10)
     rows = real_rows(comparison, [0], quiet)
     assert list(dict.fromkeys(row.task for row in rows)) == [
         "test_arm, blocks of 25, gap 10",
-        "test_arm, last 100, gap 10",
         "test_arm, largest 15 %, gap 10",
         f"test_arm, {log.with_suffix('')}",
     ]
-    # 3 blocks, and the last rows, with their gaps; nothing is hidden for another session
-    assert hidden[:2] == [3 * 45, 110]
-    assert hidden[3] == 0
+    # 3 blocks with their gaps; nothing is hidden for another session
+    assert hidden[0] == 3 * 45
+    assert hidden[2] == 0
 
 
 def test_a_model_that_states_a_deviation_is_also_judged_by_its_rank(
@@ -255,7 +202,7 @@ def test_a_model_that_states_a_deviation_is_also_judged_by_its_rank(
 ):
     monkeypatch.setattr(real_process, "STEPS", 3)
     monkeypatch.setattr(real_process, "ROWS", 100)
-    rows = split_rows(recording, split_end(recording, 100), ["process"], [0])
+    rows = split_rows(recording, last_rows(recording, 100), ["process"], [0])
     assert [row.metric for row in rows] == [
         *METRICS,
         "rank correlation",

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation.events import parse_events
 from s2c2a_experiments.sensor_faults import (
     FAULTS,
@@ -48,9 +47,3 @@ def test_a_fault_with_an_end_is_repaired(twin):
         (13.0, "repaired"),
     ]
     assert len(events_of(lasting)) == 1
-
-
-@pytest.mark.parametrize("names", [{"sets": ("sonar",)}, {"faults": ("rust",)}])
-def test_unknown_names_are_refused_with_the_known_ones(twin, names):
-    with pytest.raises(S2C2AError, match="choose among"):
-        SensorFaultStudy(twin, **names)

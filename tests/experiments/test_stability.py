@@ -2,7 +2,6 @@
 
 import pytest
 
-from s2c2a.errors import S2C2AError
 from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
 from s2c2a.jobs.job import Conditions
 from s2c2a.robots import RobotFactory
@@ -33,11 +32,6 @@ def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
     assert len(jobs) == 4 * 3 * 2  # tasks, sets with the compared one, payloads
     holds = {f"hold-point-{number}" for number in (1, 2, 3)}
     assert {job.task.name for job in jobs} == {*holds, "circle"}
-
-
-def test_a_hold_that_ends_before_the_tip_is_there_is_refused(twin):
-    with pytest.raises(S2C2AError, match="a hold of 4 s was given; the tip needs 4 s"):
-        StabilityStudy((twin,), hold_time=4.0)
 
 
 @pytest.mark.slow

@@ -406,7 +406,7 @@ COMMANDS = {
     "view": "view evil.episodes --port 0",
     "weights": "view evil.safetensors --port 0",
     "arm": "arm check evil.episodes",
-    "sweep": "sweep circle --recipe evil.safetensors",
+    "recipe": "run circle --recipe evil.safetensors",
 }
 """What a user may do with files of a stranger."""
 

@@ -342,7 +342,6 @@ OVERWRITES = {
     "identify": "identify x.episodes --arm twin_arm --out thesis.tex",
     "import": "import log.csv --map map.toml --out thesis.tex",
     "home": "motors home --arm twin_arm --out thesis.tex",
-    "calibrate": "reproduce calibration --search 1 --out thesis.tex",
 }
 """Every command with --overwrite that writes a single file."""
 

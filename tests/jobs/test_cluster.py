@@ -22,15 +22,12 @@ from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
 from s2c2a.execution.executors import Processes, Serial, in_order
-from s2c2a.execution.progress import quiet
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.tasks import load_waypoints, waypoints_task
 from s2c2a.training import FitOptions
-from s2c2a_experiments.search_space import varied_from
-from s2c2a_experiments.sweep import Sweep, best_of, save_trials, search
 
 TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=8, samples=30, seed=3)
@@ -224,78 +221,6 @@ def test_a_failed_job_does_not_affect_others(
 
 
 @pytest.fixture
-def small_sweep(quick_recipe, short_task):
-    """Of one number that trains nothing."""
-    return Sweep(
-        TWIN,
-        (short_task,),
-        quick_recipe,
-        varied_from(["integral_gain=0.1:0.4"], quick_recipe),
-        batch=2,
-    )
-
-
-@pytest.mark.slow
-def test_a_resumed_sweep_gives_the_same_trials(
-    small_sweep, made_here, processes, cluster, tmp_path
-):
-    def cut(doing, done, total):
-        if doing.startswith("trials 2 to 3: making runs") and done == 1:
-            raise KeyboardInterrupt
-
-    def go_on(folder, executor, progress=quiet):
-        cache = replace(made_here.cache, runs_in=tmp_path / folder / "runs")
-        return search(small_sweep, 5, tmp_path / folder, cache, executor, progress)
-
-    with pytest.raises(KeyboardInterrupt):
-        go_on("cut", processes, cut)
-    resumed, whole = go_on("cut", processes), go_on("whole", cluster)
-    assert resumed == whole
-    assert sorted(trial.number for trial in whole) == [0, 1, 2, 3, 4]
-    assert {trial.number: trial.values for trial in whole}[0] == {
-        "integral_gain": small_sweep.recipe.integral_gain
-    }
-    assert [trial.score for trial in whole] == sorted(trial.score for trial in whole)
-    assert best_of(whole) is whole[0]
-    table, figure = save_trials(whole, small_sweep, tmp_path)
-    assert (
-        table.read_text().splitlines()[0]
-        == "trial,position,integral_gain,failed because"
-    )
-    assert len(table.read_text().splitlines()) == 6
-    assert figure.stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_failed_trials_are_reported_and_the_search_continues(
-    small_sweep, made_here, processes, tmp_path
-):
-    broken = replace(small_sweep.recipe, c2s_fit=FitOptions(batch_size=10**6))
-    sweep = replace(small_sweep, recipe=broken)
-    trials = search(
-        sweep,
-        2,
-        tmp_path,
-        replace(made_here.cache, runs_in=tmp_path / "runs"),
-        processes,
-    )
-    assert [trial.score for trial in trials] == [None, None]
-    with pytest.raises(
-        S2C2AError,
-        match=r"all 2 trials failed, the first because: .*fewer than one batch",
-    ):
-        best_of(trials)
-
-
-def test_the_metric_of_a_sweep_must_be_common_to_its_tasks(small_sweep):
-    with pytest.raises(
-        S2C2AError, match="no metric 'tilt' in all these tasks; they share position"
-    ):
-        replace(small_sweep, metric="tilt")
-    assert small_sweep.direction == "minimize"
-
-
-@pytest.fixture
 def odd_worker(scheduler, tmp_path):
     """A worker of another version of this package."""
     (tmp_path / "s2c2a-9.9.9.dist-info").mkdir()
@@ -373,8 +298,8 @@ def test_a_worker_count_is_for_this_machine_only():
 
 
 def test_a_missing_extra_raises_with_the_install_command():
-    with pytest.raises(S2C2AError, match=r'pip install "\.\[sweep\]"'):
-        require("sweep", "no_such_package")
+    with pytest.raises(S2C2AError, match=r'pip install "\.\[ros\]"'):
+        require("ros", "no_such_package")
 
 
 @pytest.mark.slow

@@ -1,11 +1,8 @@
 """Plugins: objects found by name."""
 
-from importlib.metadata import EntryPoint
-
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.plugins import discovery
 from s2c2a.plugins.discovery import resolve, trust_code
 
 
@@ -40,11 +37,3 @@ def test_an_error_in_a_user_file_is_reported_as_an_error_of_the_package(tmp_path
     trust_code(f"{tmp_path}/broken_things.py:Thing")
     with pytest.raises(S2C2AError, match="half done"):
         resolve("robot", f"{tmp_path}/broken_things.py:Thing", {})
-
-
-def test_an_entry_point_of_a_package_that_is_not_there_is_reported_as_that(monkeypatch):
-    point = EntryPoint("lstm", "s2c2a_nowhere.lstm:LSTM", "s2c2a.strategies")
-    monkeypatch.setattr(discovery, "entry_points", lambda group, name: [point])
-    message = r"'lstm' is part of a package that is not installed \(s2c2a_nowhere"
-    with pytest.raises(S2C2AError, match=message):
-        resolve("strategy", "lstm", {})

@@ -145,7 +145,25 @@ def run_cells(
     ]
     runs = jobs.in_groups(make, groups)
     for cell, runs_of_cell in zip(running, runs, strict=True):
-        results[cell.names] = _result(cell, runs_of_cell)
+        metrics: dict[Metric, list[float]] = {}
+        failures = []
+        ticks = []
+        for run in runs_of_cell:
+            values = FAILED
+            if isinstance(run, S2C2AError):
+                failures.append(_line(str(run)))
+            elif "interrupted" in run.episode.options:
+                message = run.episode.options["interrupted"]
+                failures.append(_line(str(message)))
+            else:
+                values = metrics_of(run)
+                ticks.append(run.episode.ran("tick_time"))
+            for name, value in values.items():
+                if np.isfinite(value):
+                    metrics.setdefault(name, []).append(_rounded(value))
+        results[cell.names] = Result(
+            cell, metrics, tuple(failures), _step_times(ticks), versions()
+        )
     return [results[cell.names] for cell in cells if not cell.dash]
 
 
@@ -159,26 +177,6 @@ def _tasks_of(cells: Sequence[Cell]) -> list[list[Task]]:
             known[key] = cell.task.tasks(cell.arm)
         tasks_of_cells.append(known[key])
     return tasks_of_cells
-
-
-def _result(cell: Cell, runs: Sequence[jobs.Run | S2C2AError]) -> Result:
-    metrics: dict[Metric, list[float]] = {}
-    failures = []
-    ticks = []
-    for run in runs:
-        values = FAILED
-        if isinstance(run, S2C2AError):
-            failures.append(_line(str(run)))
-        elif "interrupted" in run.episode.options:
-            message = run.episode.options["interrupted"]
-            failures.append(_line(str(message)))
-        else:
-            values = metrics_of(run)
-            ticks.append(run.episode.ran("tick_time"))
-        for name, value in values.items():
-            if np.isfinite(value):
-                metrics.setdefault(name, []).append(_rounded(value))
-    return Result(cell, metrics, tuple(failures), _step_times(ticks), versions())
 
 
 def _step_times(

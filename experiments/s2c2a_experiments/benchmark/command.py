@@ -12,7 +12,6 @@ from s2c2a.cli.execution import (
     ALL_CORES,
     Work,
     make_executor,
-    require,
     run_directory,
 )
 from s2c2a.errors import S2C2AError, did_you_mean
@@ -170,7 +169,6 @@ def _compare(
 
 def _tune(named: "Sequence[Entrant]", work: Work) -> None:
     """Tune entrants as their files have them, and write the values found."""
-    require("sweep", "optuna")
     from s2c2a import jobs
     from s2c2a.jobs.run_folder import open_run_directory
     from s2c2a_experiments.benchmark import entrants, tune
@@ -195,7 +193,7 @@ def _tune(named: "Sequence[Entrant]", work: Work) -> None:
         def keep(values: dict) -> None:
             tune.write_values(values, path)
 
-        tune.tune(chosen, directory, cache, executor, progress, keep)
+        tune.tune(chosen, cache, executor, progress, keep)
     print(f"tuned values: {path} (they belong to {entrants.TUNED})")
 
 

@@ -28,8 +28,12 @@ from s2c2a.strategies import (
     strategy_named,
 )
 from s2c2a.strategies.options import GoalPart
-from s2c2a_experiments.search_space import STRATEGY, Value, with_options, with_values
-from s2c2a_experiments.tables import VARIANTS
+from s2c2a_experiments.benchmark.search_space import (
+    STRATEGY,
+    Value,
+    with_options,
+    with_values,
+)
 
 TUNED = resources.files("s2c2a_experiments.benchmark").joinpath("tuned.toml")
 """What the same number of trials has found for each entrant (`tune`)."""
@@ -81,7 +85,7 @@ class Entrant:
         family: of the paper's Table I, or of the field.
         strategy: see `strategy_named`.
         recipe: by which it is trained and plans.
-        tuned: what its tuning varies, as `s2c2a sweep --vary` reads it.
+        tuned: what its tuning varies; see `range_from`.
         camera: whether it sees the tip by a camera, as others by motion capture.
         is_own: whether the user has entered it.
         arms: that it is trained for, where that takes long; all if empty.
@@ -237,9 +241,7 @@ def _by_recipes() -> list[Entrant]:
     """Those that a recipe of the package describes."""
     best = recipe_named("best")
     paper = recipe_named("paper")
-    one_step = replace(VARIANTS["best, one step"], name="best-one-step")
     evenness = "planner.terms.Evenness.weight=0.005:0.1:log"
-    change = "planner.terms.BendChange.weight=0.005:0.3:log"
     horizon = ("planner.solver.iterations=1:60:log", evenness)
     adam = (
         "planner.solver.learning_rate=0.005:0.1:log",
@@ -250,9 +252,6 @@ def _by_recipes() -> list[Entrant]:
         Entrant("pcc-horizon", "horizon, arcs", "pcc", best, horizon),
         Entrant("pcc-fitted", "horizon, fitted arcs", "pcc-fitted", best, horizon),
         Entrant("paper", "forward model: biLSTM", "s2c2a", paper, adam),
-        Entrant(
-            "one-step", "forward model: gray box", "s2c2a", one_step, (evenness, change)
-        ),
         Entrant("best", "horizon, gray box", "s2c2a", best, horizon),
         Entrant(
             "best-camera", "horizon, tip seen", "s2c2a", best, horizon, camera=True

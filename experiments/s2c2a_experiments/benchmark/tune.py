@@ -5,15 +5,17 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from s2c2a import jobs
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.progress import Progress
 from s2c2a.files.text import write_atomically
+from s2c2a.jobs.execution import in_groups, try_all
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm
-from s2c2a_experiments.search_space import Value, value_at, varied_from
-from s2c2a_experiments.sweep import Sweep, best_of, search
+from s2c2a_experiments.benchmark.search_space import Value, range_from, value_at
 
 TRIALS = 10  # of every entrant; the first one is the entrant as it is
 TUNED_BY = ("path", "moving target")
@@ -22,7 +24,6 @@ TUNED_BY = ("path", "moving target")
 
 def tune(
     entrants: Sequence[Entrant],
-    folder: Path,
     cache: jobs.Cache,
     executor: Executor | None,
     progress: Progress,
@@ -32,7 +33,6 @@ def tune(
 
     Args:
         entrants: as their files have them.
-        folder: keeps the trials.
         cache: where recordings, networks and runs are kept.
         executor: trains and runs; this process if None.
         progress: called with a label, the number done and the total.
@@ -41,45 +41,70 @@ def tune(
     Raises:
         S2C2AError: all trials of an entrant failed.
     """
+
+    def make(artifacts):
+        return try_all(artifacts, cache, executor, progress)
+
     found: dict[str, dict[str, Value]] = {}
     for entrant in entrants:
-        sweep = _sweep(entrant)
-        trials = search(sweep, TRIALS, folder / entrant.name, cache, executor, progress)
-        found[entrant.name] = best_of(trials).values
+        trials = drawn_trials(entrant)
+        groups = [_jobs(entrant.with_values(values)) for values in trials]
+        best = np.inf
+        for values, runs in zip(trials, in_groups(make, groups), strict=True):
+            failure = next((run for run in runs if isinstance(run, S2C2AError)), None)
+            if failure is not None:
+                continue
+            errors = [
+                scored.value
+                for run in runs
+                for scored in run.scores
+                if scored.score.metric == "position"
+            ]
+            error = float(np.mean(errors))
+            if error < best:
+                best = error
+                found[entrant.name] = values
+        if entrant.name not in found:
+            raise S2C2AError(
+                f"all {TRIALS} trials of '{entrant.name}' failed, such as: {failure}"
+            )
         keep(found)
     return found
 
 
+def drawn_trials(entrant: Entrant) -> list[dict[str, Value]]:
+    """Values by place: those of the entrant, then random ones, the same in every call."""
+    ranges = [range_from(text) for text in entrant.tuned]
+    start = {
+        each.place: value_at(entrant.recipe, each.place, entrant.strategy)
+        for each in ranges
+    }
+    generator = np.random.default_rng(0)
+    trials = [start]
+    while len(trials) < TRIALS:
+        drawn = {
+            each.place: each.drawn(start[each.place], generator) for each in ranges
+        }
+        trials.append(drawn)
+    return trials
+
+
 def described(entrant: Entrant) -> list[str]:
     """What the trials of an entrant depend on: places, and the runs of the first one."""
-    first = _sweep(entrant).jobs()
-    return [*entrant.tuned, *(job.file for job in first)]
+    return [*entrant.tuned, *(job.file for job in _jobs(entrant))]
 
 
-def _sweep(entrant: Entrant) -> Sweep:
-    """The sweep of an entrant.
-
-    Raises:
-        S2C2AError: the entrant as it is lies outside its ranges.
-    """
+def _jobs(entrant: Entrant) -> list[jobs.Job]:
+    """The runs that score an entrant."""
     chosen = tuning_arm()
     tasks: list[Task] = []
     for name in TUNED_BY:
         tasks += TASKS[name].tasks(chosen)
     conditions = TASKS[TUNED_BY[0]].conditions(chosen.arm)
-    varied = varied_from(entrant.tuned, entrant.recipe, entrant.strategy)
-    for each in varied:
-        if not each.holds(value_at(entrant.recipe, each.place, entrant.strategy)):
-            raise S2C2AError(
-                f"'{entrant.name}' as it is lies outside of {each.place}: widen its range"
-            )
-    return Sweep(
-        arm=entrant.sensed(chosen.arm),
-        tasks=tuple(tasks),
-        recipe=entrant.recipe,
-        varied=varied,
-        conditions=replace(conditions, may_end_early=False),
-        strategy=entrant.strategy,
+    conditions = replace(conditions, may_end_early=False)
+    arm = entrant.sensed(chosen.arm)
+    return jobs.jobs_for(
+        tasks, arm, (entrant.strategy,), (0,), entrant.recipe, conditions
     )
 
 
@@ -92,12 +117,6 @@ def write_values(values: dict[str, dict[str, Value]], path: Path) -> Path:
     for name, places in values.items():
         lines.append(f"\n[values.{name}]")
         for place, value in places.items():
-            lines.append(f'"{place}" = {_toml(value)}')
+            lines.append(f'"{place}" = {value:.4g}')
     text = "\n".join(lines)
     return write_atomically(f"{text}\n", path)
-
-
-def _toml(value: Value) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.4g}"

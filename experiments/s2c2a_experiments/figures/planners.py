@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from s2c2a.viz.charts import (
@@ -126,7 +125,15 @@ def _label(
             va="center",
         )
         text.set_in_layout(False)  # which would move what is placed
-        distance = _move_to_free_place(text, taken, figure.bbox.x1)
+        for distance, direction in product(LABEL_DISTANCES, LABEL_DIRECTIONS):
+            angle = np.radians(direction)
+            text.set_position((distance * np.cos(angle), distance * np.sin(angle)))
+            text.set_horizontalalignment("right" if abs(direction) > 90 else "left")
+            box = text.get_window_extent()
+            if box.x1 <= figure.bbox.x1 and not any(
+                box.overlaps(other) for other in taken
+            ):
+                break
         taken.append(text.get_window_extent())
         if distance > LABEL_DISTANCES[0]:
             axes.annotate(
@@ -136,27 +143,6 @@ def _label(
                 textcoords="offset points",
                 arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.5},
             ).set_in_layout(False)
-
-
-def _move_to_free_place(text: Annotation, taken: Sequence[Bbox], right: float) -> float:
-    """Move a label to the nearest free place; without one, to the farthest.
-
-    Args:
-        text: the label.
-        taken: boxes that are not free [pixels].
-        right: edge of the figure [pixels].
-
-    Returns:
-        Its distance from its point [points].
-    """
-    for distance, direction in product(LABEL_DISTANCES, LABEL_DIRECTIONS):
-        angle = np.radians(direction)
-        text.set_position((distance * np.cos(angle), distance * np.sin(angle)))
-        text.set_horizontalalignment("right" if abs(direction) > 90 else "left")
-        box = text.get_window_extent()
-        if box.x1 <= right and not any(box.overlaps(other) for other in taken):
-            break
-    return distance
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -135,7 +135,15 @@ class ArcDriver:
         self._sensed_bends = compiled(bends_from_configurations)
         self._configurations = compiled(configurations_from_bends)
         self._moment: Moment
-        self._warm_up()
+        # compile everything: no control step waits for it
+        rest = ArmGeometry.of(self.arm).action_neutral
+        reading = Reading(0.0, {"cables": rest})
+        estimate = self._estimator.start(reading)
+        estimate = self._estimator.update(estimate, reading, rest)
+        bends = self._within_limits(self._bends(estimate), self._bends(estimate))
+        self._actions(bends)
+        self._bends_of(np.asarray(rest, np.float32))
+        self._configurations(bends)
 
     def start(self, reading: Reading) -> None:
         """Begin with an arm at rest."""
@@ -180,17 +188,6 @@ class ArcDriver:
             "sensed": np.asarray(self._estimate.configuration),
             "planned": np.asarray(self._configurations(self._moment.bends)),
         }
-
-    def _warm_up(self) -> None:
-        """Compile everything: no control step waits for it."""
-        rest = ArmGeometry.of(self.arm).action_neutral
-        reading = Reading(0.0, {"cables": rest})
-        estimate = self._estimator.start(reading)
-        estimate = self._estimator.update(estimate, reading, rest)
-        bends = self._within_limits(self._bends(estimate), self._bends(estimate))
-        self._actions(bends)
-        self._bends_of(np.asarray(rest, np.float32))
-        self._configurations(bends)
 
     def _bends(self, estimate: Estimate) -> Bends:
         configuration = np.asarray(estimate.configuration, np.float32)

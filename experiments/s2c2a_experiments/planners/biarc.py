@@ -160,7 +160,12 @@ class _Curves(NamedTuple):
         """Bends of the modules [rad] whose tip is at the target, along an axis."""
         planar = self._planar(target, last)
         without, free_axis = self._best(planar, last)
-        axes = _between(axis, free_axis)
+        # axes from the desired one to the free one
+        shares = jnp.linspace(0.0, 1.0, AXES)[:, None]
+        change = free_axis - axis
+        ways = axis + shares * change
+        sizes = norm(ways)
+        axes = ways / sizes[:, None]
 
         def best(aim):
             arcs = self._spatial(aim, axes)
@@ -328,7 +333,15 @@ class _Curves(NamedTuple):
             first: length of the first arc's tangents [m].
         """
         ends = axes[:, None]
-        second = self._second_tangent(target, axes, first)
+        # length of the second arc's tangents that join those of the first [m]
+        half_square = target @ target / 2.0
+        chord = half_square - first * target[2]
+        along = axes @ target
+        tilts = 1.0 - axes[:, 2:]
+        slope = along[:, None] + first * tilts
+        is_flat = jnp.abs(slope) < 1e-9
+        slope = jnp.where(is_flat, 1e-9, slope)
+        second = chord / slope
         upward = first[..., None] * UP
         onward = second[..., None] * ends
         way = target - upward - onward
@@ -339,26 +352,6 @@ class _Curves(NamedTuple):
         whole = first_length + second_length
         whole = jnp.where(second > 0.0, whole, jnp.nan)
         return first_length, whole - self.total, middle
-
-    def _second_tangent(self, target: Point, axes: EndAxes, first: Cells) -> Cells:
-        """Length of the second arc's tangents that join those of the first [m]."""
-        half_square = target @ target / 2.0
-        chord = half_square - first * target[2]
-        along = axes @ target
-        tilts = 1.0 - axes[:, 2:]
-        slope = along[:, None] + first * tilts
-        is_flat = jnp.abs(slope) < 1e-9
-        slope = jnp.where(is_flat, 1e-9, slope)
-        return chord / slope
-
-
-def _between(axis: Point, other: Point) -> EndAxes:
-    """Axes from one to another."""
-    shares = jnp.linspace(0.0, 1.0, AXES)[:, None]
-    change = other - axis
-    ways = axis + shares * change
-    sizes = norm(ways)
-    return ways / sizes[:, None]
 
 
 def _root(

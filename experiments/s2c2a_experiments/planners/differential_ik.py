@@ -110,7 +110,11 @@ class ProgramPlanner:
             projectors = projectors.astype(np.float32)
         self._linearized = compiled(_linearized, lengths, guarded, projectors)
         modules = arm.module_count
-        self._normals = _polygon_rows(modules)
+        # normals of the sides of every module's polygon, shape (sides modules, 2 modules)
+        sides = np.arange(SIDES)
+        angles = 2.0 * np.pi * sides / SIDES
+        normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        self._normals = np.kron(np.eye(modules), normals)
         neighbors = np.diff(np.eye(modules), axis=0)
         differences = np.kron(neighbors, np.eye(2))
         self._evenness = differences.T @ differences
@@ -152,7 +156,14 @@ class ProgramPlanner:
         unevenness = POSTURE * self._evenness
         hessian += unevenness
         gradient += self._options.gain * unevenness @ flat
-        within = self._limit_bounds(flat)
+        # polygons in the discs of steps and of bends; no change is always allowed
+        geometry = self._geometry
+        inside = np.cos(np.pi / SIDES)
+        step = inside * geometry.step_limit
+        discs = inside * np.repeat(geometry.planned_bends, SIDES)
+        room = discs - self._normals @ flat
+        room = np.maximum(room, 0.0)
+        within = np.minimum(step, room)
         at_hand = values.clearances < self._length
         clearances = values.clearances[at_hand]
         within_barriers = self._options.barrier_gain * clearances
@@ -169,19 +180,15 @@ class ProgramPlanner:
         targets = np.concatenate([goal.positions, goal.axes], axis=1)
         errors = states.reshape(targets.shape) - targets
         wanted = self._motion(targets) - options.gain * errors
-        weights = self._task_weights(goal)
+        positions = goal.position_weights / self._length**2
+        axes = goal.axis_weights * self._options.axis_weight**2
+        weights = np.stack([positions, axes], axis=1)
+        weights = np.repeat(weights, 3, axis=1)
         weighted = slopes.T * weights.reshape(-1)
         hessian = weighted @ slopes
         hessian += options.damping * np.eye(len(hessian))
         gradient = -weighted @ wanted.reshape(-1)
         return hessian, gradient
-
-    def _task_weights(self, goal: Goal) -> Targets:
-        """Of the squared errors of positions and axes."""
-        positions = goal.position_weights / self._length**2
-        axes = goal.axis_weights * self._options.axis_weight**2
-        weights = np.stack([positions, axes], axis=1)
-        return np.repeat(weights, 3, axis=1)
 
     def _motion(self, targets: Targets) -> Targets:
         """Motion v of targets in the last step; none where they jumped."""
@@ -194,16 +201,6 @@ class ProgramPlanner:
         farthest = self._geometry.step_limit * self._length
         is_jump = ways > farthest
         return np.where(is_jump[:, None], 0.0, motion)
-
-    def _limit_bounds(self, bends: Vector) -> Vector:
-        """Of polygons in the discs of steps and of bends; no change is always allowed."""
-        geometry = self._geometry
-        inside = np.cos(np.pi / SIDES)
-        step = inside * geometry.step_limit
-        discs = inside * np.repeat(geometry.planned_bends, SIDES)
-        room = discs - self._normals @ bends
-        room = np.maximum(room, 0.0)
-        return np.minimum(step, room)
 
 
 def _float64(values: Any) -> np.ndarray:
@@ -238,14 +235,6 @@ def _linearized(
 
     jacobians = jax.jacfwd(values)(flat)
     return values(flat), jacobians
-
-
-def _polygon_rows(modules: int) -> Matrix:
-    """Normals of the sides of every module's polygon, shape (sides modules, 2 modules)."""
-    sides = np.arange(SIDES)
-    angles = 2.0 * np.pi * sides / SIDES
-    normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return np.kron(np.eye(modules), normals)
 
 
 def _solver() -> Any:

@@ -129,7 +129,19 @@ class FuzzyRules:
         directions = directions.reshape(6, -1)
         position = directions[POSITION] / self._length
         if has_axis:
-            return self._channels(position, directions[AXIS], motion)
+            axis = directions[AXIS]
+            if self._proximal.all():
+                return _along(position, motion[0])
+            # each channel bends against what the other one moves
+            by_position = position * self._proximal
+            by_axis = axis * ~self._proximal
+            change = np.zeros(position.shape[1])
+            for _ in range(ROUNDS):
+                position_left = motion[0] - position @ change
+                change += _along(by_position, position_left)
+                axis_left = motion[1] - axis @ change
+                change += _along(by_axis, axis_left)
+            return change
         return _along(position, motion[0])
 
     def _motion(self, targets: Pair, errors: Pair) -> Pair:
@@ -151,25 +163,6 @@ class FuzzyRules:
         is_jump = ways > LARGEST_MOTION
         followed = np.where(is_jump, 0.0, moved)
         return options.gain * ruled + followed
-
-    def _channels(
-        self,
-        position: Directions,
-        axis: Directions,
-        motion: Pair,
-    ) -> BendVector:
-        """Changes of all bends; each channel bends against what the other one moves."""
-        if self._proximal.all():
-            return _along(position, motion[0])
-        by_position = position * self._proximal
-        by_axis = axis * ~self._proximal
-        change = np.zeros(position.shape[1])
-        for _ in range(ROUNDS):
-            position_left = motion[0] - position @ change
-            change += _along(by_position, position_left)
-            axis_left = motion[1] - axis @ change
-            change += _along(by_axis, axis_left)
-        return change
 
 
 def sugeno(error: Batch, change: Batch) -> Batch:

@@ -19,11 +19,14 @@ from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Guard, LeastSquares, Planner, PlannerOptions
 from s2c2a.planning.terms import (
     Axes,
-    BendChange,
+    Candidate,
     Evenness,
     Limits,
     Obstacles,
     Positions,
+    Residual,
+    Situation,
+    Term,
 )
 from s2c2a.plugins.components import Ranges
 from s2c2a.strategies import (
@@ -33,6 +36,22 @@ from s2c2a.strategies import (
     StrategyOptions,
     TrainedNetworks,
 )
+
+
+@dataclass(frozen=True)
+class BendChange(Term):
+    """Change of bends: mu_d of the goal.
+
+    Attributes:
+        weight: [1/rad].
+    """
+
+    weight: float = 0.03
+
+    def residual(self, candidate: Candidate, situation: Situation) -> Residual:
+        """Shape (modules, 2)."""
+        change = candidate.bends - situation.last.bends
+        return situation.goal.change_weight, self.weight * change
 
 
 @dataclass(frozen=True)

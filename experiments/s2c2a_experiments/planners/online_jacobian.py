@@ -78,7 +78,16 @@ class Broyden:
         """Toward the tip's target; where there is none, the last bends."""
         if not np.isfinite(moment.tip).all():
             return moment.bends
-        self._learn(moment)
+        last = self._last
+        self._last = moment
+        motion = (moment.sensed - last.sensed).reshape(-1)
+        tip_motion = moment.tip - last.tip
+        squared = motion @ motion
+        if squared > SMALLEST_MOTION**2:
+            surprise = tip_motion - self._jacobian @ motion
+            update = np.outer(surprise, motion)
+            share = self._options.learning / squared
+            self._jacobian = self._jacobian + share * update
         if goal.position_weights[-1] == 0.0:
             return moment.bends
         options = self._options
@@ -90,15 +99,3 @@ class Broyden:
         multipliers = np.linalg.solve(square, options.gain * error)
         change = jacobian.T @ multipliers
         return moment.bends + change.reshape(-1, 2)
-
-    def _learn(self, moment: Moment) -> None:
-        last = self._last
-        self._last = moment
-        motion = (moment.sensed - last.sensed).reshape(-1)
-        tip_motion = moment.tip - last.tip
-        squared = motion @ motion
-        if squared > SMALLEST_MOTION**2:
-            surprise = tip_motion - self._jacobian @ motion
-            update = np.outer(surprise, motion)
-            share = self._options.learning / squared
-            self._jacobian = self._jacobian + share * update

@@ -46,8 +46,6 @@ Numbers = Int[np.ndarray, " rows"]
 Errors = Float[np.ndarray, " ends"]
 Shares = Float[np.ndarray, " shapes"]
 Flags = Bool[np.ndarray, " shapes"]
-Neighbors = Int[np.ndarray, "shapes neighbors"]
-AreFree = Bool[np.ndarray, "shapes neighbors"]
 
 
 @dataclass(frozen=True)
@@ -225,9 +223,22 @@ class TreePlanner:
 
     def _aim(self, last: Bends, goal: Goal) -> None:
         """Move the shapes at the target along with it, or find others after a jump."""
-        self._forget_what_changed(last, goal)
+        length = self._solver.length
+        if self._goal is None or jumps(self._goal, goal, length):
+            self._begin(last, self._ends[self._chosen])
+            self._scene = goal
+        elif obstacles_move(self._scene, goal, length):
+            self._tree = None
+            self._scene = goal
         self._goal = goal
-        self._renew_ends()
+        # other starts for ends that were of no use; whole arms need many
+        is_useless = ~np.isfinite(self._errors)
+        useless = np.flatnonzero(is_useless)
+        starts = self._spread_shapes(len(useless))
+        self._ends = np.array(self._ends)
+        self._ends[useless] = starts
+        if self._tree:
+            self._tree.forget_ends(useless)
         solved = self._solver.solve(self._ends, goal)
         self._ends = solved.bends
         shapes = np.concatenate([self._ends, last[None]])
@@ -240,26 +251,6 @@ class TreePlanner:
             self._way = self._way[:0]
         if len(self._way):
             self._way[-1] = self._ends[self._chosen]
-
-    def _forget_what_changed(self, last: Bends, goal: Goal) -> None:
-        """The way and the tree after a jump of targets, the tree after one of obstacles."""
-        length = self._solver.length
-        if self._goal is None or jumps(self._goal, goal, length):
-            self._begin(last, self._ends[self._chosen])
-            self._scene = goal
-        elif obstacles_move(self._scene, goal, length):
-            self._tree = None
-            self._scene = goal
-
-    def _renew_ends(self) -> None:
-        """Other starts for ends that were of no use; whole arms need many."""
-        is_useless = ~np.isfinite(self._errors)
-        useless = np.flatnonzero(is_useless)
-        starts = self._spread_shapes(len(useless))
-        self._ends = np.array(self._ends)
-        self._ends[useless] = starts
-        if self._tree:
-            self._tree.forget_ends(useless)
 
     def _of_usable_ends(self, errors: Errors, gaps: Errors) -> Errors:
         """Errors; infinite for ends that are not clear, or much worse than others."""
@@ -347,7 +338,10 @@ class TreePlanner:
         for _ in range(0, self._options.samples, BATCH):
             self._grow(tree, wanted, goal)
         tree.age += 1
-        costs = self._costs_of_nodes(tree)
+        errors = self._errors[tree.ends]
+        costs = tree.totals + COST_OF_ERROR * errors
+        is_end = tree.ends >= 0
+        costs = np.where(is_end, costs, np.inf)
         best = int(costs.argmin())
         has_end = np.isfinite(costs[best])
         is_full = len(tree.nodes) > LARGEST_TREE
@@ -356,13 +350,6 @@ class TreePlanner:
             self._follow(tree.way_to(best), end)
         elif is_full or tree.age >= OLDEST_TREE:
             self._follow_near(tree, wanted)
-
-    def _costs_of_nodes(self, tree: Tree) -> Float[np.ndarray, " nodes"]:
-        """Ways from the root and errors of ends [rad]; infinite for other nodes."""
-        errors = self._errors[tree.ends]
-        costs = tree.totals + COST_OF_ERROR * errors
-        is_end = tree.ends >= 0
-        return np.where(is_end, costs, np.inf)
 
     def _follow_near(self, tree: Tree, wanted: Numbers) -> None:
         """As near to an end as the tree came."""
@@ -380,7 +367,18 @@ class TreePlanner:
         shapes, shares, is_new = self._within_reach(tree, samples)
         ends = np.where(shares == 1.0, ends, -1)
         neighbors = tree.nearest(shapes, self._options.neighbors)
-        is_free = self._free_edges(tree, shapes, neighbors, goal)
+        # edges to neighbors that are short and keep clear of obstacles
+        nodes = tree.nodes[neighbors]
+        changes = nodes - shapes[:, None]
+        lengths = np.linalg.norm(changes, axis=(2, 3))
+        is_short = lengths <= NEAR * self._reach
+        count = neighbors.shape[1]
+        tops = np.repeat(shapes, count, axis=0)
+        bottoms = nodes.reshape(tops.shape)
+        gaps = self._solver.way_clearances(bottoms, tops, goal, EDGE_POINTS)
+        gaps = gaps.reshape(neighbors.shape)
+        is_clear = gaps >= self._needed
+        is_free = is_clear & is_short
         for number in np.flatnonzero(is_new):
             end = int(ends[number])
             tree.connect(shapes[number], end, neighbors[number], is_free[number])
@@ -409,26 +407,6 @@ class TreePlanner:
         shapes = np.where(is_end[:, None, None], end_shapes, spread)
         ends = np.where(is_end, ends, -1)
         return shapes, ends
-
-    def _free_edges(
-        self,
-        tree: Tree,
-        shapes: Batch,
-        neighbors: Neighbors,
-        goal: Goal,
-    ) -> AreFree:
-        """Whether edges to neighbors are short and keep clear of obstacles."""
-        nodes = tree.nodes[neighbors]
-        changes = nodes - shapes[:, None]
-        lengths = np.linalg.norm(changes, axis=(2, 3))
-        is_short = lengths <= NEAR * self._reach
-        count = neighbors.shape[1]
-        tops = np.repeat(shapes, count, axis=0)
-        bottoms = nodes.reshape(tops.shape)
-        gaps = self._solver.way_clearances(bottoms, tops, goal, EDGE_POINTS)
-        gaps = gaps.reshape(neighbors.shape)
-        is_clear = gaps >= self._needed
-        return is_clear & is_short
 
 
 def distances_between(first: Batch, second: Batch) -> Float[np.ndarray, "first second"]:

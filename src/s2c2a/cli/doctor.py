@@ -22,7 +22,6 @@ PACKAGE_USES = {
     "opencv-contrib-python-headless": "webcams with tags (extra camera)",
     "vqf": "inertial sensors (extra sensors)",
     "distributed": "clusters (extra cluster)",
-    "optuna": "sweeps (extra sweep)",
     "pytest-benchmark": "benchmarks (extra bench)",
     "torch": "comparisons of benchmarks (extra bench)",
     "pyelastica": "comparisons of benchmarks (extra bench)",

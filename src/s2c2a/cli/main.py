@@ -29,20 +29,16 @@ from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files.text import manifests_of_one_command
 from s2c2a.plugins.discovery import (
     installed,
-    is_absent,
     trust_code,
     trust_of_one_command,
 )
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
-IN_A_CLONE = "bench", "reproduce", "sweep"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
     "run": "; finished runs are kept: continue with --out and the run directory",
-    "sweep": "; finished trials are kept: repeat the command to continue",
-    "reproduce": "; finished work is kept: repeat the command to continue",
 }
 """How to continue an interrupted command, by command."""
 
@@ -92,7 +88,7 @@ GROUPS = {
 
 
 def _add_installed_commands() -> None:
-    """Add the commands of the wings, of a clone and of other packages.
+    """Add the commands of the wings and of other packages.
 
     An entry point of `s2c2a.commands` is a function, or a pair of a `SubcommandApp` and
     its help. One that cannot be imported, or has the name of a command above, is left
@@ -109,12 +105,11 @@ def _add_installed_commands() -> None:
         try:
             command = point.load()
         except Exception as error:  # it may be a stranger's
-            if not is_absent(point, error):
-                print(
-                    f"s2c2a: the command '{name}' cannot be loaded: "
-                    f"{type(error).__name__}: {error}",
-                    file=sys.stderr,
-                )
+            print(
+                f"s2c2a: the command '{name}' cannot be loaded: "
+                f"{type(error).__name__}: {error}",
+                file=sys.stderr,
+            )
             continue
         if isinstance(command, tuple):
             GROUPS[name] = command
@@ -194,11 +189,6 @@ def _check_command(given: Sequence[str]) -> None:
     """
     if not given or given[0].startswith("-") or given[0] in COMMANDS:
         return
-    if given[0] in IN_A_CLONE:
-        raise S2C2AError(
-            f"`{given[0]}` stands in experiments/ of the repository, not in the wheel; "
-            "clone it, and install the clone with pip install -e ."
-        )
     nearest = nearest_name(given[0], COMMANDS)
     advice = f"did you mean {nearest}?" if nearest else "see s2c2a --help"
     raise S2C2AError(f"no command '{given[0]}'; {advice}")

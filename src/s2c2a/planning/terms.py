@@ -263,22 +263,6 @@ class Change(Term):
 
 
 @dataclass(frozen=True)
-class BendChange(Term):
-    """Change of bends: mu_d of the goal.
-
-    Attributes:
-        weight: [1/rad].
-    """
-
-    weight: float = 0.03
-
-    def residual(self, candidate: Candidate, situation: Situation) -> Residual:
-        """Shape (modules, 2)."""
-        change = candidate.bends - situation.last.bends
-        return situation.goal.change_weight, self.weight * change
-
-
-@dataclass(frozen=True)
 class Shape(Term):
     """Distance from the desired bends, such as those on a way around obstacles.
 
@@ -367,7 +351,6 @@ TERMS: Registry[Term] = Registry(
         "Repulsion": Repulsion,
         "Obstacles": Obstacles,
         "Change": Change,
-        "BendChange": BendChange,
         "Shape": Shape,
         "Evenness": Evenness,
         "Extrapolation": Extrapolation,

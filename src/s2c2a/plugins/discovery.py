@@ -163,11 +163,6 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
         for point in points:
             return point.load()
     except Exception as error:  # custom code may raise anything during its import
-        if any(is_absent(point, error) for point in points):
-            raise S2C2AError(
-                f"the {kind} '{name}' is part of a package that is not installed "
-                f"({points[0].module})"
-            ) from error
         raise S2C2AError(
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error
@@ -186,17 +181,6 @@ def installed(kind: str) -> dict[str, EntryPoint]:
         kind: one of `GROUPS`.
     """
     return {point.name: point for point in entry_points(group=GROUPS[kind])}
-
-
-def is_absent(point: EntryPoint, error: Exception) -> bool:
-    """Whether the package of an entry point is missing, as experiments are in a wheel.
-
-    Args:
-        point: that cannot be loaded.
-        error: of the attempt.
-    """
-    missing = error.name if isinstance(error, ModuleNotFoundError) else None
-    return missing is not None and f"{point.module}.".startswith(f"{missing}.")
 
 
 def _check_trusted(kind: str, name: str) -> None:

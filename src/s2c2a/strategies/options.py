@@ -66,8 +66,8 @@ class StrategyOptions(Options, ABC):
         name: in messages and weight files; rows and figures show the name that the
             command gives.
         supports: which options of a run it supports (`RunOptions.check_supported`).
-        recipe_keys: which keys of a recipe it uses; by default all. A sweep of others,
-            and a recipe for a strategy that uses none, are refused.
+        recipe_keys: which keys of a recipe it uses; by default all. A recipe for a
+            strategy that uses none is refused.
         ignores: which parts of goals it ignores; a comparison leaves tasks with them out.
     """
 

@@ -1,6 +1,6 @@
 """Recipes: every choice about data, networks, estimation, planning and control.
 
-A recipe has a name, or stands in a TOML file. A sweep writes such files, and users do.
+A recipe has a name, or stands in a TOML file of the user's.
 """
 
 import os
@@ -300,8 +300,7 @@ def load_recipe(path: str | os.PathLike) -> Recipe:
     """
     if not Path(path).is_file():
         raise StrategyError(
-            f"no recipe at {path}; choose {', '.join(RECIPES)}, or a file such as "
-            "`s2c2a sweep` writes"
+            f"no recipe at {path}; choose {', '.join(RECIPES)}, or a file of yours"
         )
     if Path(path).stem in RECIPES:
         raise StrategyError(

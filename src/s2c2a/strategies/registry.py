@@ -20,9 +20,7 @@ STRATEGIES: Registry[StrategyOptions] = Registry(
     StrategyOptions,
     {kind.name: kind for kind in (S2C2A, PlainPCC, FittedPCC, S2C2AMotor)},
 )
-"""The paper's strategy and its comparisons without learning, for `--strategy`.
-
-A clone has `lstm`, too (`experiments/`)."""
+"""The paper's strategy and its comparisons without learning, for `--strategy`."""
 
 
 OPTION = re.compile(r",(?=\w+=)")  # begins one; other commas are part of a path
