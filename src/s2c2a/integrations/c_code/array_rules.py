@@ -11,6 +11,7 @@ from s2c2a.integrations.c_code.elementwise import (
     combined,
     start_of_reduction,
 )
+from s2c2a.integrations.c_code.jaxprs import described, other_axes, result_shape
 from s2c2a.integrations.c_code.program import index_names, kind_of, literal, looped
 from s2c2a.integrations.c_code.values import (
     Computed,
@@ -21,13 +22,12 @@ from s2c2a.integrations.c_code.values import (
     Stored,
     Value,
 )
-from s2c2a.integrations.c_code.writer import Writer, broadcast_at, rule
-from s2c2a.integrations.jaxprs import described, other_axes, result_shape
-from s2c2a.integrations.windows import (
+from s2c2a.integrations.c_code.windows import (
     axes_of_gather,
     axes_of_scatter,
     sizes_of_scatter,
 )
+from s2c2a.integrations.c_code.writer import Writer, broadcast_at, rule
 
 Values = Sequence[Value]
 Item = TypeVar("Item")

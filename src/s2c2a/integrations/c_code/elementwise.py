@@ -6,9 +6,9 @@ from typing import Any
 import jax.numpy as jnp
 
 from s2c2a.errors import S2C2AError
+from s2c2a.integrations.c_code.jaxprs import UNCHANGED
 from s2c2a.integrations.c_code.program import literal
 from s2c2a.integrations.c_code.values import Kind
-from s2c2a.integrations.jaxprs import UNCHANGED
 
 EXPENSIVE = 8  # operations that a call of the C library counts as
 

@@ -12,10 +12,10 @@ from s2c2a.integrations.c_code.array_rules import (
     copied,
     new_result,
 )
+from s2c2a.integrations.c_code.jaxprs import other_axes, result_shape
 from s2c2a.integrations.c_code.program import index_names, looped
 from s2c2a.integrations.c_code.values import Indices, Shape, Stored
 from s2c2a.integrations.c_code.writer import Writer, rule
-from s2c2a.integrations.jaxprs import other_axes, result_shape
 
 SHORT = 4  # elements; a call takes longer over fewer
 

@@ -11,15 +11,15 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.elementwise import cost_of, element_of
-from s2c2a.integrations.c_code.program import Program, constant, kind_of
-from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
-from s2c2a.integrations.jaxprs import (
+from s2c2a.integrations.c_code.jaxprs import (
     described,
     folded,
     inner_call,
     needed_equations,
     simplified,
 )
+from s2c2a.integrations.c_code.program import Program, constant, kind_of
+from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
 
 MAX_COST = 40  # operations of one expression; compilers take long over larger ones
 
@@ -165,8 +165,7 @@ class Writer:
         element = element_of(name, equation.params, dtypes)
         if element is None:
             raise S2C2AError(
-                f"the operation '{name}' cannot be exported to C; choose another recipe, "
-                "or export to onnx"
+                f"the operation '{name}' cannot be exported to C; choose another recipe"
             )
         return [_elementwise(equation, element, values)]
 

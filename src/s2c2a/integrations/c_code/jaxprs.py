@@ -1,4 +1,4 @@
-"""What all writers of jaxprs in other languages share: order, calls, known results."""
+"""What is known of a jaxpr before it is written: order, calls, constant results."""
 
 from collections.abc import Container, Sequence
 from typing import Any

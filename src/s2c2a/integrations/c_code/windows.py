@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from s2c2a.integrations.jaxprs import described, other_axes
+from s2c2a.integrations.c_code.jaxprs import described, other_axes
 
 
 class WindowAxes(NamedTuple):
