@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import arm_from_toml
+from s2c2a.cli.export import export
 from s2c2a.cli.export_table import table_of
 from s2c2a.episodes import load_episodes, save_episodes
-from s2c2a.integrations.exports.mcap import write_mcap
-from s2c2a.integrations.exports.rrd import write_rrd
 from s2c2a.integrations.scenes import scenes_of
 from s2c2a.logs import import_logs, load_map
 from s2c2a.logs.errors import LogError
@@ -51,7 +50,7 @@ def episodes(recording):
 def mcap_file(recording):
     pytest.importorskip("foxglove")
     out = recording.with_suffix(".mcap")
-    assert write_mcap(recording, out) == "2 episodes"
+    export(recording, out)
     return out
 
 
@@ -72,14 +71,13 @@ def messages_of(path):
 
 def decoded(schema, content):
     """A message of Protobuf, by the description of its schema in the file."""
-    protobuf = pytest.importorskip("google.protobuf")
+    pytest.importorskip("google.protobuf")
     from google.protobuf import (  # noqa: PLC0415  # no extra of ours
         descriptor_pb2,
         descriptor_pool,
         message_factory,
     )
 
-    assert protobuf
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
         pool.Add(file)
@@ -190,7 +188,7 @@ def test_a_recording_of_rerun_holds_all_numbers_on_the_timeline(recording, episo
     from rerun.chunk import RrdReader  # noqa: PLC0415  # an extra
 
     out = recording.with_suffix(".rrd")
-    assert write_rrd(recording, out) == "2 episodes"
+    export(recording, out)
     chunks = [chunk for chunk in RrdReader(out).stream() if not chunk.is_static]
     table = table_of(episodes)
     times, values = columns_of(chunks, "/numbers/actions", "Scalars:scalars")
