@@ -155,7 +155,10 @@ class ControlStep(NamedTuple):
         desired, controller = self.controller.act(
             plan.configurations, configuration, memory.controller
         )
-        limited = self._limited(desired, memory)
+        limit: Any = self.limits.limited  # written for NumPy and JAX alike
+        command = limit(desired, memory.command, memory.change, memory.desired)
+        # a limiter stops within its range, and servos may reach less
+        limited = jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
         controller = self.controller.sent(limited, controller)
         change = limited - memory.command
         new = StepMemory(estimate, plan, controller, limited, change, desired)
@@ -163,13 +166,6 @@ class ControlStep(NamedTuple):
         is_sound = jnp.isfinite(configuration).all()
         new = select(is_sound, new, held)
         return new.command, new
-
-    def _limited(self, desired: Commands, memory: StepMemory) -> Commands:
-        """The command within the limits, which are written for NumPy and JAX alike."""
-        limited: Any = self.limits.limited
-        command = limited(desired, memory.command, memory.change, memory.desired)
-        # a limiter stops within its range, and servos may reach less
-        return jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
 
 
 class EstimatorFunctions(NamedTuple):
@@ -195,27 +191,24 @@ def functions_of(estimator: StateEstimator) -> EstimatorFunctions:
         StrategyError: it is not one of the package.
     """
     if isinstance(estimator, EncoderEstimator):
-        return _encoder_functions(estimator)
+
+        def start(measured: Measured) -> Estimate:
+            configuration, hysteresis = _sensed(estimator, measured, None)
+            if not estimator.payload:
+                return Estimate(configuration, hysteresis=hysteresis)
+            return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
+
+        def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
+            configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
+            return last._replace(configuration=configuration, hysteresis=hysteresis)
+
+        return EstimatorFunctions(estimator.sensors, {}, start, update)
     if isinstance(estimator, KalmanEstimator):
         return _kalman_functions(estimator)
     raise StrategyError(
         f"the state estimator {type(estimator).__name__} is not one of the package, so "
         "its control step cannot be exported; use KalmanFilter or EncoderOnly"
     )
-
-
-def _encoder_functions(estimator: EncoderEstimator) -> EstimatorFunctions:
-    def start(measured: Measured) -> Estimate:
-        configuration, hysteresis = _sensed(estimator, measured, None)
-        if not estimator.payload:
-            return Estimate(configuration, hysteresis=hysteresis)
-        return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
-
-    def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
-        configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
-        return last._replace(configuration=configuration, hysteresis=hysteresis)
-
-    return EstimatorFunctions(estimator.sensors, {}, start, update)
 
 
 def _sensed(

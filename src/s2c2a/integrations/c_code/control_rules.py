@@ -1,6 +1,7 @@
 """Rules of loops and branches: bodies become C functions of their own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from s2c2a.integrations.c_code.array_rules import (
@@ -110,13 +111,8 @@ def _row(array: Stored, index: str) -> Stored:
     offset = array.offset
     if stride:
         offset = f"{offset} + {index} * {stride}"
-    return Stored(
-        array.kind,
-        array.shape[1:],
-        array.base,
-        array.strides[1:],
-        offset,
-        array.places,
+    return replace(
+        array, shape=array.shape[1:], strides=array.strides[1:], offset=offset
     )
 
 

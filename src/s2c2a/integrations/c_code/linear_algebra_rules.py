@@ -23,19 +23,55 @@ SHORT = 4  # elements; a call takes longer over fewer
 @rule("dot_general")
 def _dot(writer: Writer, equation: Any, values: Values) -> Values:
     contracted, batch = equation.params["dimension_numbers"]
-    left = writer.stored(values[0])
-    right = writer.stored(values[1])
-    left = _grouped(left, batch[0], contracted[0])
-    right = _grouped(right, batch[1], contracted[1])
+    left = _grouped(writer.stored(values[0]), batch[0], contracted[0])
+    right = _grouped(writer.stored(values[1]), batch[1], contracted[1])
     result = new_result(writer, equation)
+    shape = result.shape
+    outer = index_names(shape)
+    target = result.at(outer)
     batches = len(batch[0])
-    sums = len(contracted[0])
-    if _adds_rows(left, right, sums):
-        _add_rows(writer, result, left, right, batches, sums)
-    elif _is_row_product(left, right, sums):
-        _call_row_product(writer, result, left, right, batches)
+    left_free = len(left.shape) - len(contracted[0])
+    right_free = len(right.shape) - len(contracted[0])
+    length = left.shape[left_free:]
+
+    def elements(summed: Indices) -> tuple[str, str]:
+        left_indices = (*outer[:left_free], *summed)
+        right_indices = (*outer[:batches], *outer[left_free:], *summed)
+        return left.at(left_indices), right.at(right_indices)
+
+    summed = index_names(length, "r")
+    is_float = left.kind == "float"
+    if (
+        is_float
+        and right_free
+        and prod(length) >= SHORT
+        and right.strides[right_free - 1] == 1
+        and right.shape[right_free - 1] >= SHORT
+    ):
+        # add rows of the right side, so that the inner loop is over neighbors
+        first, second = elements(summed)
+        order = (*shape[:-1], *length, shape[-1])
+        names = (*outer[:-1], *summed, outer[-1])
+        add_loops(writer, shape, outer, f"{target} = 0;")
+        add_loops(writer, order, names, f"{target} += {first} * {second};")
+    elif (
+        is_float
+        and len(length) == 1
+        and length[0] >= 2 * SHORT
+        and left.strides[-1] == right.strides[-1] == 1
+    ):
+        # call a function of two rows whose elements are neighbors
+        first, second = elements(("0",))
+        call = f"{target} = s_dot(&{first}, &{second}, {length[0]});"
+        add_loops(writer, shape, outer, call)
     else:
-        _add_products(writer, result, left, right, batches, sums)
+        first, second = elements(summed)
+        statements = [
+            f"{result.kind} s = 0;",
+            looped(length, summed, f"s += {first} * {second};"),
+            f"{target} = s;",
+        ]
+        add_loops(writer, shape, outer, block(statements))
     return [result]
 
 
@@ -45,111 +81,11 @@ def _grouped(value: Stored, batch: Sequence[int], contracted: Sequence[int]) -> 
     return value.permuted([*batch, *free, *contracted])
 
 
-def _adds_rows(left: Stored, right: Stored, sums: int) -> bool:
-    """Whether the last free axis of the right side has neighbors in memory."""
-    free = len(right.shape) - sums
-    if left.kind != "float" or not free:
-        return False
-    length = right.shape[free:]
-    if prod(length) < SHORT:
-        return False
-    return right.strides[free - 1] == 1 and right.shape[free - 1] >= SHORT
-
-
-def _is_row_product(left: Stored, right: Stored, sums: int) -> bool:
-    if left.kind != "float" or sums != 1:
-        return False
-    if left.shape[-1] < 2 * SHORT:
-        return False
-    return left.strides[-1] == 1 and right.strides[-1] == 1
-
-
-def _add_rows(
-    writer: Writer,
-    result: Stored,
-    left: Stored,
-    right: Stored,
-    batches: int,
-    sums: int,
-) -> None:
-    """Add rows of the right side, so that the inner loop is over neighbors."""
-    shape = result.shape
-    outer = index_names(shape)
-    target = result.at(outer)
-    free = len(left.shape) - sums
-    length = left.shape[free:]
-    summed = index_names(length, "r")
-    product = _product(left, right, outer, summed, batches)
-    order = (*shape[:-1], *length, shape[-1])
-    names = (*outer[:-1], *summed, outer[-1])
-    add_loops(writer, shape, outer, f"{target} = 0;")
-    add_loops(writer, order, names, f"{target} += {product};")
-
-
-def _call_row_product(
-    writer: Writer, result: Stored, left: Stored, right: Stored, batches: int
-) -> None:
-    """Call a function of two rows whose elements are neighbors in memory."""
-    outer = index_names(result.shape)
-    target = result.at(outer)
-    left_indices, right_indices = _sides(left, outer, ("0",), batches)
-    first = _pointer(left, left_indices)
-    second = _pointer(right, right_indices)
-    call = f"{target} = s_dot({first}, {second}, {left.shape[-1]});"
-    add_loops(writer, result.shape, outer, call)
-
-
-def _add_products(
-    writer: Writer,
-    result: Stored,
-    left: Stored,
-    right: Stored,
-    batches: int,
-    sums: int,
-) -> None:
-    outer = index_names(result.shape)
-    target = result.at(outer)
-    free = len(left.shape) - sums
-    length = left.shape[free:]
-    summed = index_names(length, "r")
-    product = _product(left, right, outer, summed, batches)
-    statements = [
-        f"{result.kind} s = 0;",
-        looped(length, summed, f"s += {product};"),
-        f"{target} = s;",
-    ]
-    add_loops(writer, result.shape, outer, block(statements))
-
-
-def _product(
-    left: Stored, right: Stored, outer: Indices, summed: Indices, batches: int
-) -> str:
-    left_indices, right_indices = _sides(left, outer, summed, batches)
-    first = left.at(left_indices)
-    second = right.at(right_indices)
-    return f"{first} * {second}"
-
-
-def _sides(
-    left: Stored, outer: Indices, summed: Indices, batches: int
-) -> tuple[Indices, Indices]:
-    """Indices of the left and of the right side, from those of the result."""
-    free = len(left.shape) - len(summed)
-    left_indices = (*outer[:free], *summed)
-    right_indices = (*outer[:batches], *outer[free:], *summed)
-    return left_indices, right_indices
-
-
-def _pointer(array: Stored, indices: Indices) -> str:
-    element = array.at(indices)
-    return f"&{element}"
-
-
 def _first_element(array: Stored, outer: Indices) -> str:
     """C expression of a pointer to one matrix or vector of many."""
     inner = len(array.shape) - len(outer)
     zeros = ["0"] * inner
-    return _pointer(array, (*outer, *zeros))
+    return f"&{array.at((*outer, *zeros))}"
 
 
 @rule("lu")

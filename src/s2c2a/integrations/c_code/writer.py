@@ -226,4 +226,5 @@ def _elementwise(
 
     cost = cost_of(equation.primitive.name) + sum(value.cost for value in values)
     places = frozenset().union(*(value.places for value in values))
-    return Computed(kind_of(output.dtype), output.shape, at, cost, places)
+    kind = kind_of(output.dtype)
+    return Computed(kind, output.shape, at, cost=cost, places=places)

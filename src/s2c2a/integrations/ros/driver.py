@@ -113,7 +113,10 @@ class RosDriver:
         while not self._ended.wait(1.0 / MAX_RATE):
             for name, payload in self._inbox.take(1.0 / MAX_RATE).items():
                 self._obey(name, payload)
-            self._check_presence()
+            silent = time.monotonic() - self._heard > self._timeout
+            if silent and self._control.request.driven:
+                self._control.ask(driven=False)
+                self._log(f"no target or task for {self._timeout:g} s; the arm holds")
 
     def _obey(self, name: str, payload: bytes) -> None:
         kind, read = self._readers[name]
@@ -134,12 +137,6 @@ class RosDriver:
         if self._control.request.driven and not self._control.request.task:
             return changes  # an empty task beside a target
         return {**changes, "target": latest.tip, "axis": None, "shape": None}
-
-    def _check_presence(self) -> None:
-        silent = time.monotonic() - self._heard > self._timeout
-        if silent and self._control.request.driven:
-            self._control.ask(driven=False)
-            self._log(f"no target or task for {self._timeout:g} s; the arm holds")
 
     def _refuse(self, name: str, error: MessageError) -> None:
         """Count a message, and log it if the last line about its topic is old."""
