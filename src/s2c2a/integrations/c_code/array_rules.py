@@ -67,13 +67,6 @@ def cheap(writer: Writer, value: Value) -> Value:
     return writer.stored(value) if value.cost else value
 
 
-def copied(writer: Writer, value: Value) -> Stored:
-    """An array of its own, which other operations may change."""
-    array = writer.program.new_array(value.kind, value.shape)
-    writer.program.assign(array, value)
-    return array
-
-
 def _picked(items: Sequence[Item], axes: Iterable[int]) -> tuple[Item, ...]:
     """Sizes or indices along some axes."""
     return tuple(items[axis] for axis in axes)
@@ -145,27 +138,18 @@ def _backward(value: Any, axes: Iterable[int]) -> Any:
     return value.sliced(starts, shape, steps)
 
 
-@rule("split")
+@rule("split", "unstack")
 def _split(writer: Writer, equation: Any, values: Values) -> Values:
     axis = equation.params["axis"]
     value = cheap(writer, values[0])
+    is_split = equation.primitive.name == "split"
+    sizes = equation.params["sizes"] if is_split else [1] * value.shape[axis]
     parts: list[Value] = []
     start = 0
-    for size in map(int, equation.params["sizes"]):
+    for size in map(int, sizes):
         part = _along(value, axis, start, size)
-        parts.append(part)
+        parts.append(part if is_split else part.without((axis,)))
         start += size
-    return parts
-
-
-@rule("unstack")
-def _unstack(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["axis"]
-    value = cheap(writer, values[0])
-    parts: list[Value] = []
-    for row in range(value.shape[axis]):
-        part = _along(value, axis, row, 1)
-        parts.append(part.without((axis,)))
     return parts
 
 
@@ -236,27 +220,17 @@ def _iota(writer: Writer, equation: Any, values: Values) -> Values:
     return [Computed(kind, shape, at)]
 
 
-@rule("concatenate")
+@rule("concatenate", "stack")
 def _concatenate(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["dimension"]
+    is_stack = equation.primitive.name == "stack"
+    axis = equation.params["axis" if is_stack else "dimension"]
     result = new_result(writer, equation)
     start = 0
     for value in values:
-        size = value.shape[axis]
+        size = 1 if is_stack else value.shape[axis]
         target = _along(result, axis, start, size)
-        writer.program.assign(target, value)
+        writer.program.assign(target.without((axis,)) if is_stack else target, value)
         start += size
-    return [result]
-
-
-@rule("stack")
-def _stack(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["axis"]
-    result = new_result(writer, equation)
-    for row, value in enumerate(values):
-        part = _along(result, axis, row, 1)
-        target = part.without((axis,))
-        writer.program.assign(target, value)
     return [result]
 
 

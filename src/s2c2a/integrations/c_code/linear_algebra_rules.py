@@ -9,7 +9,6 @@ from s2c2a.integrations.c_code.array_rules import (
     Values,
     add_loops,
     block,
-    copied,
     new_result,
 )
 from s2c2a.integrations.c_code.jaxprs import other_axes, result_shape
@@ -90,7 +89,7 @@ def _first_element(array: Stored, outer: Indices) -> str:
 
 @rule("lu")
 def _lu(writer: Writer, equation: Any, values: Values) -> Values:
-    factors = copied(writer, values[0])
+    factors = writer.program.copied(values[0])
     pivots = new_result(writer, equation, 1)
     order = new_result(writer, equation, 2)
     *batch, rows, columns = factors.shape
@@ -108,7 +107,7 @@ def _lu(writer: Writer, equation: Any, values: Values) -> Values:
 
 @rule("cholesky")
 def _cholesky(writer: Writer, equation: Any, values: Values) -> Values:
-    factor = copied(writer, values[0])
+    factor = writer.program.copied(values[0])
     batch = factor.shape[:-2]
     outer = index_names(batch)
     size = factor.shape[-1]
@@ -123,7 +122,7 @@ def _triangular(writer: Writer, equation: Any, values: Values) -> Values:
     if params["conjugate_a"]:
         raise S2C2AError("complex numbers cannot be exported to C")
     matrix = writer.stored(values[0])
-    result = copied(writer, values[1])
+    result = writer.program.copied(values[1])
     lower = params["lower"]
     is_left = params["left_side"]
     # x a = b is the transposed equation

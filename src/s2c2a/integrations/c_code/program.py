@@ -154,21 +154,21 @@ class Program:
         element = f"{target.at(indices)} = {value.at(indices)};"
         self.add(looped(target.shape, indices, element))
 
-    def stored(self, value: Value) -> Stored:
-        """The value in memory: a view stays where it is."""
-        if isinstance(value, Stored):
-            return value
+    def copied(self, value: Value) -> Stored:
+        """The value in an array of its own, which other operations may change."""
         array = self.new_array(value.kind, value.shape)
         self.assign(array, value)
         return array
+
+    def stored(self, value: Value) -> Stored:
+        """The value in memory: a view stays where it is."""
+        return value if isinstance(value, Stored) else self.copied(value)
 
     def contiguous(self, value: Value) -> Stored:
         """The value in memory, in order."""
         if isinstance(value, Stored) and value.is_contiguous:
             return value
-        array = self.new_array(value.kind, value.shape)
-        self.assign(array, value)
-        return array
+        return self.copied(value)
 
     def text(self) -> str:
         """The C functions, the one of the program last."""
