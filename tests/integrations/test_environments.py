@@ -285,9 +285,3 @@ def test_the_jacobian_policy_moves_with_its_goal():
     _, at_rest = jacobian_actions(bends)
     _, motion = jacobian_actions(bends, goal_change=[0.0, 0.1, 0.0])
     assert (motion - at_rest)[1] > 0.1 * 0.1 * 0.6 / 3
-
-
-def test_a_step_does_not_measure_what_no_observation_has(monkeypatch):
-    batch = begun()
-    monkeypatch.setattr(SimulatedRobot, "read", None)
-    assert np.isfinite(batch.step(np.zeros((1, 2))).observations).all()
