@@ -191,7 +191,7 @@ def compare(
     strategy: Strategy, folder: Path, steps: int, flags: tuple[str, ...] = FAST
 ) -> Comparison:
     """Compute recorded steps in C and in JAX, each from the memory of JAX."""
-    control = ControlStep.of(strategy)
+    control = ControlStep(strategy)
     inputs, sent = recorded_inputs(strategy, control, steps)
     scale = float(np.ptp(sent))
     generated = c_of(strategy, "step", "compared")

@@ -43,7 +43,7 @@ def test_a_step_of_the_shipped_networks_in_c_is_that_of_jax(tmp_path):
 @pytest.mark.slow
 def test_a_control_step_is_that_of_the_loop():
     strategy = pcc_strategy(load_arm("twin_arm"))
-    control = ControlStep.of(strategy)
+    control = ControlStep(strategy)
     inputs, sent = recorded_inputs(strategy, control, 90)
     memory = control.start(inputs[0].measured)
     step = jax.jit(control.step)
@@ -57,7 +57,7 @@ def test_a_control_step_is_that_of_the_loop():
 @pytest.mark.slow
 def test_the_last_command_holds_after_a_reading_that_is_not_finite():
     strategy = pcc_strategy(load_arm("twin_arm"))
-    control = ControlStep.of(strategy)
+    control = ControlStep(strategy)
     inputs, _ = recorded_inputs(strategy, control, 5)
     memory = control.start(inputs[0].measured)
     command, memory = control.step(memory, inputs[0])

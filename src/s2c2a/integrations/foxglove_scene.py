@@ -59,19 +59,17 @@ class FoxgloveScene:
             for name, value in scene.numbers.items()
         }
         self._step.log(numbers, log_time=moment)
-        self._transforms.log(_transforms(self._arm, scene, stamp), log_time=moment)
-        parts: dict[str, dict[str, Any]] = {
-            "arm": {"lines": _arm_lines(self._arm, scene)},
-            "targets": {"spheres": _spheres(self._arm, scene)},
-            "obstacles": {"triangles": _solids(self._arm, scene)},
-        }
-        # an entity replaces the one of the same name before it
-        entities = [
-            messages.SceneEntity(timestamp=stamp, frame_id=BASE, id=name, **part)
-            for name, part in parts.items()
-        ]
-        update = messages.SceneUpdate(entities=entities)
-        self._scene.log(update, log_time=moment)
+        # frames of the base in the world, and of the module ends in the base
+        turn = Mounting.of(self._arm).turn
+        transforms = [_transform(WORLD, BASE, np.zeros(3), turn, stamp)]
+        if scene.states is not None:
+            for number, frame in enumerate(frames_of(scene.states)[1:], 1):
+                name = f"module_{number}"
+                turn = frame[1:].T
+                transforms.append(_transform(BASE, name, frame[0], turn, stamp))
+        frames = messages.FrameTransforms(transforms=transforms)
+        self._transforms.log(frames, log_time=moment)
+        self._log_solids(scene, stamp, moment)
         for channel, prefix in (
             (self._commands, "actions."),
             (self._measured, "sensor.cables."),
@@ -79,17 +77,44 @@ class FoxgloveScene:
             if states := _joints(self._arm, scene, prefix, stamp):
                 channel.log(states, log_time=moment)
 
-
-def _transforms(arm: ArmSpec, scene: StepScene, stamp: Any) -> Any:
-    """Frames of the base in the world, and of the module ends in the base."""
-    turn = Mounting.of(arm).turn
-    transforms = [_transform(WORLD, BASE, np.zeros(3), turn, stamp)]
-    if scene.states is None:
-        return messages.FrameTransforms(transforms=transforms)
-    for number, frame in enumerate(frames_of(scene.states)[1:], 1):
-        name = f"module_{number}"
-        transforms.append(_transform(BASE, name, frame[0], frame[1:].T, stamp))
-    return messages.FrameTransforms(transforms=transforms)
+    def _log_solids(self, scene: StepScene, stamp: Any, moment: int) -> None:
+        """Log the center line in the colors of the modules, targets and obstacles."""
+        arm = self._arm
+        parts: dict[str, Any] = {"arm": {}, "targets": {}, "obstacles": {}}
+        if len(scene.line):
+            points = (len(scene.line) - 1) // arm.module_count
+            colors = []
+            for color in module_colors(arm.module_count):
+                colors += [_color(color)] * points
+            line = messages.LinePrimitive(
+                thickness=2 * float(per_module(arm, "cable_radius").mean()),
+                points=_points(scene.line),
+                colors=[colors[0], *colors],
+            )
+            parts["arm"] = {"lines": [line]}
+        upright = messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+        spheres = []
+        for target in scene.targets.values():
+            pose = messages.Pose(position=_vector(target), orientation=upright)
+            size = _vector(np.full(3, TARGET_SIZE * arm.length))
+            color = _color(DESIRED)
+            spheres.append(messages.SpherePrimitive(pose=pose, size=size, color=color))
+        parts["targets"] = {"spheres": spheres}
+        corners, triangles = mesh_of(scene.obstacles, arm.length)
+        if len(corners):
+            solid = messages.TriangleListPrimitive(
+                points=_points(corners),
+                indices=triangles.reshape(-1).tolist(),
+                color=_color(OBSTACLE, OPACITY),
+            )
+            parts["obstacles"] = {"triangles": [solid]}
+        # an entity replaces the one of the same name before it
+        entities = [
+            messages.SceneEntity(timestamp=stamp, frame_id=BASE, id=name, **part)
+            for name, part in parts.items()
+        ]
+        update = messages.SceneUpdate(entities=entities)
+        self._scene.log(update, log_time=moment)
 
 
 def _transform(
@@ -108,51 +133,6 @@ def _transform(
 def _vector(values: np.ndarray) -> Any:
     x, y, z = values.tolist()
     return messages.Vector3(x=x, y=y, z=z)
-
-
-def _arm_lines(arm: ArmSpec, scene: StepScene) -> list:
-    """The center line, in the colors of the modules."""
-    if not len(scene.line):
-        return []
-    points = (len(scene.line) - 1) // arm.module_count
-    colors = [
-        _color(color)
-        for color in module_colors(arm.module_count)
-        for _ in range(points)
-    ]
-    line = messages.LinePrimitive(
-        thickness=2 * float(per_module(arm, "cable_radius").mean()),
-        points=_points(scene.line),
-        colors=[colors[0], *colors],
-    )
-    return [line]
-
-
-def _spheres(arm: ArmSpec, scene: StepScene) -> list:
-    size = _vector(np.full(3, TARGET_SIZE * arm.length))
-    return [
-        messages.SpherePrimitive(
-            pose=messages.Pose(
-                position=_vector(position),
-                orientation=messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-            ),
-            size=size,
-            color=_color(DESIRED),
-        )
-        for position in scene.targets.values()
-    ]
-
-
-def _solids(arm: ArmSpec, scene: StepScene) -> list:
-    points, triangles = mesh_of(scene.obstacles, arm.length)
-    if not len(points):
-        return []
-    solid = messages.TriangleListPrimitive(
-        points=_points(points),
-        indices=triangles.reshape(-1).tolist(),
-        color=_color(OBSTACLE, OPACITY),
-    )
-    return [solid]
 
 
 def _points(values: np.ndarray) -> list:

@@ -128,10 +128,9 @@ class SimulationBatch:
             randoms: of these arms, from which everything is sampled.
             new_robots: whether earlier episodes have no influence, as after a seed.
         """
-        work = []
-        for number, random in zip(numbers, randoms, strict=True):
-            work.append(partial(self._reset_one, number, random, new_robots))
-        self._run(work)
+        run = map if self._pool is None else self._pool.map
+        begin = partial(self._reset_one, new_robots)
+        list(run(begin, numbers, randoms))  # an error of one is raised here
         self._groups = in_lockstep(self._robots, self._rollout)
 
     def step(self, actions: Float[np.ndarray, "batch controls"]) -> BatchStep:
@@ -227,7 +226,7 @@ class SimulationBatch:
             self._states[moved] = robots.states()[~diverged]
 
     def _reset_one(
-        self, number: int, random: np.random.Generator, new_robot: bool
+        self, new_robot: bool, number: int, random: np.random.Generator
     ) -> None:
         if new_robot or self._randomization or number not in self._robots:
             seed = int(random.integers(MAX_SEED))
@@ -248,11 +247,3 @@ class SimulationBatch:
         self._commands[number] = self._desired[number] = self._limits.rest
         self._changes[number] = 0.0
         self._actions[number] = 0.0
-
-    def _run(self, work: Sequence) -> None:
-        if self._pool is None:
-            for part in work:
-                part()
-            return
-        for future in [self._pool.submit(part) for part in work]:
-            future.result()

@@ -39,6 +39,7 @@ GROUPS = {
 }
 """Prefix of the columns of each feature, and what stands for it in the feature."""
 PATHS = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+FIRST = PATHS.format(chunk_index=0, file_index=0)
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Those of LeRobot, by its names."""
 
@@ -69,32 +70,38 @@ def write_lerobot(file: Path, out: Path) -> str:
     """Write a recording as a LeRobotDataset, and the map that imports it again.
 
     Raises:
-        S2C2AError: the folder exists, or no sensor has
-            values.
+        S2C2AError: the folder exists, or no sensor has values.
     """
     episodes, options = load_episodes(file)
     table = table_of(episodes)
     tasks = [str(each.options.get("task", file.stem)) for each in episodes]
     features, names = _features(table, episodes, tasks)
     with new_folder(out) as folder:
-        _write_rows(features, folder / "data" / PATHS.format(**_FIRST))
-        _write_tasks(tasks, folder / "meta" / "tasks.parquet")
-        _write_episodes(features, episodes, tasks, folder / "meta" / "episodes")
-        _write_json(_info(features, episodes, tasks), folder / "meta" / "info.json")
-        stats = {name: _stats(each.values) for name, each in features.items()}
-        _write_json(stats, folder / "meta" / "stats.json")
-        source = {
-            "arm": arm_to_toml(episodes[0].arm),
-            "options": options,
-            "units": units_of(episodes),
+        meta = folder / "meta"
+        columns = {}
+        for name, feature in features.items():
+            numbers = pyarrow.array(feature.values.reshape(-1))
+            width = feature.values.shape[1]
+            lists = pyarrow.FixedSizeListArray.from_arrays
+            columns[name] = numbers if width == 1 else lists(numbers, width)
+        _write_table(pyarrow.table(columns), folder / "data" / FIRST)
+        _write_tasks(tasks, meta / "tasks.parquet")
+        _write_episodes(features, episodes, tasks, meta / "episodes" / FIRST)
+        contents: dict[str, dict[str, Any]] = {
+            "info": _info(features, episodes, tasks),
+            "stats": {name: _stats(each.values) for name, each in features.items()},
+            "s2c2a": {
+                "arm": arm_to_toml(episodes[0].arm),
+                "options": options,
+                "units": units_of(episodes),
+            },
         }
-        _write_json(source, folder / "meta" / "s2c2a.json")
+        for name, content in contents.items():
+            text = json.dumps(content, indent=4, ensure_ascii=False, default=str)
+            (meta / f"{name}.json").write_text(text, encoding="utf-8")
     text = import_map(episodes, table, bool(options.get("at_rest")))
     write_map(text, names, out.with_name(f"{out.name}.map.toml"))
     return f"{len(episodes)} episodes"
-
-
-_FIRST = {"chunk_index": 0, "file_index": 0}
 
 
 def _features(
@@ -199,16 +206,6 @@ def _stats(values: np.ndarray) -> dict[str, list]:
     return lists | {"count": [len(values)]}
 
 
-def _write_rows(features: Mapping[str, Feature], path: Path) -> None:
-    columns = {}
-    for name, feature in features.items():
-        numbers = pyarrow.array(feature.values.reshape(-1))
-        width = feature.values.shape[1]
-        lists = pyarrow.FixedSizeListArray.from_arrays
-        columns[name] = numbers if width == 1 else lists(numbers, width)
-    _write_table(pyarrow.table(columns), path)
-
-
 def _write_tasks(tasks: Sequence[str], path: Path) -> None:
     """Write the tasks as an index of pandas, by which LeRobot looks them up."""
     names = list(dict.fromkeys(tasks))
@@ -235,7 +232,7 @@ def _write_episodes(
     features: Mapping[str, Feature],
     episodes: Sequence[Episode],
     tasks: Sequence[str],
-    folder: Path,
+    path: Path,
 ) -> None:
     rows = []
     begin = 0
@@ -257,15 +254,9 @@ def _write_episodes(
             row |= {f"stats/{name}/{key}": values for key, values in stats.items()}
         rows.append(row)
         begin = end
-    _write_table(pyarrow.Table.from_pylist(rows), folder / PATHS.format(**_FIRST))
+    _write_table(pyarrow.Table.from_pylist(rows), path)
 
 
 def _write_table(table: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     parquet.write_table(table, path)
-
-
-def _write_json(content: dict[str, Any], path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(content, indent=4, ensure_ascii=False, default=str)
-    path.write_text(text, encoding="utf-8")
