@@ -80,39 +80,20 @@ def _grouped(value: Stored, batch: Sequence[int], contracted: Sequence[int]) -> 
     return value.permuted([*batch, *free, *contracted])
 
 
-def _first_element(array: Stored, outer: Indices) -> str:
-    """C expression of a pointer to one matrix or vector of many."""
-    inner = len(array.shape) - len(outer)
-    zeros = ["0"] * inner
-    return f"&{array.at((*outer, *zeros))}"
-
-
 @rule("lu")
 def _lu(writer: Writer, equation: Any, values: Values) -> Values:
     factors = writer.program.copied(values[0])
     pivots = new_result(writer, equation, 1)
     order = new_result(writer, equation, 2)
     *batch, rows, columns = factors.shape
-    outer = index_names(tuple(batch))
-    arguments = [
-        _first_element(factors, outer),
-        rows,
-        columns,
-        _first_element(pivots, outer),
-        _first_element(order, outer),
-    ]
-    _add_calls(writer, tuple(batch), "s_lu", arguments)
+    _add_calls(writer, tuple(batch), "s_lu", factors, rows, columns, pivots, order)
     return [factors, pivots, order]
 
 
 @rule("cholesky")
 def _cholesky(writer: Writer, equation: Any, values: Values) -> Values:
     factor = writer.program.copied(values[0])
-    batch = factor.shape[:-2]
-    outer = index_names(batch)
-    size = factor.shape[-1]
-    arguments = [_first_element(factor, outer), size]
-    _add_calls(writer, batch, "s_cholesky", arguments)
+    _add_calls(writer, factor.shape[:-2], "s_cholesky", factor, factor.shape[-1])
     return [factor]
 
 
@@ -130,32 +111,37 @@ def _triangular(writer: Writer, equation: Any, values: Values) -> Values:
         matrix = _swapped(matrix)
         lower = not lower
     unknown = result if is_left else _swapped(result)
-    batch = result_shape(equation)[:-2]
-    outer = index_names(batch)
-    arguments = [
-        _first_element(matrix, outer),
+    _add_calls(
+        writer,
+        result_shape(equation)[:-2],
+        "s_triangular",
+        matrix,
         *matrix.strides[-2:],
-        _first_element(result, outer),
+        result,
         *unknown.strides[-2:],
         *unknown.shape[-2:],
         int(lower),
         int(params["unit_diagonal"]),
-    ]
-    _add_calls(writer, batch, "s_triangular", arguments)
+    )
     return [result]
 
 
 def _add_calls(
-    writer: Writer, batch: Shape, function: str, arguments: Sequence[object]
+    writer: Writer, batch: Shape, function: str, *arguments: Stored | int
 ) -> None:
-    """Call a function for each matrix of many."""
-    given = ", ".join(map(str, arguments))
+    """Call a function for each matrix of many; arrays are pointers to one of theirs."""
     outer = index_names(batch)
-    add_loops(writer, batch, outer, f"{function}({given});")
+    given = []
+    for each in arguments:
+        if isinstance(each, Stored):
+            zeros = ["0"] * (len(each.shape) - len(outer))
+            given.append(f"&{each.at((*outer, *zeros))}")
+        else:
+            given.append(str(each))
+    add_loops(writer, batch, outer, f"{function}({', '.join(given)});")
 
 
 def _swapped(array: Stored) -> Stored:
     """The transposed matrices."""
     rank = len(array.shape)
-    batch = range(rank - 2)
-    return array.permuted([*batch, rank - 1, rank - 2])
+    return array.permuted([*range(rank - 2), rank - 1, rank - 2])

@@ -113,10 +113,6 @@ class Program:
         for workspace in self.workspaces.values():
             workspace.taken &= live
 
-    def taken(self) -> frozenset[Place]:
-        """All places in use."""
-        return frozenset().union(*(part.taken for part in self.workspaces.values()))
-
     def add(self, statement: str) -> None:
         """Append a statement."""
         self._statements.append(statement)

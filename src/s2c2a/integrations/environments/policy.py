@@ -22,8 +22,6 @@ from s2c2a.runtime import Driver
 from s2c2a.spaces import POSITION, Actions, Reading
 from s2c2a.strategies import (
     STRATEGIES,
-    Recipe,
-    RunOptions,
     StrategyOptions,
     TrainedNetworks,
     check_new_networks,
@@ -74,13 +72,7 @@ class PolicyStrategy(StrategyOptions):
             )
         }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Driver:
+    def build(self, arm, recipe, trained, run) -> Driver:
         if trained is None:
             raise StrategyError(
                 "the strategy 'policy' needs a trained one; give its file with --weights"

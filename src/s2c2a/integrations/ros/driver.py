@@ -91,7 +91,16 @@ class RosDriver:
             self._refuse(name, error)
             on = True
         if on:
-            self._stop(name)
+            if not self._control.request.stopped:
+                self._log(f"{name.replace('_', ' ')} by ROS")
+                self._control.halt(f"a message on {name}")
+            if name != EMERGENCY:
+                return
+            # trigger the emergency stop of the process that controls the arm
+            if not isinstance(self._control, ControlProcess):
+                EMERGENCY_STOP.trigger("a message of ROS")
+            elif hasattr(signal, "SIGUSR1"):  # on Windows, the stop of before holds
+                self._control.stop_at_once()
         elif name == STOP and self._control.request.stopped:
             self._control.ask(stopped=False)
             self._log("resumed by ROS")
@@ -101,13 +110,6 @@ class RosDriver:
         self._ended.set()
         self._thread.join()
         self._control.ask(driven=False)
-
-    def _stop(self, name: str) -> None:
-        if not self._control.request.stopped:
-            self._log(f"{name.replace('_', ' ')} by ROS")
-            self._control.halt(f"a message on {name}")
-        if name == EMERGENCY:
-            _stop_at_once(self._control)
 
     def _run(self) -> None:
         while not self._ended.wait(1.0 / MAX_RATE):
@@ -147,12 +149,3 @@ class RosDriver:
             # whoever wrote the message must not write to the terminal
             text = "".join(each if each.isprintable() else "?" for each in str(error))
             self._log(f"refused a message on {name}: {text}")
-
-
-def _stop_at_once(control: Control) -> None:
-    """Trigger the emergency stop of the process that controls the arm."""
-    if isinstance(control, ControlProcess):
-        if hasattr(signal, "SIGUSR1"):  # not on Windows, where the stop of before holds
-            control.stop_at_once()
-        return
-    EMERGENCY_STOP.trigger("a message of ROS")
