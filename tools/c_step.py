@@ -1,10 +1,10 @@
-"""Compare exported control steps in C and ONNX with JAX, in value and time.
+"""Compare exported control steps in C with JAX, in value and time.
 
     python -m tools.c_step shipped        # networks of the package for twin_arm
     python -m tools.c_step mine.safetensors --steps 1000
 
 The steps are recorded first: a strategy drives a simulated arm to random targets, some
-with axes and obstacles. Then all compute every step from the same memory and input.
+with axes and obstacles. Then both compute every step from the same memory and input.
 """
 
 import argparse
@@ -25,12 +25,6 @@ from s2c2a.goals import Goal
 from s2c2a.integrations.c_code.interface import Field, Generated, Layout, fields_of
 from s2c2a.integrations.control_step import ControlStep, StepInput
 from s2c2a.integrations.exports.c_source import c_of, strategy_in
-from s2c2a.integrations.exports.onnx_models import (
-    names_of,
-    onnx_of,
-    runner,
-    step_parts,
-)
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.strategies import networks_from, strategy_of
@@ -197,7 +191,7 @@ def compare(
     strategy: Strategy, folder: Path, steps: int, flags: tuple[str, ...] = FAST
 ) -> Comparison:
     """Compute recorded steps in C and in JAX, each from the memory of JAX."""
-    control = ControlStep.of(strategy)
+    control = ControlStep(strategy)
     inputs, sent = recorded_inputs(strategy, control, steps)
     scale = float(np.ptp(sent))
     generated = c_of(strategy, "step", "compared")
@@ -224,32 +218,6 @@ def compare(
         memory = after
     seconds_c, seconds_jax = np.array(times).T
     return Comparison(np.array(differences), rounding, seconds_c, seconds_jax)
-
-
-def onnx_differences(strategy: Strategy, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compute recorded steps in ONNX Runtime, each from the memory of JAX.
-
-    Returns:
-        Differences of commands from those of JAX, in parts of their range, and the
-        seconds of every step.
-    """
-    control = ControlStep.of(strategy)
-    inputs, sent = recorded_inputs(strategy, control, steps)
-    part = step_parts(strategy)[1]
-    run = runner(onnx_of(part, {}))
-    names = names_of(part.inputs)
-    step = jax.jit(control.step)
-    memory = jax.jit(control.start)(inputs[0].measured)
-    differences, times = [], []
-    for each in inputs:
-        arrays = jax.tree.leaves({"memory": memory, **each._asdict()})
-        given = dict(zip(names, map(np.asarray, arrays), strict=True))
-        began = time.perf_counter()
-        found = run(given)[0]
-        times.append(time.perf_counter() - began)
-        command, memory = step(memory, each)
-        differences.append(_distance(found, command) / float(np.ptp(sent)))
-    return np.array(differences), np.array(times)
 
 
 def _distance(left: Any, right: Any) -> float:
@@ -292,11 +260,6 @@ def main() -> None:
             f"{change:.1e} if the last bits of its memory differ"
         )
     c, jax_time = 1e3 * np.median(result.seconds_c), 1e3 * np.median(result.seconds_jax)
-    distances, seconds = onnx_differences(strategy, given.steps)
-    print(
-        f"ONNX: difference median {np.median(distances):.1e}, largest "
-        f"{np.sort(distances)[::-1][:5]}; median time {1e3 * np.median(seconds):.2f} ms"
-    )
     print(f"median time: C {c:.2f} ms, JAX {jax_time:.2f} ms, ratio {c / jax_time:.2f}")
 
 

@@ -21,9 +21,6 @@ INTERNAL = {
     "files": "guarded reading and atomic writing: of every file",
     "plugins": "names of parts: the guide of extending",
     "cli": "the command line: Commands",
-    "execution": "compiled programs, executors, the cache",
-    "files": "guarded reading and atomic writing",
-    "plugins": "what is found by name: Extending",
     "live": "the page in the browser: s2c2a live and s2c2a view",
     "integrations": "other software: the guides of exports, environments and ROS 2",
 }

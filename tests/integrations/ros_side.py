@@ -34,33 +34,13 @@ DEFINITIONS = {
     ),
     "std_msgs/msg/Bool": "bool data\n",
 }
-NEEDS = {
-    "geometry_msgs/msg/PointStamped": [
-        "builtin_interfaces/msg/Time",
-        "std_msgs/msg/Header",
-        "geometry_msgs/msg/Point",
-    ],
-    "geometry_msgs/msg/PoseStamped": [
-        "builtin_interfaces/msg/Time",
-        "std_msgs/msg/Header",
-        "geometry_msgs/msg/Point",
-        "geometry_msgs/msg/Quaternion",
-        "geometry_msgs/msg/Pose",
-    ],
-    "sensor_msgs/msg/JointState": [
-        "builtin_interfaces/msg/Time",
-        "std_msgs/msg/Header",
-    ],
-    "std_msgs/msg/Bool": [],
-}
 
 
 def options_of(kind, port):
-    needed = {name: DEFINITIONS[name] for name in NEEDS[kind]}
     return {
         "msg_type": kind,
         "msg_definition": DEFINITIONS[kind],
-        "type_hash": get_type_hash(kind, DEFINITIONS[kind], needed),
+        "type_hash": get_type_hash(kind, DEFINITIONS[kind], DEFINITIONS),
         "domain_id": 0,
         "router_ip": "127.0.0.1",
         "router_port": port,

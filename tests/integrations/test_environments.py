@@ -248,18 +248,6 @@ def test_noise_of_a_sensor_reaches_the_observation():
     assert (first != second).any()
 
 
-@pytest.mark.slow
-def test_the_jacobian_policy_reaches_the_goals_of_an_arm():
-    batch = begun(arm="twin_arm", count=3, seconds=4.0)
-    policy = JacobianPolicy(batch.controls)
-    for _ in range(batch.family.steps - 1):
-        outcome = batch.step(policy.actions(batch.observations()))
-    assert outcome.errors.max() < 0.04
-    still = SimulationBatch("Reach", "twin_arm", 3, seconds=4.0)
-    still.reset(range(3), generators(3), new_robots=True)
-    assert still.step(np.zeros((3, 6))).errors.min() > 0.1
-
-
 def jacobian_actions(bends, **parts):
     """Actions of the policy of twin_arm in one moment, and motions of its tip [m]."""
     controls = Controls.of(load_arm("twin_arm"))
@@ -285,9 +273,3 @@ def test_the_jacobian_policy_moves_with_its_goal():
     _, at_rest = jacobian_actions(bends)
     _, motion = jacobian_actions(bends, goal_change=[0.0, 0.1, 0.0])
     assert (motion - at_rest)[1] > 0.1 * 0.1 * 0.6 / 3
-
-
-def test_a_step_does_not_measure_what_no_observation_has(monkeypatch):
-    batch = begun()
-    monkeypatch.setattr(SimulatedRobot, "read", None)
-    assert np.isfinite(batch.step(np.zeros((1, 2))).observations).all()

@@ -1,123 +1,106 @@
+"""ONNX models of the networks: ONNX Runtime computes what JAX computes."""
+
 import jax
+import jax.numpy as jnp
 import numpy as np
-import onnx
 import pytest
 
 from s2c2a.arm import arm_from_toml, load_arm
+from s2c2a.control.controllers import NetworkController
 from s2c2a.errors import S2C2AError
-from s2c2a.integrations.exports import onnx_models
-from s2c2a.integrations.exports.onnx_models import (
-    check_model,
-    export_onnx,
-    onnx_of,
-    parts_of,
-    runner,
-)
-from s2c2a.strategies import networks_from, save_networks, strategy_of
-from s2c2a.strategies.pcc import pcc_strategy
+from s2c2a.integrations.exports.onnx_models import export_onnx
+from s2c2a.kinematics import configurations_from_bends
+from s2c2a.paper import Scaling
+from s2c2a.strategies import networks_from, recipe_named, save_networks
+from s2c2a.strategies.trained import TrainedNetworks
 
-from tools.c_step import EQUAL, onnx_differences
-
-STEPS = 150
+onnx = pytest.importorskip("onnx")
+runtime = pytest.importorskip("onnxruntime")
+RANDOM = np.random.default_rng(0)
 
 
-@pytest.fixture(scope="module")
-def strategy():
-    return pcc_strategy(load_arm("planar_finger"))
+def configurations(modules):
+    bends = RANDOM.uniform(-1.0, 1.0, (modules, 2))
+    return configurations_from_bends(jnp.asarray(bends, jnp.float32))
 
 
-@pytest.fixture(scope="module")
-def models(strategy, tmp_path_factory):
-    """Names and bytes of the models that are exported."""
-    folder = tmp_path_factory.mktemp("models")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(onnx_models, "strategy_in", lambda file: strategy)
-        text = export_onnx(folder / "any.safetensors", folder / "mine.onnx")
-    assert text == "models start, control_step, forward_model, controller"
-    return {
-        path.name.split(".")[1]: path.read_bytes() for path in folder.glob("mine.*")
-    }
+def scaling(features):
+    """Neither of its numbers is one of the identity."""
+    return Scaling.of(RANDOM.normal(size=(9, features)))
 
 
-def test_the_models_are_valid_and_name_their_units(strategy, models):
-    for content in models.values():
-        model = onnx.load_from_string(content)
-        onnx.checker.check_model(model, full_check=True)
+@pytest.fixture(params=["twin_arm", "planar_finger", "pneumatic_arm"])
+def exported(request, tmp_path):
+    """Untrained networks with scalings, and a function that runs a model of theirs."""
+    arm = load_arm(request.param)
+    recipe = recipe_named("paper")
+    networks = dict(recipe.untrained(arm, jax.random.key(0)))
+    for name, network in networks.items():
+        replaced = {"configuration_scaling": scaling(3)}
+        if name == "C2S":
+            replaced["state_scaling"] = scaling(6)
+        networks[name] = network.__class__(**{**vars(network), **replaced})
+    percent = dict.fromkeys(networks, (0.0, 0.0))
+    curves = dict.fromkeys(networks, np.zeros((1, 3)))
+    trained = TrainedNetworks(arm, recipe, 0, networks, percent, curves)
+    save_networks(trained, tmp_path / "mine.safetensors")
+    text = export_onnx(tmp_path / "mine.safetensors", tmp_path / "mine.onnx")
+    assert text == "models forward_model, controller"
+
+    def run(name, inputs):
+        file = tmp_path / f"mine.{name}.onnx"
+        onnx.checker.check_model(str(file), full_check=True)
+        model = onnx.load(file)
         texts = {each.key: each.value for each in model.metadata_props}
-        assert arm_from_toml(texts["arm"], "arm") == strategy.arm
-    step = onnx.load_from_string(models["control_step"]).graph
-    about = {each.name: each.doc_string for each in [*step.input, *step.output]}
-    assert about["measured_cables"] == "displacements of the cables [m]"
-    assert about["command"] == "command of every cable [m or N], base first"
+        assert arm_from_toml(texts["arm"], "arm") == arm
+        assert all(
+            each.doc_string for each in [*model.graph.input, *model.graph.output]
+        )
+        session = runtime.InferenceSession(file)
+        names = [each.name for each in session.get_outputs()]
+        return dict(zip(names, session.run(None, inputs), strict=True))
+
+    return arm, networks, run
 
 
-@pytest.mark.slow
-def test_recorded_steps_in_onnx_are_those_of_jax(strategy):
-    differences, _ = onnx_differences(strategy, STEPS)
-    assert len(differences) == STEPS
-    assert differences.max() < EQUAL
+def test_the_forward_model_is_that_of_jax(exported):
+    arm, networks, run = exported
+    given = configurations(arm.module_count)
+    found = run("forward_model", {"configurations": np.asarray(given)})
+    expected = networks["C2S"].predict(given, ())
+    np.testing.assert_allclose(found["states"], expected, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.slow
-def test_recorded_steps_of_the_shipped_networks_in_onnx_are_those_of_jax():
-    strategy = strategy_of(networks_from("shipped", load_arm("twin_arm")))
-    differences, _ = onnx_differences(strategy, 1000)
-    assert np.median(differences) < 1e-6
-    # where a decision hangs on the last bits, both may decide otherwise
-    assert (differences > EQUAL).sum() <= 5
+def test_the_controller_and_its_memory_are_those_of_jax(exported):
+    arm, networks, run = exported
+    controller = NetworkController(networks["C2A"])
+    memory = controller.start(configurations(arm.module_count))
+    for _ in range(6):  # as long as the longest history
+        desired = configurations(arm.module_count)
+        sensed = configurations(arm.module_count)
+        found = run(
+            "controller",
+            {
+                "desired": np.asarray(desired),
+                "sensed": np.asarray(sensed),
+                "memory_configurations": np.asarray(memory.configurations),
+                "memory_actions": np.asarray(memory.actions),
+            },
+        )
+        command, memory = controller.act(desired, sensed, memory)
+        scale = float(np.abs(command).max())
+        np.testing.assert_allclose(found["command"], command, atol=1e-5 * scale)
+        for name, expected in memory._asdict().items():
+            np.testing.assert_allclose(
+                found[f"memory_{name}_out"], expected, rtol=1e-5, atol=1e-5
+            )
 
 
-@pytest.mark.slow
-def test_the_shipped_networks_are_exported(tmp_path):
-    arm = load_arm("twin_arm")
+def test_what_is_no_bilstm_is_named_with_the_way_out_and_the_other_is_written(tmp_path):
     weights = tmp_path / "mine.safetensors"
-    save_networks(networks_from("shipped", arm), weights)
-    export_onnx(weights, tmp_path / "mine.onnx")
-    model = onnx.load(tmp_path / "mine.controller.onnx")
-    inputs = [each.name for each in model.graph.input]
-    assert "memory_inner_actions" in inputs
-
-
-def test_inputs_of_the_goal_and_missing_measurements_may_be_left_out(models):
-    first = runner(models["start"])
-    cables = {"measured_cables": np.zeros((2, 2), np.float32)}
-    memory = first(cables)
-    graph = onnx.load_from_string(models["start"]).graph
-    names = [each.name for each in graph.output]
-    inputs = cables | dict(zip(names, memory, strict=True))
-    command, *after = runner(models["control_step"])(inputs)
-    assert np.isfinite(command).all()
-    assert len(after) == len(memory)
-
-
-def test_a_model_that_differs_from_jax_is_refused(strategy):
-    predict = parts_of(strategy)[2]
-    model = onnx_of(predict, {})
-
-    def doubled(**inputs):
-        return jax.tree.map(lambda values: 2.0 * values, predict.function(**inputs))
-
-    with pytest.raises(S2C2AError, match=r"differs from JAX by .* Use --to c"):
-        check_model(predict._replace(function=doubled), model)
-
-
-def unknown(**inputs):
-    return {"states": jax.numpy.linalg.eigh(jax.numpy.eye(2) * inputs["x"])[1]}
-
-
-def broken(**inputs):
-    raise RuntimeError("no eigh")
-
-
-@pytest.mark.parametrize("function", [unknown, broken])
-def test_one_model_that_cannot_be_written_does_not_lose_the_others(
-    strategy, tmp_path, monkeypatch, function
-):
-    _, _, model, controller = parts_of(strategy)
-    x = {"x": np.ones(2, np.float32)}
-    strange = model._replace(name="strange", function=function, inputs=x)
-    monkeypatch.setattr(onnx_models, "strategy_in", lambda file: strategy)
-    monkeypatch.setattr(onnx_models, "parts_of", lambda _: [strange, controller])
-    with pytest.raises(S2C2AError, match=r"strange: .*eigh.*Written: controller"):
-        export_onnx(tmp_path / "any.safetensors", tmp_path / "mine.onnx")
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.controller.onnx"]
+    save_networks(networks_from("shipped", load_arm("twin_arm")), weights)
+    with pytest.raises(
+        S2C2AError, match=r"C2S is LocalC2S, no biLSTM.*--to c .*Written: controller$"
+    ):
+        export_onnx(weights, tmp_path / "mine.onnx")
+    assert [path.name for path in tmp_path.glob("*.onnx")] == ["mine.controller.onnx"]

@@ -33,17 +33,6 @@ def random_layers(width=8, inputs=None, seed=0):
     ]
 
 
-@pytest.mark.slow
-def test_a_saved_policy_runs_a_task(tmp_path):
-    file = tmp_path / "policy.safetensors"
-    save_policy(file, FINGER, random_layers())
-    strategy = s2c2a.load_strategy(file)
-    task = s2c2a.tasks.circle(FINGER)
-    run = s2c2a.run(SimulatedRobot(FINGER), strategy, task)
-    assert strategy.name == "policy"
-    assert len(run) > len(task.goals) / 2
-
-
 def test_a_policy_sees_in_a_run_what_it_saw_in_training():
     layers = [(w.astype(np.float32), b.astype(np.float32)) for w, b in random_layers()]
     driver = PolicyDriver(FINGER, layers, PolicyStrategy(8))

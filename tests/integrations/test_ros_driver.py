@@ -1,6 +1,7 @@
 """ROS 2 as the driver of an arm: presence, bounded rates, stops, refusals."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,10 +20,8 @@ from s2c2a.integrations.ros.messages import (
 from s2c2a.integrations.ros.outputs import Outputs
 from s2c2a.integrations.ros.reporter import Reporter
 from s2c2a.live.request import RequestLimits
-from s2c2a.live.snapshot import Control, Snapshot, straight
-from s2c2a.runtime import StepRecord
+from s2c2a.live.snapshot import Control
 from s2c2a.runtime.emergency import EMERGENCY_STOP
-from s2c2a.spaces import Reading, Stage
 
 pytest.importorskip("rosbags")
 
@@ -143,8 +142,8 @@ def test_an_emergency_stop_triggers_that_of_the_package(driver, control):
     assert control.request.stopped
 
 
-def test_an_ended_task_leaves_the_arm_where_it_is(driver, control, twin):
-    control._show(snapshot_of(twin, np.zeros((3, 3))))
+def test_an_ended_task_leaves_the_arm_where_it_is(driver, control, snapshot, twin):
+    control._show(snapshot)
     driver.put("task", encode(TEXT, new(TEXT, data="circle")))
     until(lambda: control.request.task == "circle")
     assert control.request.playing
@@ -162,13 +161,6 @@ def test_without_a_driver_left_nobody_drives(control):
     assert not control.request.driven
 
 
-def snapshot_of(arm, cables):
-    reading = Reading(0.0, {"cables": cables})
-    step = StepRecord(0, 0.0, Stage.RUN, reading, None, np.zeros((3, 3)))
-    states = straight(arm)
-    return Snapshot(step, Stage.RUN, states, states, 0.0, 0.0, np.inf, 0, 0, "pcc")
-
-
 class RecordingNode:
     """Keeps what is published, by topic."""
 
@@ -180,12 +172,14 @@ class RecordingNode:
         return messages.append
 
 
-def test_every_step_is_published_and_markers_and_status_seldom(control, twin, log):
+def test_every_step_is_published_and_markers_and_status_seldom(
+    control, snapshot, twin, log
+):
     node = RecordingNode()
     outputs = Outputs(twin, "base")
     reporter = Reporter(control, outputs, node, "/arm", lambda: 3, log.append)
     for number in range(5):
-        control._show(snapshot_of(twin, np.zeros((3, 3))))
+        control._show(snapshot)
         until(
             lambda expected=number + 1: len(node.published["/arm/tip_pose"]) == expected
         )
@@ -198,14 +192,16 @@ def test_every_step_is_published_and_markers_and_status_seldom(control, twin, lo
     assert ("refused_messages", "3") in [(pair.key, pair.value) for pair in values]
 
 
-def test_an_odd_sensor_does_not_end_the_topics(control, twin, log):
+def test_an_odd_sensor_does_not_end_the_topics(control, snapshot, twin, log):
     node = RecordingNode()
     reporter = Reporter(
         control, Outputs(twin, "base"), node, "/arm", lambda: 0, log.append
     )
-    control._show(snapshot_of(twin, np.zeros(4)))
+    odd = replace(snapshot.step.reading, sensors={"cables": np.zeros(4)})
+    step = replace(snapshot.step, reading=odd)
+    control._show(replace(snapshot, step=step))
     until(lambda: log)
-    control._show(snapshot_of(twin, np.zeros((3, 3))))
+    control._show(snapshot)
     until(lambda: node.published["/arm/tip_pose"])
     reporter.close()
     assert len(log) == 1

@@ -30,10 +30,7 @@ from s2c2a.integrations.ros.messages import (
 from s2c2a.integrations.ros.names import NodeName, Topic
 from s2c2a.integrations.ros.outputs import CUBE, LINE_STRIP, Outputs, turn_to
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
-from s2c2a.live.snapshot import Snapshot, straight
 from s2c2a.obstacles import turned
-from s2c2a.runtime import StepRecord
-from s2c2a.spaces import Reading, Stage
 
 pytest.importorskip("rosbags")
 NOW = 1_800_000_000.0
@@ -56,14 +53,6 @@ def inputs(limits):
 @pytest.fixture
 def outputs(twin):
     return Outputs(twin, "base")
-
-
-@pytest.fixture
-def snapshot(twin):
-    reading = Reading(0.0, {"cables": np.arange(9.0).reshape(3, 3)})
-    step = StepRecord(4, 1.0, Stage.RUN, reading, None, np.zeros((3, 3)))
-    states = straight(twin)
-    return Snapshot(step, Stage.RUN, states, states, 0.0, 0.01, np.inf, 0, 0, "pcc")
 
 
 def vector(kind, *values):
@@ -111,22 +100,6 @@ def test_names_are_those_of_rmw_zenoh():
     assert node.topic_token(7, "MS", topic) == (
         f"@ros2_lv/3/ab12/0/7/MS/%/%arm/s2c2a/%arm%task/{typed}/::,10:,:,:,,"
     )
-
-
-def test_names_are_those_of_the_sdk():
-    sdk = pytest.importorskip("zenoh_ros2_sdk.keyexpr")
-    entity = pytest.importorskip("zenoh_ros2_sdk.entity")
-    qos = pytest.importorskip("zenoh_ros2_sdk.qos")
-    topic = Topic("/arm/task", TEXT)
-    ours = NodeName(3, "ab12", "/arm")
-    node = entity.NodeEntity(3, "ab12", 0, "s2c2a", "/arm")
-    assert sdk.node_liveliness_keyexpr(node) == ours.token()
-    name, hashed = topic.typed.split("/")
-    quality = qos.DEFAULT_QOS_PROFILE.encode()
-    endpoint = entity.EndpointEntity(
-        node, 7, entity.EntityKind.PUBLISHER, "/arm/task", name, hashed, quality
-    )
-    assert sdk.endpoint_liveliness_keyexpr(endpoint) == ours.topic_token(7, "MP", topic)
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ RobotOptions = Annotated[
 Stream = Callable[..., "AbstractContextManager[OnStep]"]
 """Called with the arm and options; what it yields is called with the record of every
 step, and must be quick."""
-StreamTarget = Annotated[str, tyro.conf.arg(metavar="rerun|foxglove|MODULE:FUNCTION")]
+StreamTarget = Annotated[str, tyro.conf.arg(metavar="foxglove|MODULE:FUNCTION")]
 Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 

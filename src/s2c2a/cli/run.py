@@ -126,7 +126,7 @@ def run(
             errors that a camera or motion capture measured in the one before; results
             are those of the last (docs/guides/sensors.md).
         video: also write a video of the first run: MP4 with ffmpeg, else GIF.
-        stream: show every step while it runs, such as rerun or foxglove,port=9000
+        stream: show every step while it runs, such as foxglove,port=9000
             (docs/guides/streams.md).
         work: run directory and parallel execution.
     """

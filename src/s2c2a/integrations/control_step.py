@@ -13,8 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.arm import ArmSpec
-from s2c2a.control import Controller
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
 from s2c2a.estimation.estimator import EncoderEstimator, sense
@@ -26,7 +24,6 @@ from s2c2a.estimation.kalman_estimator import (
 from s2c2a.execution.compilation import select
 from s2c2a.goals import Goal
 from s2c2a.planning import Plan
-from s2c2a.planning.planner import Step
 from s2c2a.runtime.limits import CommandLimits, command_range
 from s2c2a.spaces import Reading
 from s2c2a.strategies.strategy import Strategy
@@ -71,37 +68,24 @@ class StepMemory(NamedTuple):
     desired: Commands
 
 
-class ControlStep(NamedTuple):
+class ControlStep:
     """The functions of a strategy's control step.
 
     Attributes:
         arm: that is driven.
-        estimator: its functions from readings to the state.
-        planner: one step of planning.
-        controller: from the planned configuration to the command.
-        limits: of commands.
     """
 
-    arm: ArmSpec
-    estimator: "EstimatorFunctions"
-    planner: Step
-    controller: Controller
-    limits: CommandLimits
-
-    @classmethod
-    def of(cls, strategy: Strategy) -> "ControlStep":
+    def __init__(self, strategy: Strategy):
         """The control step of a strategy.
 
         Raises:
             StrategyError: its state estimator is not one of the package.
         """
-        return cls(
-            strategy.arm,
-            functions_of(strategy.estimator),
-            strategy.planner.step,
-            strategy.controller,
-            CommandLimits.of(strategy.arm),
-        )
+        self.arm = strategy.arm
+        self._estimator = functions_of(strategy.estimator)
+        self._planner = strategy.planner.step
+        self._controller = strategy.controller
+        self._limits = CommandLimits.of(strategy.arm)
 
     def example(self) -> StepInput:
         """Input of an arm at rest without a goal, of the right shapes."""
@@ -110,13 +94,13 @@ class ControlStep(NamedTuple):
         straight = np.tile(np.array([0, 0, 1], np.float32), (arm.module_count, 1))
         known = {"cables": cables, "configurations": straight}
         try:
-            measured = {name: known[name] for name in self.estimator.sensors}
+            measured = {name: known[name] for name in self._estimator.sensors}
         except KeyError as error:
             raise StrategyError(
                 f"the sensor {error} of a configuration map of your own has no known "
                 "shape, so this strategy cannot be exported; use encoders"
             ) from error
-        measurements = self.estimator.missing
+        measurements = self._estimator.missing
         return StepInput(measured, measurements, Goal.of(arm.module_count))
 
     def start(self, measured: Measured) -> StepMemory:
@@ -125,13 +109,13 @@ class ControlStep(NamedTuple):
         Args:
             measured: first reading (`StepInput`).
         """
-        estimate = self.estimator.start(measured)
+        estimate = self._estimator.start(measured)
         configuration = jnp.asarray(estimate.configuration)
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
-        plan = self.planner.started(configuration, disturbances, hysteresis)
-        rest = jnp.asarray(self.limits.rest, jnp.float32)
+        plan = self._planner.started(configuration, disturbances, hysteresis)
+        rest = jnp.asarray(self._limits.rest, jnp.float32)
         none = jnp.zeros_like(rest)
-        memory = self.controller.start(configuration)
+        memory = self._controller.start(configuration)
         return StepMemory(estimate, plan, memory, rest, none, rest)
 
     def step(
@@ -141,35 +125,31 @@ class ControlStep(NamedTuple):
 
         After a reading that is not finite, the last command holds.
         """
-        estimate = self.estimator.update(
+        estimate = self._estimator.update(
             memory.estimate, reading.measured, reading.measurements
         )
         configuration = jnp.asarray(estimate.configuration)
-        plan = self.planner.next_plan(
+        plan = self._planner.next_plan(
             memory.plan,
             configuration,
             reading.goal,
             estimate.disturbances,
             estimate.hysteresis,
         )
-        desired, controller = self.controller.act(
+        desired, controller = self._controller.act(
             plan.configurations, configuration, memory.controller
         )
-        limited = self._limited(desired, memory)
-        controller = self.controller.sent(limited, controller)
+        limit: Any = self._limits.limited  # written for NumPy and JAX alike
+        command = limit(desired, memory.command, memory.change, memory.desired)
+        # a limiter stops within its range, and servos may reach less
+        limited = jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
+        controller = self._controller.sent(limited, controller)
         change = limited - memory.command
         new = StepMemory(estimate, plan, controller, limited, change, desired)
         held = memory._replace(change=jnp.zeros_like(change), desired=memory.command)
         is_sound = jnp.isfinite(configuration).all()
         new = select(is_sound, new, held)
         return new.command, new
-
-    def _limited(self, desired: Commands, memory: StepMemory) -> Commands:
-        """The command within the limits, which are written for NumPy and JAX alike."""
-        limited: Any = self.limits.limited
-        command = limited(desired, memory.command, memory.change, memory.desired)
-        # a limiter stops within its range, and servos may reach less
-        return jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
 
 
 class EstimatorFunctions(NamedTuple):
@@ -195,27 +175,24 @@ def functions_of(estimator: StateEstimator) -> EstimatorFunctions:
         StrategyError: it is not one of the package.
     """
     if isinstance(estimator, EncoderEstimator):
-        return _encoder_functions(estimator)
+
+        def start(measured: Measured) -> Estimate:
+            configuration, hysteresis = _sensed(estimator, measured, None)
+            if not estimator.payload:
+                return Estimate(configuration, hysteresis=hysteresis)
+            return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
+
+        def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
+            configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
+            return last._replace(configuration=configuration, hysteresis=hysteresis)
+
+        return EstimatorFunctions(estimator.sensors, {}, start, update)
     if isinstance(estimator, KalmanEstimator):
         return _kalman_functions(estimator)
     raise StrategyError(
         f"the state estimator {type(estimator).__name__} is not one of the package, so "
         "its control step cannot be exported; use KalmanFilter or EncoderOnly"
     )
-
-
-def _encoder_functions(estimator: EncoderEstimator) -> EstimatorFunctions:
-    def start(measured: Measured) -> Estimate:
-        configuration, hysteresis = _sensed(estimator, measured, None)
-        if not estimator.payload:
-            return Estimate(configuration, hysteresis=hysteresis)
-        return Estimate.of(configuration, estimator.payload, hysteresis=hysteresis)
-
-    def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
-        configuration, hysteresis = _sensed(estimator, measured, last.hysteresis)
-        return last._replace(configuration=configuration, hysteresis=hysteresis)
-
-    return EstimatorFunctions(estimator.sensors, {}, start, update)
 
 
 def _sensed(

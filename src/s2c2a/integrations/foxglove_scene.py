@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import foxglove
 import numpy as np
+from foxglove import channels, messages
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
@@ -12,15 +14,10 @@ from s2c2a.viz.colors import DESIRED, OBSTACLE, module_colors, rgb
 from s2c2a.viz.mesh import frames_of
 from s2c2a.viz.mounting import Mounting
 
-WORLD, BASE = "world", "base"
-TRANSFORMS, SCENE, COMMANDS, MEASURED, STEP = (
-    "/tf",
-    "/scene",
-    "/commands",
-    "/measured",
-    "/step",
-)
-"""Topics."""
+WORLD = "world"
+BASE = "base"
+SCENE = "/scene"
+STEP = "/step"
 TARGET_SIZE = 0.02  # diameter, as a share of the arm's length; looks
 OPACITY = 0.6  # of obstacles; looks
 NANOSECONDS = 1_000_000_000
@@ -41,16 +38,13 @@ class FoxgloveScene:
             arm: that is shown.
             context: `foxglove.Context`, with or without sinks.
         """
-        import foxglove  # noqa: PLC0415  # an extra
-        from foxglove import channels  # noqa: PLC0415
-
         self._arm = arm
         schema = {"title": "s2c2a.Step", "type": "object"}
         self._step = foxglove.Channel(STEP, schema=schema, context=context)
-        self._transforms = channels.FrameTransformsChannel(TRANSFORMS, context=context)
+        self._transforms = channels.FrameTransformsChannel("/tf", context=context)
         self._scene = channels.SceneUpdateChannel(SCENE, context=context)
-        self._commands = channels.JointStatesChannel(COMMANDS, context=context)
-        self._measured = channels.JointStatesChannel(MEASURED, context=context)
+        self._commands = channels.JointStatesChannel("/commands", context=context)
+        self._measured = channels.JointStatesChannel("/measured", context=context)
 
     def log(self, scene: StepScene, moment: int) -> None:
         """Log a scene.
@@ -59,16 +53,23 @@ class FoxgloveScene:
             scene: to log.
             moment: its time [ns].
         """
-        from foxglove.messages import Timestamp  # noqa: PLC0415  # an extra
-
-        stamp = Timestamp(*divmod(moment, NANOSECONDS))
+        stamp = messages.Timestamp(*divmod(moment, NANOSECONDS))
         numbers = {
             step_name(name): value if np.isfinite(value) else None
             for name, value in scene.numbers.items()
         }
         self._step.log(numbers, log_time=moment)
-        self._transforms.log(_transforms(self._arm, scene, stamp), log_time=moment)
-        self._scene.log(_update(self._arm, scene, stamp), log_time=moment)
+        # frames of the base in the world, and of the module ends in the base
+        turn = Mounting.of(self._arm).turn
+        transforms = [_transform(WORLD, BASE, np.zeros(3), turn, stamp)]
+        if scene.states is not None:
+            for number, frame in enumerate(frames_of(scene.states)[1:], 1):
+                name = f"module_{number}"
+                turn = frame[1:].T
+                transforms.append(_transform(BASE, name, frame[0], turn, stamp))
+        frames = messages.FrameTransforms(transforms=transforms)
+        self._transforms.log(frames, log_time=moment)
+        self._log_solids(scene, stamp, moment)
         for channel, prefix in (
             (self._commands, "actions."),
             (self._measured, "sensor.cables."),
@@ -76,26 +77,49 @@ class FoxgloveScene:
             if states := _joints(self._arm, scene, prefix, stamp):
                 channel.log(states, log_time=moment)
 
-
-def _transforms(arm: ArmSpec, scene: StepScene, stamp: Any) -> Any:
-    """Frames of the base in the world, and of the module ends in the base."""
-    from foxglove.messages import FrameTransforms  # noqa: PLC0415  # an extra
-
-    turn = Mounting.of(arm).turn
-    transforms = [_transform(WORLD, BASE, np.zeros(3), turn, stamp)]
-    if scene.states is None:
-        return FrameTransforms(transforms=transforms)
-    for number, frame in enumerate(frames_of(scene.states)[1:], 1):
-        name = f"module_{number}"
-        transforms.append(_transform(BASE, name, frame[0], frame[1:].T, stamp))
-    return FrameTransforms(transforms=transforms)
+    def _log_solids(self, scene: StepScene, stamp: Any, moment: int) -> None:
+        """Log the center line in the colors of the modules, targets and obstacles."""
+        arm = self._arm
+        parts: dict[str, Any] = {"arm": {}, "targets": {}, "obstacles": {}}
+        if len(scene.line):
+            points = (len(scene.line) - 1) // arm.module_count
+            colors = []
+            for color in module_colors(arm.module_count):
+                colors += [_color(color)] * points
+            line = messages.LinePrimitive(
+                thickness=2 * float(per_module(arm, "cable_radius").mean()),
+                points=_points(scene.line),
+                colors=[colors[0], *colors],
+            )
+            parts["arm"] = {"lines": [line]}
+        upright = messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+        spheres = []
+        for target in scene.targets.values():
+            pose = messages.Pose(position=_vector(target), orientation=upright)
+            size = _vector(np.full(3, TARGET_SIZE * arm.length))
+            color = _color(DESIRED)
+            spheres.append(messages.SpherePrimitive(pose=pose, size=size, color=color))
+        parts["targets"] = {"spheres": spheres}
+        corners, triangles = mesh_of(scene.obstacles, arm.length)
+        if len(corners):
+            solid = messages.TriangleListPrimitive(
+                points=_points(corners),
+                indices=triangles.reshape(-1).tolist(),
+                color=_color(OBSTACLE, OPACITY),
+            )
+            parts["obstacles"] = {"triangles": [solid]}
+        # an entity replaces the one of the same name before it
+        entities = [
+            messages.SceneEntity(timestamp=stamp, frame_id=BASE, id=name, **part)
+            for name, part in parts.items()
+        ]
+        update = messages.SceneUpdate(entities=entities)
+        self._scene.log(update, log_time=moment)
 
 
 def _transform(
     parent: str, child: str, position: np.ndarray, turn: np.ndarray, stamp: Any
 ) -> Any:
-    from foxglove import messages  # noqa: PLC0415  # an extra
-
     x, y, z, w = Rotation.from_matrix(turn).as_quat().tolist()
     return messages.FrameTransform(
         timestamp=stamp,
@@ -107,102 +131,25 @@ def _transform(
 
 
 def _vector(values: np.ndarray) -> Any:
-    from foxglove.messages import Vector3  # noqa: PLC0415  # an extra
-
     x, y, z = values.tolist()
-    return Vector3(x=x, y=y, z=z)
-
-
-def _update(arm: ArmSpec, scene: StepScene, stamp: Any) -> Any:
-    """The whole scene: an entity replaces the one of the same name before it."""
-    from foxglove.messages import SceneUpdate  # noqa: PLC0415  # an extra
-
-    entities = [
-        _entity("arm", stamp, lines=_arm_lines(arm, scene)),
-        _entity("targets", stamp, spheres=_spheres(arm, scene)),
-        _entity("obstacles", stamp, triangles=_solids(arm, scene)),
-    ]
-    return SceneUpdate(entities=entities)
-
-
-def _entity(name: str, stamp: Any, **parts: Any) -> Any:
-    from foxglove.messages import SceneEntity  # noqa: PLC0415  # an extra
-
-    return SceneEntity(timestamp=stamp, frame_id=BASE, id=name, **parts)
-
-
-def _arm_lines(arm: ArmSpec, scene: StepScene) -> list:
-    """The center line, in the colors of the modules."""
-    from foxglove import messages  # noqa: PLC0415  # an extra
-
-    if not len(scene.line):
-        return []
-    points = (len(scene.line) - 1) // arm.module_count
-    colors = [
-        _color(color)
-        for color in module_colors(arm.module_count)
-        for _ in range(points)
-    ]
-    line = messages.LinePrimitive(
-        thickness=2 * float(per_module(arm, "cable_radius").mean()),
-        points=_points(scene.line),
-        colors=[colors[0], *colors],
-    )
-    return [line]
-
-
-def _spheres(arm: ArmSpec, scene: StepScene) -> list:
-    from foxglove import messages  # noqa: PLC0415  # an extra
-
-    size = _vector(np.full(3, TARGET_SIZE * arm.length))
-    return [
-        messages.SpherePrimitive(
-            pose=messages.Pose(
-                position=_vector(position),
-                orientation=messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-            ),
-            size=size,
-            color=_color(DESIRED),
-        )
-        for position in scene.targets.values()
-    ]
-
-
-def _solids(arm: ArmSpec, scene: StepScene) -> list:
-    from foxglove import messages  # noqa: PLC0415  # an extra
-
-    points, triangles = mesh_of(scene.obstacles, arm.length)
-    if not len(points):
-        return []
-    solid = messages.TriangleListPrimitive(
-        points=_points(points),
-        indices=triangles.reshape(-1).tolist(),
-        color=_color(OBSTACLE, OPACITY),
-    )
-    return [solid]
+    return messages.Vector3(x=x, y=y, z=z)
 
 
 def _points(values: np.ndarray) -> list:
-    from foxglove.messages import Point3  # noqa: PLC0415  # an extra
-
-    return [Point3(x=x, y=y, z=z) for x, y, z in values.tolist()]
+    return [messages.Point3(x=x, y=y, z=z) for x, y, z in values.tolist()]
 
 
 def _color(color: str, opacity: float = 1.0) -> Any:
-    from foxglove.messages import Color  # noqa: PLC0415  # an extra
-
     r, g, b = (value / 255 for value in rgb(color))
-    return Color(r=r, g=g, b=b, a=opacity)
+    return messages.Color(r=r, g=g, b=b, a=opacity)
 
 
 def _joints(arm: ArmSpec, scene: StepScene, prefix: str, stamp: Any) -> Any:
     """Cables as joints: displacements as positions [m], tensions as efforts [N]."""
-    from foxglove.messages import JointState, JointStates  # noqa: PLC0415  # an extra
-
     key = "position" if arm.unit == "m" else "effort"
     joints = [
-        JointState(name=name.removeprefix(prefix), **{key: value})
+        messages.JointState(name=name.removeprefix(prefix), **{key: value})
         for name, value in scene.numbers.items()
         if name.startswith(prefix) and np.isfinite(value)
     ]
-    return JointStates(timestamp=stamp, joints=joints) if joints else None
+    return messages.JointStates(timestamp=stamp, joints=joints) if joints else None

@@ -94,44 +94,24 @@ def _numbers(table: Columns, row: int) -> dict[str, float]:
 
 def _scene(episode: Episode, step: int, numbers: dict[str, float]) -> StepScene:
     lengths = per_module(episode.arm, "length")
-    states = _known_states(episode, step)
+    states = None
     line = np.zeros((0, 3))
-    if states is not None:
-        states = completed(states, lengths)
-        line = np.vstack([np.zeros(3), center_line(states, lengths)])
-    return StepScene(
-        time=numbers[LOG_TIME],
-        states=states,
-        line=line,
-        targets=_targets(episode, step),
-        obstacles=_obstacles(episode, step),
-        numbers=numbers,
-    )
-
-
-def _known_states(episode: Episode, step: int) -> States | None:
-    """Measured states, else those that the plan leads to."""
-    for name in ("sensor.states", "predicted"):
-        states = episode.get(name)
-        if states is not None and np.isfinite(states[step, :, POSITION]).any():
-            return states[step].astype(float)
-    return None
-
-
-def _targets(episode: Episode, step: int) -> dict[int, np.ndarray]:
+    for name in ("sensor.states", "predicted"):  # else those that the plan leads to
+        rows = episode.get(name)
+        if rows is not None and np.isfinite(rows[step, :, POSITION]).any():
+            states = completed(rows[step].astype(float), lengths)
+            line = np.vstack([np.zeros(3), center_line(states, lengths)])
+            break
+    targets = {}
     positions = episode.get("desired_positions")
-    if positions is None:
-        return {}
-    return {
-        number: position
-        for number, position in enumerate(positions[step], 1)
-        if np.isfinite(position).all()
-    }
-
-
-def _obstacles(episode: Episode, step: int) -> np.ndarray:
+    if positions is not None:
+        for number, position in enumerate(positions[step], 1):
+            if np.isfinite(position).all():
+                targets[number] = position
+    obstacles = np.zeros((0, ROW))
     rows = episode.get("obstacles")
-    if rows is None:
-        return np.zeros((0, ROW))
-    rows = rows_of(rows[step].astype(float))
-    return rows[standing(rows)]
+    if rows is not None:
+        obstacles = rows_of(rows[step].astype(float))
+        obstacles = obstacles[standing(obstacles)]
+    time = numbers[LOG_TIME]
+    return StepScene(time, states, line, targets, obstacles, numbers)

@@ -163,6 +163,8 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
         for point in points:
             return point.load()
     except Exception as error:  # custom code may raise anything during its import
+        if points and isinstance(error, S2C2AError):  # it names the missing extra
+            raise
         raise S2C2AError(
             f"the {kind} '{name}' cannot be loaded: {type(error).__name__}: {error}"
         ) from error

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 from s2c2a.arm import arm_from_toml
 from s2c2a.cli.export_table import table_of
-from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.exports.lerobot import write_lerobot
 from s2c2a.logs import import_logs, load_map
@@ -19,31 +17,14 @@ from s2c2a.logs.reading import read_table
 from s2c2a.logs.tables import ColumnRequest
 
 parquet = pytest.importorskip("pyarrow.parquet")
-RECORDING = Path(__file__).parents[2] / "fixtures" / "twin.episodes"
 DATA = Path("data", "chunk-000", "file-000.parquet")
 INDICES = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
 
 
 @pytest.fixture(scope="module")
-def episodes():
-    return load_episodes(RECORDING)[0][:2]
-
-
-@pytest.fixture(scope="module")
-def dataset(episodes, tmp_path_factory):
-    """Two episodes, the second with targets in its last half and a lost end."""
-    folder = tmp_path_factory.mktemp("lerobot")
-    first, second = episodes
-    positions = np.full((len(second), first.arm.module_count, 3), np.nan)
-    positions[len(second) // 2 :, -1] = [0.1, 0.0, 0.5]
-    states = np.array(second.sensor("states"))
-    states[3, 1] = np.nan
-    columns = {"desired_positions": positions, "sensor.states": states}
-    second = replace(second, columns={**second.columns, **columns})
-    second = second.with_options(task="circle")
-    save_episodes([first, second], folder / "two.episodes", {})
-    assert write_lerobot(folder / "two.episodes", folder / "two") == "2 episodes"
-    return folder / "two"
+def dataset(recording):
+    assert write_lerobot(recording, recording.with_suffix("")) == "2 episodes"
+    return recording.with_suffix("")
 
 
 def test_every_feature_is_a_column_of_its_type(dataset):
@@ -153,7 +134,7 @@ def test_another_version_of_datasets_is_refused(dataset, tmp_path):
         read_table(tmp_path, ColumnRequest(["action.cable.1.1"]))
 
 
-def test_an_existing_folder_is_not_replaced(tmp_path):
+def test_an_existing_folder_is_not_replaced(recording, tmp_path):
     (tmp_path / "mine").mkdir()
     with pytest.raises(S2C2AError, match="a folder is not replaced"):
-        write_lerobot(RECORDING, tmp_path / "mine")
+        write_lerobot(recording, tmp_path / "mine")

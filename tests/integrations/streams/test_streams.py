@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-import sys
+import socket
 import time
 import warnings
 
@@ -14,8 +14,6 @@ from s2c2a.cli.execution import stream_to
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.integrations.streams.background import shown_in_background
-from s2c2a.integrations.streams.foxglove import foxglove_stream
-from s2c2a.integrations.streams.rerun import rerun_stream
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
 
@@ -72,88 +70,14 @@ def test_an_error_of_a_viewer_is_a_warning():
     assert texts == ["the run is not shown any more: ValueError: no display"]
 
 
-def test_rerun_gets_the_steps(tmp_path):
-    pytest.importorskip("rerun")
-    from rerun.chunk import RrdReader  # noqa: PLC0415  # an extra
-
-    file = tmp_path / "run.rrd"
-    with rerun_stream(ARM, file=str(file)) as on_step:
-        for number in range(3):
-            on_step(record(number))
-    chunks = [
-        chunk.to_record_batch()
-        for chunk in RrdReader(file).stream()
-        if chunk.entity_path == "/numbers/actions" and not chunk.is_static
-    ]
-    rows = [row for each in chunks for row in each["Scalars:scalars"].to_pylist()]
-    firsts = sorted(row[0] for row in rows)
-    np.testing.assert_allclose(firsts, [0.0, 0.001, 0.002])
-
-
-def test_two_places_for_rerun_are_refused():
-    pytest.importorskip("rerun")
-    both = rerun_stream(ARM, url="rerun+http://127.0.0.1:1/proxy", file="a.rrd")
-    with pytest.raises(S2C2AError, match="leave one out"), both:
-        pass
-
-
-def test_a_recording_is_replaced_on_request_alone(tmp_path):
-    pytest.importorskip("rerun")
-    file = tmp_path / "run.rrd"
-    file.write_text("mine")
-    with (
-        pytest.raises(S2C2AError, match=r"exists; .*run\.rrd,overwrite=true"),
-        stream_to(f"rerun,file={file}", ARM),
-    ):
-        pass
-    assert file.read_text() == "mine"
-    with stream_to(f"rerun,file={file},overwrite=true", ARM) as on_step:
-        on_step(record(0))
-    assert file.read_bytes().startswith(b"RRF")
-
-
-def test_a_recording_does_not_replace_a_file_of_another_kind(tmp_path):
-    pytest.importorskip("rerun")
-    file = tmp_path / "notes.txt"
-    file.write_text("mine")
-    with (
-        pytest.raises(S2C2AError, match=r"does not end in \.rrd"),
-        rerun_stream(ARM, file=str(file), overwrite=True),
-    ):
-        pass
-    assert file.read_text() == "mine"
-
-
-@pytest.mark.parametrize("name", ["file/run.rrd", "n" * 300])
-def test_a_recording_that_cannot_be_written_is_named(tmp_path, name):
-    pytest.importorskip("rerun")
-    (tmp_path / "file").write_text("")
-    with (
-        pytest.raises(S2C2AError, match=r"cannot write .*; choose a place"),
-        rerun_stream(ARM, file=str(tmp_path / name)),
-    ):
-        pass
-
-
-def test_overwrite_needs_a_file():
-    pytest.importorskip("rerun")
-    with (
-        pytest.raises(S2C2AError, match=r"add file=run\.rrd"),
-        rerun_stream(ARM, overwrite=True),
-    ):
-        pass
-
-
-def test_without_a_viewer_rerun_says_what_to_do(monkeypatch, tmp_path):
-    pytest.importorskip("rerun")
-    # neither on the path nor beside Python; one that is there may take time to end
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    with (
-        pytest.raises(S2C2AError, match=r"--stream rerun,file=run\.rrd"),
-        rerun_stream(ARM),
-    ):
-        pass
+@pytest.fixture
+def served(capsys):
+    """A stream to Foxglove: its address, and the function of its steps."""
+    pytest.importorskip("foxglove")
+    with stream_to("foxglove,port=0", ARM) as on_step:
+        address = capsys.readouterr().out.split(", ")[1].strip()
+        assert address.startswith("ws://127.0.0.1:")
+        yield address, on_step
 
 
 async def first_message(address, on_step):
@@ -179,12 +103,8 @@ async def first_message(address, on_step):
     raise AssertionError("no message came")
 
 
-def test_foxglove_gets_the_steps(capsys):
-    pytest.importorskip("foxglove")
-    with foxglove_stream(ARM, port=0) as on_step:
-        address = capsys.readouterr().out.split(", ")[1].strip()
-        assert address.startswith("ws://127.0.0.1:")
-        content = asyncio.run(asyncio.wait_for(first_message(address, on_step), 20))
+def test_foxglove_gets_the_steps(served):
+    content = asyncio.run(asyncio.wait_for(first_message(*served), 20))
     assert int.from_bytes(content[1:5], "little") == 7
     step = json.loads(content[13:])
     assert step["actions_1_1"] == pytest.approx(0.001 * round(step["time"] * 10))
@@ -200,24 +120,19 @@ async def server_info(address):
         return json.loads(await client.recv())
 
 
-def test_foxglove_accepts_any_origin_and_offers_nothing_that_commands(capsys):
-    pytest.importorskip("foxglove")
-    with foxglove_stream(ARM, port=0):
-        address = capsys.readouterr().out.split(", ")[1].strip()
-        info = asyncio.run(asyncio.wait_for(server_info(address), 20))
+def test_foxglove_accepts_any_origin_and_offers_nothing_that_commands(served):
+    info = asyncio.run(asyncio.wait_for(server_info(served[0]), 20))
     assert info["op"] == "serverInfo"
     assert info["capabilities"] == []
 
 
 def test_a_port_that_is_taken_is_an_error():
     pytest.importorskip("foxglove")
-    import socket  # noqa: PLC0415
-
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with (
             pytest.raises(S2C2AError, match="choose another one"),
-            foxglove_stream(ARM, port=port),
+            stream_to(f"foxglove,port={port}", ARM),
         ):
             pass
 

@@ -221,14 +221,6 @@ class DrivenArm:
         began = self._now()
         if self._last_frame is not None:
             self._pace.add(began - self._last_frame)
-        sent = self._tick(values)
-        # while the loop waits for a real arm, LeRobot does nothing
-        waited = 0.0 if self._robot.own_time else self._waited(began)
-        self._last_frame = began + waited
-        return dict(zip(self.action_names, np.ravel(sent).tolist(), strict=True))
-
-    def _tick(self, values: np.ndarray) -> np.ndarray:
-        """Send commands, or follow a target; returns what was really sent."""
         goal = None
         if self.action_space == TIP:
             goal = Goal.of(self.spec.module_count).with_position(values)
@@ -240,10 +232,11 @@ class DrivenArm:
             raise RobotError(f"the arm was stopped: {self._loop.fault}")
         if self._record.fault:
             logging.warning("the arm is held: %s", self._record.fault)
-        return values if self.action_space == TIP else self._record.action
-
-    def _waited(self, began: float) -> float:
-        return max(self._record.moment - began, 0.0)
+        sent = values if self.action_space == TIP else self._record.action
+        # while the loop waits for a real arm, LeRobot does nothing
+        is_simulated = self._robot.own_time
+        self._last_frame = began if is_simulated else max(self._record.moment, began)
+        return dict(zip(self.action_names, np.ravel(sent).tolist(), strict=True))
 
     def _values(self, action: Mapping[str, Any]) -> np.ndarray:
         if set(action) != set(self.action_names):

@@ -1,6 +1,7 @@
 """Rules of operations that move, reduce or combine whole arrays."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import prod
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from s2c2a.integrations.c_code.elementwise import (
     combined,
     start_of_reduction,
 )
+from s2c2a.integrations.c_code.jaxprs import other_axes, result_shape
 from s2c2a.integrations.c_code.program import index_names, kind_of, literal, looped
 from s2c2a.integrations.c_code.values import (
     Computed,
@@ -20,14 +22,9 @@ from s2c2a.integrations.c_code.values import (
     Shape,
     Stored,
     Value,
+    contiguous_strides,
 )
 from s2c2a.integrations.c_code.writer import Writer, broadcast_at, rule
-from s2c2a.integrations.jaxprs import described, other_axes, result_shape
-from s2c2a.integrations.windows import (
-    axes_of_gather,
-    axes_of_scatter,
-    sizes_of_scatter,
-)
 
 Values = Sequence[Value]
 Item = TypeVar("Item")
@@ -35,7 +32,7 @@ Item = TypeVar("Item")
 
 def output_of(equation: Any, number: int = 0) -> tuple[Kind, Shape]:
     """Type and shape of a result."""
-    aval = described(equation.outvars[number])
+    aval = equation.outvars[number].aval
     return kind_of(aval.dtype), tuple(aval.shape)
 
 
@@ -68,13 +65,6 @@ def places_of(values: Values) -> frozenset[Place]:
 def cheap(writer: Writer, value: Value) -> Value:
     """A value that costs nothing to read again and again."""
     return writer.stored(value) if value.cost else value
-
-
-def copied(writer: Writer, value: Value) -> Stored:
-    """An array of its own, which other operations may change."""
-    array = writer.program.new_array(value.kind, value.shape)
-    writer.program.assign(array, value)
-    return array
 
 
 def _picked(items: Sequence[Item], axes: Iterable[int]) -> tuple[Item, ...]:
@@ -148,27 +138,18 @@ def _backward(value: Any, axes: Iterable[int]) -> Any:
     return value.sliced(starts, shape, steps)
 
 
-@rule("split")
+@rule("split", "unstack")
 def _split(writer: Writer, equation: Any, values: Values) -> Values:
     axis = equation.params["axis"]
     value = cheap(writer, values[0])
+    is_split = equation.primitive.name == "split"
+    sizes = equation.params["sizes"] if is_split else [1] * value.shape[axis]
     parts: list[Value] = []
     start = 0
-    for size in map(int, equation.params["sizes"]):
+    for size in map(int, sizes):
         part = _along(value, axis, start, size)
-        parts.append(part)
+        parts.append(part if is_split else part.without((axis,)))
         start += size
-    return parts
-
-
-@rule("unstack")
-def _unstack(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["axis"]
-    value = cheap(writer, values[0])
-    parts: list[Value] = []
-    for row in range(value.shape[axis]):
-        part = _along(value, axis, row, 1)
-        parts.append(part.without((axis,)))
     return parts
 
 
@@ -183,9 +164,8 @@ def _reshape(writer: Writer, equation: Any, values: Values) -> Values:
         needed = value.without(ones)
         return [needed.broadcast(shape, new)]
     array = writer.program.contiguous(value)
-    return [
-        Stored.contiguous(array.kind, shape, array.base, array.offset, array.places)
-    ]
+    strides = contiguous_strides(shape)
+    return [replace(array, shape=shape, strides=strides)]
 
 
 def _axes_of_one(shape: Shape) -> list[int]:
@@ -206,7 +186,7 @@ def _tile(writer: Writer, equation: Any, values: Values) -> Values:
             inside.append(f"({index} % {size})")
         return value.at(tuple(inside))
 
-    return [Computed(kind, shape, at, 1, value.places)]
+    return [Computed(kind, shape, at, cost=1, places=value.places)]
 
 
 @rule("select_n")
@@ -217,20 +197,15 @@ def _select(writer: Writer, equation: Any, values: Values) -> Values:
     def at(indices: Indices) -> str:
         chosen = broadcast_at(which, indices)
         texts = [broadcast_at(case, indices) for case in cases]
-        return _selection(chosen, texts)
+        *others, text = texts
+        is_test = len(texts) == 2
+        for number, case in reversed(list(enumerate(others))):
+            test = chosen if is_test else f"{chosen} > {number}"
+            text = f"({test} ? {text} : {case})"
+        return text
 
     cost = 1 + sum(value.cost for value in values)
-    return [Computed(kind, shape, at, cost, places_of(values))]
-
-
-def _selection(chosen: str, cases: Sequence[str]) -> str:
-    """C expression of the case of a number."""
-    *others, text = cases
-    is_test = len(cases) == 2
-    for number, case in reversed(list(enumerate(others))):
-        test = chosen if is_test else f"{chosen} > {number}"
-        text = f"({test} ? {text} : {case})"
-    return text
+    return [Computed(kind, shape, at, cost=cost, places=places_of(values))]
 
 
 @rule("iota")
@@ -245,27 +220,17 @@ def _iota(writer: Writer, equation: Any, values: Values) -> Values:
     return [Computed(kind, shape, at)]
 
 
-@rule("concatenate")
+@rule("concatenate", "stack")
 def _concatenate(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["dimension"]
+    is_stack = equation.primitive.name == "stack"
+    axis = equation.params["axis" if is_stack else "dimension"]
     result = new_result(writer, equation)
     start = 0
     for value in values:
-        size = value.shape[axis]
+        size = 1 if is_stack else value.shape[axis]
         target = _along(result, axis, start, size)
-        writer.program.assign(target, value)
+        writer.program.assign(target.without((axis,)) if is_stack else target, value)
         start += size
-    return [result]
-
-
-@rule("stack")
-def _stack(writer: Writer, equation: Any, values: Values) -> Values:
-    axis = equation.params["axis"]
-    result = new_result(writer, equation)
-    for row, value in enumerate(values):
-        part = _along(result, axis, row, 1)
-        target = part.without((axis,))
-        writer.program.assign(target, value)
     return [result]
 
 
@@ -298,9 +263,14 @@ def _reduce(writer: Writer, equation: Any, values: Values) -> Values:
     kind = result.kind
     outer = index_names(result.shape)
     inner = index_names(value.shape, "r")
-    source = _replaced(inner, outer, axes)
+    # the inner indices along some axes, the outer ones along all others
+    indices = list(inner)
+    kept = other_axes(len(inner), axes)
+    for axis, index in zip(kept, outer, strict=True):
+        indices[axis] = index
+    source = tuple(indices)
     element = value.at(source)
-    total = combined(REDUCTIONS[name], kind, "s", element)
+    total = combined(REDUCTIONS[name][0], kind, "s", element)
     sizes = _picked(value.shape, axes)
     loops = _picked(inner, axes)
     start = start_of_reduction(name, kind)
@@ -311,15 +281,6 @@ def _reduce(writer: Writer, equation: Any, values: Values) -> Values:
     ]
     add_loops(writer, result.shape, outer, block(statements))
     return [result]
-
-
-def _replaced(inner: Indices, outer: Indices, axes: Sequence[int]) -> Indices:
-    """The inner indices along some axes, the outer ones along all others."""
-    indices = list(inner)
-    kept = other_axes(len(inner), axes)
-    for axis, index in zip(kept, outer, strict=True):
-        indices[axis] = index
-    return tuple(indices)
 
 
 @rule("argmin", "argmax")
@@ -400,7 +361,7 @@ def _moved(writer: Writer, value: Stored, shape: Shape, starts: Values) -> Store
         writer.program.add(f"{first} = {kept};")
         offset = f"{offset} + {first} * {stride}"
         places = places | index.places
-    return Stored(value.kind, shape, value.base, value.strides, offset, places)
+    return replace(value, shape=shape, offset=offset, places=places)
 
 
 def clamped(index: str, largest: int) -> str:
@@ -421,35 +382,46 @@ def _along(value: Any, axis: int, start: int, size: int) -> Any:
 @rule("gather")
 def _gather(writer: Writer, equation: Any, values: Values) -> Values:
     params = equation.params
-    array = writer.stored(values[0])
-    indices = writer.stored(values[1])
+    numbers = params["dimension_numbers"]
     result = new_result(writer, equation)
+    place, inside = _window_element(
+        writer.stored(values[0]),
+        writer.stored(values[1]),
+        result.shape,
+        numbers.start_index_map,
+        numbers.collapsed_slice_dims,
+        numbers.offset_dims,
+        numbers.operand_batching_dims,
+        numbers.start_indices_batching_dims,
+    )
     names = index_names(result.shape)
-    axes = axes_of_gather(equation)
-    sizes = params["slice_sizes"]
-    given = _given_starts(indices, axes.starts, _picked(names, axes.batch))
-    starts, inside = _kept_starts(given, array.shape, sizes)
-    place = _element(array, starts, _parts(names, axes.matched))
-    target = result.at(names)
     if "FILL" in str(params["mode"]):
-        filling = _filling(params["fill_value"], result.kind)
+        filling = "NAN" if result.kind == "float" else "INT32_MIN"
+        if params["fill_value"] is not None:
+            filling = literal(params["fill_value"])
         place = f"{inside} ? {place} : {filling}"
-    add_loops(writer, result.shape, names, f"{target} = {place};")
+    add_loops(writer, result.shape, names, f"{result.at(names)} = {place};")
     return [result]
 
 
 @rule("scatter", "scatter-add", "scatter_add", "scatter-mul", "scatter_mul")
 def _scatter(writer: Writer, equation: Any, values: Values) -> Values:
+    numbers = equation.params["dimension_numbers"]
     indices = writer.stored(values[1])
     updates = writer.stored(values[2])
     result = new_result(writer, equation)
     writer.program.assign(result, values[0])
+    place, inside = _window_element(
+        result,
+        indices,
+        updates.shape,
+        numbers.scatter_dims_to_operand_dims,
+        numbers.inserted_window_dims,
+        numbers.update_window_dims,
+        numbers.operand_batching_dims,
+        numbers.scatter_indices_batching_dims,
+    )
     names = index_names(updates.shape)
-    axes = axes_of_scatter(equation)
-    sizes = sizes_of_scatter(equation, axes)
-    given = _given_starts(indices, axes.starts, _picked(names, axes.batch))
-    starts, inside = _kept_starts(given, result.shape, sizes)
-    place = _element(result, starts, _parts(names, axes.matched))
     value = updates.at(names)
     operation = equation.primitive.name[-3:]
     if operation in ("add", "mul"):
@@ -458,68 +430,59 @@ def _scatter(writer: Writer, equation: Any, values: Values) -> Values:
     return [result]
 
 
-def _given_starts(
-    indices: Stored, axes: Iterable[int], batch: Indices
-) -> dict[int, str]:
-    """First indices of a window as they are given, by the axis of the array."""
-    given = {}
-    for number, axis in enumerate(axes):
-        place = (*batch, str(number))
-        given[axis] = indices.at(place)
-    return given
+def _window_element(
+    array: Stored,
+    indices: Stored,
+    shape: Shape,
+    starts: Sequence[int],
+    dropped: Sequence[int],
+    inside: Sequence[int],
+    array_batches: Sequence[int],
+    index_batches: Sequence[int],
+) -> tuple[str, str]:
+    """C expressions of an element in a window of an array, and of a test.
 
+    Args:
+        array: that is read or written.
+        indices: where the windows start.
+        shape: of the elements of all windows.
+        starts: axes of the array that starts count along.
+        dropped: axes of the array that windows lack, beside batches.
+        inside: axes of the elements that are within a window.
+        array_batches: axes along which the array has a part of its own for each index.
+        index_batches: the same axes among those of the indices.
 
-def _kept_starts(
-    given: dict[int, str], shape: Shape, sizes: Sequence[int]
-) -> tuple[dict[int, str], str]:
-    """First indices of a window, kept inside, and whether they were inside."""
-    starts = {}
+    Returns:
+        The element, its window kept inside the array, and whether it was inside.
+    """
+    names = index_names(shape)
+    batch = other_axes(len(shape), inside)
+    kept = other_axes(len(array.shape), (*dropped, *array_batches))
+    places = ["0"] * len(array.shape)
+    sizes = [1] * len(array.shape)
+    for axis, element_axis in zip(kept, inside, strict=True):
+        places[axis] = names[element_axis]
+        sizes[axis] = shape[element_axis]
+    for axis, index_axis in zip(array_batches, index_batches, strict=True):
+        places[axis] = names[batch[index_axis]]
     tests = []
-    for axis, index in given.items():
-        largest = shape[axis] - int(sizes[axis])
-        starts[axis] = clamped(index, largest)
+    for number, axis in enumerate(starts):
+        index = indices.at((*_picked(names, batch), str(number)))
+        largest = array.shape[axis] - sizes[axis]
+        start = clamped(index, largest)
+        places[axis] = start if places[axis] == "0" else f"({start} + {places[axis]})"
         tests.append(f"({index} >= 0 && {index} <= {largest})")
-    is_inside = " && ".join(tests)
-    return starts, is_inside or "1"
-
-
-def _parts(names: Indices, axes: dict[int, int]) -> dict[int, str]:
-    """Indices from the start of a window, by the axis of the array."""
-    parts = {}
-    for axis, element_axis in axes.items():
-        parts[axis] = names[element_axis]
-    return parts
-
-
-def _element(array: Stored, starts: dict[int, str], parts: dict[int, str]) -> str:
-    indices = []
-    for axis in range(len(array.shape)):
-        start = starts.get(axis, "0")
-        part = parts.get(axis, "0")
-        indices.append(_sum(start, part))
-    return array.at(tuple(indices))
-
-
-def _sum(start: str, part: str) -> str:
-    """C expression of an index."""
-    if part == "0":
-        return start
-    if start == "0":
-        return part
-    return f"({start} + {part})"
-
-
-def _filling(value: Any, kind: Kind) -> str:
-    if value is not None:
-        return literal(value)
-    return "NAN" if kind == "float" else "INT32_MIN"
+    return array.at(tuple(places)), " && ".join(tests) or "1"
 
 
 @rule("sort", "top_k")
 def _sort(writer: Writer, equation: Any, values: Values) -> Values:
     """Stable insertion sort of one axis: rows are short."""
+    params = equation.params
     is_top = equation.primitive.name == "top_k"
-    axis = _sorted_axis(equation)
+    if not is_top and params["num_keys"] != 1:
+        raise S2C2AError("a sort by several keys cannot be exported to C")
+    axis = params["axis"] if is_top and "axis" in params else params["dimension"]
     arrays = [writer.stored(value) for value in values]
     keys = arrays[0]
     length = keys.shape[axis]
@@ -532,63 +495,28 @@ def _sort(writer: Writer, equation: Any, values: Values) -> Values:
     def at(array: Stored, index: str) -> str:
         return array.at(_inserted(outer, axis, index))
 
-    count = results[0].shape[axis]
-    statements = [
-        *_ordering(keys, order, at, is_top),
-        f"for (int r = 0; r < {count}; r++) {{",
-        *_copies_in_order(arrays, results, order, at),
-        "}",
-    ]
-    add_loops(writer, others, outer, block(statements))
-    return results
-
-
-ElementAt = Callable[[Stored, str], str]
-"""C expression of the element of an array at an index along the sorted axis."""
-
-
-def _sorted_axis(equation: Any) -> int:
-    params = equation.params
-    is_top = equation.primitive.name == "top_k"
-    if not is_top and params["num_keys"] != 1:
-        raise S2C2AError("a sort by several keys cannot be exported to C")
-    if is_top and "axis" in params:
-        return params["axis"]
-    return params["dimension"]
-
-
-def _ordering(
-    keys: Stored, order: Stored, at: ElementAt, is_top: bool
-) -> Sequence[str]:
-    """Statements that find the order of the keys."""
     here = order.at(("j",))
     previous = order.at(("(j - 1)",))
-    now = at(keys, "c")
-    before = at(keys, previous)
-    smaller, larger = (before, now) if is_top else (now, before)
+    smaller = at(keys, "c")
+    larger = at(keys, previous)
+    if is_top:
+        smaller, larger = larger, smaller
     is_less = f"{smaller} < {larger}"
     if keys.kind == "float":
         is_less = f"s_less({smaller}, {larger})"
-    return [
-        f"for (int c = 0; c < {order.shape[0]}; c++) {{",
+    statements = [
+        f"for (int c = 0; c < {length}; c++) {{",
         "int j = c;",
         f"for (; j > 0 && {is_less}; j--) {here} = {previous};",
         f"{here} = c;",
         "}",
+        f"for (int r = 0; r < {results[0].shape[axis]}; r++) {{",
     ]
-
-
-def _copies_in_order(
-    arrays: Sequence[Stored], results: Sequence[Stored], order: Stored, at: ElementAt
-) -> Sequence[str]:
-    """Statements that copy an element of every array; a further result is the order."""
     place = order.at(("r",))
-    copies = []
-    for array, result in zip(arrays, results, strict=False):
-        source = at(array, place)
-        target = at(result, "r")
-        copies.append(f"{target} = {source};")
-    for result in results[len(arrays) :]:
-        target = at(result, "r")
-        copies.append(f"{target} = {place};")
-    return copies
+    for number, result in enumerate(results):
+        # a further result is the order
+        source = at(arrays[number], place) if number < len(arrays) else place
+        statements.append(f"{at(result, 'r')} = {source};")
+    statements.append("}")
+    add_loops(writer, others, outer, block(statements))
+    return results

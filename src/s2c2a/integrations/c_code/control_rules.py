@@ -1,13 +1,13 @@
 """Rules of loops and branches: bodies become C functions of their own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from s2c2a.integrations.c_code.array_rules import (
     Values,
     cheap,
     clamped,
-    copied,
     new_result,
     places_of,
 )
@@ -23,7 +23,7 @@ def _scan(writer: Writer, equation: Any, values: Values) -> Values:
     read_whole = constants + carried
     program = writer.program
     fixed = [cheap(writer, value) for value in values[:constants]]
-    carry = [copied(writer, value) for value in values[constants:read_whole]]
+    carry = [writer.program.copied(value) for value in values[constants:read_whole]]
     rows = [writer.stored(value) for value in values[read_whole:]]
     outputs = _new_results(writer, equation, carried)
     index = program.new_name("t")
@@ -34,7 +34,10 @@ def _scan(writer: Writer, equation: Any, values: Values) -> Values:
             target = _row(array, index)
             program.assign(target, value)
         _replace(writer, carry, written[:carried])
-    rounds = _rounds(index, params["length"], params["reverse"])
+    last = params["length"] - 1
+    rounds = f"int {index} = 0; {index} <= {last}; {index}++"
+    if params["reverse"]:
+        rounds = f"int {index} = {last}; {index} >= 0; {index}--"
     program.add(f"for ({rounds}) {{ {call[0]} }}")
     return [*carry, *outputs]
 
@@ -45,21 +48,13 @@ def _new_results(writer: Writer, equation: Any, first: int = 0) -> list[Stored]:
     return [new_result(writer, equation, number) for number in numbers]
 
 
-def _rounds(index: str, length: int, is_turned: bool) -> str:
-    """Head of a loop over rows."""
-    last = length - 1
-    if is_turned:
-        return f"int {index} = {last}; {index} >= 0; {index}--"
-    return f"int {index} = 0; {index} <= {last}; {index}++"
-
-
 @rule("while")
 def _while(writer: Writer, equation: Any, values: Values) -> Values:
     params = equation.params
     tests = params["cond_nconsts"]
     constants = tests + params["body_nconsts"]
     fixed = [cheap(writer, value) for value in values[:constants]]
-    state = [copied(writer, value) for value in values[constants:]]
+    state = [writer.program.copied(value) for value in values[constants:]]
     for_test = fixed[:tests]
     for_body = fixed[tests:]
     program = writer.program
@@ -82,26 +77,18 @@ def _branches(writer: Writer, equation: Any, values: Values) -> Values:
     outputs = _new_results(writer, equation)
     cases = []
     branches = equation.params["branches"]
+    program = writer.program
     for number, branch in enumerate(branches):
-        call = _branch_call(writer, branch, operands, outputs)
-        cases.append(f"case {number}: {{ {call} break; }} ")
+        with program.body() as call, writer.protecting([*operands, *outputs]):
+            written = writer.write_closed(branch, operands)
+            for output, value in zip(outputs, written, strict=True):
+                program.assign(output, value)
+        cases.append(f"case {number}: {{ {call[0]} break; }} ")
     last = len(branches) - 1
     chosen = clamped(which.at(()), last)
     joined = "".join(cases)
-    writer.program.add(f"switch ({chosen}) {{ {joined}}}")
+    program.add(f"switch ({chosen}) {{ {joined}}}")
     return outputs
-
-
-def _branch_call(
-    writer: Writer, branch: Any, operands: Values, outputs: Sequence[Stored]
-) -> str:
-    """Write a branch as a function; returns its call."""
-    program = writer.program
-    with program.body() as call, writer.protecting([*operands, *outputs]):
-        written = writer.write_closed(branch, operands)
-        for output, value in zip(outputs, written, strict=True):
-            program.assign(output, value)
-    return call[0]
 
 
 def _row(array: Stored, index: str) -> Stored:
@@ -110,13 +97,8 @@ def _row(array: Stored, index: str) -> Stored:
     offset = array.offset
     if stride:
         offset = f"{offset} + {index} * {stride}"
-    return Stored(
-        array.kind,
-        array.shape[1:],
-        array.base,
-        array.strides[1:],
-        offset,
-        array.places,
+    return replace(
+        array, shape=array.shape[1:], strides=array.strides[1:], offset=offset
     )
 
 
@@ -126,11 +108,8 @@ def _replace(writer: Writer, state: list[Stored], values: Sequence[Value]) -> No
     for old, new in zip(state, values, strict=True):
         if new is old:
             continue
-        safe = new if _is_apart(new, state) else copied(writer, new)
+        is_apart = new.places.isdisjoint(places_of(state))
+        safe = new if is_apart else writer.program.copied(new)
         moved.append((old, safe))
     for old, safe in moved:
         writer.program.assign(old, safe)
-
-
-def _is_apart(value: Value, state: list[Stored]) -> bool:
-    return value.places.isdisjoint(places_of(state))

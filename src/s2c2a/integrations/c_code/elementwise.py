@@ -6,22 +6,23 @@ from typing import Any
 import jax.numpy as jnp
 
 from s2c2a.errors import S2C2AError
-from s2c2a.integrations.c_code.program import literal
+from s2c2a.integrations.c_code.jaxprs import UNCHANGED
 from s2c2a.integrations.c_code.values import Kind
-from s2c2a.integrations.jaxprs import UNCHANGED
 
 EXPENSIVE = 8  # operations that a call of the C library counts as
 
-FLOAT_TEMPLATES = {
+COMMON_TEMPLATES = {
     "add": "({0} + {1})",
     "add_any": "({0} + {1})",
     "sub": "({0} - {1})",
     "mul": "({0} * {1})",
     "div": "({0} / {1})",
+    "neg": "(-{0})",
+}
+FLOAT_TEMPLATES = COMMON_TEMPLATES | {
     "rem": "fmodf({0}, {1})",
     "max": "s_max({0}, {1})",
     "min": "s_min({0}, {1})",
-    "neg": "(-{0})",
     "abs": "fabsf({0})",
     "sign": "s_sign({0})",
     "floor": "floorf({0})",
@@ -52,16 +53,10 @@ FLOAT_TEMPLATES = {
     "is_finite": "(isfinite({0}) ? 1 : 0)",
     "clamp": "s_min(s_max({1}, {0}), {2})",
 }
-INTEGER_TEMPLATES = {
-    "add": "({0} + {1})",
-    "add_any": "({0} + {1})",
-    "sub": "({0} - {1})",
-    "mul": "({0} * {1})",
-    "div": "({0} / {1})",
+INTEGER_TEMPLATES = COMMON_TEMPLATES | {
     "rem": "({0} % {1})",
     "max": "s_imax({0}, {1})",
     "min": "s_imin({0}, {1})",
-    "neg": "(-{0})",
     "abs": "abs({0})",
     "sign": "(({0} > 0) - ({0} < 0))",
     "square": "({0} * {0})",
@@ -104,7 +99,10 @@ def element_of(
     if name == "convert_element_type":
         return _conversion(dtypes[0], params["new_dtype"])
     if name == "integer_pow":
-        return _power(params["y"])
+        exponent = params["y"]
+        if exponent == 2:
+            return lambda operand: f"s_square({operand})"
+        return lambda operand: f"s_power({operand}, {exponent})"
     template = (FLOAT_TEMPLATES if is_float else INTEGER_TEMPLATES).get(name)
     return template.format if template else None
 
@@ -117,32 +115,16 @@ def cost_of(name: str) -> int:
     return EXPENSIVE if "f(" in template or "s_logistic" in template else 1
 
 
-def start_of_reduction(name: str, kind: Kind) -> str:
-    """The value that a reduction begins with."""
-    starts = {
-        "reduce_sum": "0",
-        "reduce_prod": "1",
-        "reduce_and": "1",
-        "reduce_or": "0",
-        "reduce_xor": "0",
-    }
-    if name in starts:
-        return starts[name]
-    is_max = name == "reduce_max"
-    if kind == "float":
-        return literal(float("-inf") if is_max else float("inf"))
-    return "INT32_MIN" if is_max else "INT32_MAX"
-
-
 REDUCTIONS = {
-    "reduce_sum": "add",
-    "reduce_prod": "mul",
-    "reduce_max": "max",
-    "reduce_min": "min",
-    "reduce_and": "and",
-    "reduce_or": "or",
-    "reduce_xor": "xor",
+    "reduce_sum": ("add", "0"),
+    "reduce_prod": ("mul", "1"),
+    "reduce_max": ("max", ""),
+    "reduce_min": ("min", ""),
+    "reduce_and": ("and", "1"),
+    "reduce_or": ("or", "0"),
+    "reduce_xor": ("xor", "0"),
 }
+"""Operation of each reduction, and the value it begins with, unless it is an extreme."""
 ACCUMULATIONS = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
 
 
@@ -150,6 +132,17 @@ def combined(operation: str, kind: Kind, left: str, right: str) -> str:
     """Two numbers in one, by the name of a primitive."""
     templates = FLOAT_TEMPLATES if kind == "float" else INTEGER_TEMPLATES
     return templates[operation].format(left, right)
+
+
+def start_of_reduction(name: str, kind: Kind) -> str:
+    """The value that a reduction begins with."""
+    operation, start = REDUCTIONS[name]
+    if start:
+        return start
+    is_max = operation == "max"
+    if kind == "float":
+        return "-INFINITY" if is_max else "INFINITY"
+    return "INT32_MIN" if is_max else "INT32_MAX"
 
 
 def _conversion(old: Any, new: Any) -> Callable[[str], str]:
@@ -164,9 +157,3 @@ def _conversion(old: Any, new: Any) -> Callable[[str], str]:
     if from_float and not to_float:
         return lambda operand: f"((int32_t){operand})"
     return lambda operand: operand
-
-
-def _power(exponent: int) -> Callable[[str], str]:
-    if exponent == 2:
-        return lambda operand: f"s_square({operand})"
-    return lambda operand: f"s_power({operand}, {exponent})"

@@ -99,9 +99,16 @@ def generate(
     command, _ = jax.eval_shape(step, memory, example)
     layout = Layout.of(jax.tree.leaves(memory))
     constants = Constants(name)
-    begin = Program(f"{name}_run_start", constants, _parameters(name))
-    go_on = Program(f"{name}_run_step", constants, _parameters(name))
-    given = [_input_array(field) for field in fields]
+    parameters = (
+        f"const {name}_input *in, const float *m, const int32_t *n, "
+        "float *new_m, int32_t *new_n, float *out"
+    )
+    begin = Program(f"{name}_run_start", constants, parameters)
+    go_on = Program(f"{name}_run_step", constants, parameters)
+    given = [
+        Stored.contiguous(field.kind, field.shape, f"({field.pointer('in')})")
+        for field in fields
+    ]
     begun = jax.make_jaxpr(start)(first(example))
     read = given[: len(begun.jaxpr.invars)]
     _write(begin, begun, read, layout.arrays(*NEW_MEMORY))
@@ -179,17 +186,6 @@ def brackets(shape: tuple[int, ...]) -> str:
     return "".join(f"[{size}]" for size in shape)
 
 
-def _parameters(name: str) -> str:
-    return (
-        f"const {name}_input *in, const float *m, const int32_t *n, "
-        "float *new_m, int32_t *new_n, float *out"
-    )
-
-
-def _input_array(field: Field) -> Stored:
-    return Stored.contiguous(field.kind, field.shape, f"({field.pointer('in')})")
-
-
 def _write(
     program: Program, closed: Any, inputs: list[Stored], targets: list[Stored]
 ) -> None:
@@ -247,9 +243,8 @@ void {name}_step({name}_memory *memory, const {name}_input *input,
 def _interface(
     name: str, fields: list[Field], example: Any, command: tuple[int, ...]
 ) -> str:
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(example)]
-    pairs = zip(fields, leaves, strict=True)
-    defaults = "\n".join(_default(field, leaf) for field, leaf in pairs)
+    pairs = zip(fields, jax.tree.leaves(example), strict=True)
+    defaults = "\n".join(_default(field, np.asarray(leaf)) for field, leaf in pairs)
     return f"""void {name}_clear({name}_input *input)
 {{
 {defaults}

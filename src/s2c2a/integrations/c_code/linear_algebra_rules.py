@@ -9,13 +9,12 @@ from s2c2a.integrations.c_code.array_rules import (
     Values,
     add_loops,
     block,
-    copied,
     new_result,
 )
+from s2c2a.integrations.c_code.jaxprs import other_axes, result_shape
 from s2c2a.integrations.c_code.program import index_names, looped
 from s2c2a.integrations.c_code.values import Indices, Shape, Stored
 from s2c2a.integrations.c_code.writer import Writer, rule
-from s2c2a.integrations.jaxprs import other_axes, result_shape
 
 SHORT = 4  # elements; a call takes longer over fewer
 
@@ -23,19 +22,55 @@ SHORT = 4  # elements; a call takes longer over fewer
 @rule("dot_general")
 def _dot(writer: Writer, equation: Any, values: Values) -> Values:
     contracted, batch = equation.params["dimension_numbers"]
-    left = writer.stored(values[0])
-    right = writer.stored(values[1])
-    left = _grouped(left, batch[0], contracted[0])
-    right = _grouped(right, batch[1], contracted[1])
+    left = _grouped(writer.stored(values[0]), batch[0], contracted[0])
+    right = _grouped(writer.stored(values[1]), batch[1], contracted[1])
     result = new_result(writer, equation)
+    shape = result.shape
+    outer = index_names(shape)
+    target = result.at(outer)
     batches = len(batch[0])
-    sums = len(contracted[0])
-    if _adds_rows(left, right, sums):
-        _add_rows(writer, result, left, right, batches, sums)
-    elif _is_row_product(left, right, sums):
-        _call_row_product(writer, result, left, right, batches)
+    left_free = len(left.shape) - len(contracted[0])
+    right_free = len(right.shape) - len(contracted[0])
+    length = left.shape[left_free:]
+
+    def elements(summed: Indices) -> tuple[str, str]:
+        left_indices = (*outer[:left_free], *summed)
+        right_indices = (*outer[:batches], *outer[left_free:], *summed)
+        return left.at(left_indices), right.at(right_indices)
+
+    summed = index_names(length, "r")
+    is_float = left.kind == "float"
+    if (
+        is_float
+        and right_free
+        and prod(length) >= SHORT
+        and right.strides[right_free - 1] == 1
+        and right.shape[right_free - 1] >= SHORT
+    ):
+        # add rows of the right side, so that the inner loop is over neighbors
+        first, second = elements(summed)
+        order = (*shape[:-1], *length, shape[-1])
+        names = (*outer[:-1], *summed, outer[-1])
+        add_loops(writer, shape, outer, f"{target} = 0;")
+        add_loops(writer, order, names, f"{target} += {first} * {second};")
+    elif (
+        is_float
+        and len(length) == 1
+        and length[0] >= 2 * SHORT
+        and left.strides[-1] == right.strides[-1] == 1
+    ):
+        # call a function of two rows whose elements are neighbors
+        first, second = elements(("0",))
+        call = f"{target} = s_dot(&{first}, &{second}, {length[0]});"
+        add_loops(writer, shape, outer, call)
     else:
-        _add_products(writer, result, left, right, batches, sums)
+        first, second = elements(summed)
+        statements = [
+            f"{result.kind} s = 0;",
+            looped(length, summed, f"s += {first} * {second};"),
+            f"{target} = s;",
+        ]
+        add_loops(writer, shape, outer, block(statements))
     return [result]
 
 
@@ -45,139 +80,20 @@ def _grouped(value: Stored, batch: Sequence[int], contracted: Sequence[int]) -> 
     return value.permuted([*batch, *free, *contracted])
 
 
-def _adds_rows(left: Stored, right: Stored, sums: int) -> bool:
-    """Whether the last free axis of the right side has neighbors in memory."""
-    free = len(right.shape) - sums
-    if left.kind != "float" or not free:
-        return False
-    length = right.shape[free:]
-    if prod(length) < SHORT:
-        return False
-    return right.strides[free - 1] == 1 and right.shape[free - 1] >= SHORT
-
-
-def _is_row_product(left: Stored, right: Stored, sums: int) -> bool:
-    if left.kind != "float" or sums != 1:
-        return False
-    if left.shape[-1] < 2 * SHORT:
-        return False
-    return left.strides[-1] == 1 and right.strides[-1] == 1
-
-
-def _add_rows(
-    writer: Writer,
-    result: Stored,
-    left: Stored,
-    right: Stored,
-    batches: int,
-    sums: int,
-) -> None:
-    """Add rows of the right side, so that the inner loop is over neighbors."""
-    shape = result.shape
-    outer = index_names(shape)
-    target = result.at(outer)
-    free = len(left.shape) - sums
-    length = left.shape[free:]
-    summed = index_names(length, "r")
-    product = _product(left, right, outer, summed, batches)
-    order = (*shape[:-1], *length, shape[-1])
-    names = (*outer[:-1], *summed, outer[-1])
-    add_loops(writer, shape, outer, f"{target} = 0;")
-    add_loops(writer, order, names, f"{target} += {product};")
-
-
-def _call_row_product(
-    writer: Writer, result: Stored, left: Stored, right: Stored, batches: int
-) -> None:
-    """Call a function of two rows whose elements are neighbors in memory."""
-    outer = index_names(result.shape)
-    target = result.at(outer)
-    left_indices, right_indices = _sides(left, outer, ("0",), batches)
-    first = _pointer(left, left_indices)
-    second = _pointer(right, right_indices)
-    call = f"{target} = s_dot({first}, {second}, {left.shape[-1]});"
-    add_loops(writer, result.shape, outer, call)
-
-
-def _add_products(
-    writer: Writer,
-    result: Stored,
-    left: Stored,
-    right: Stored,
-    batches: int,
-    sums: int,
-) -> None:
-    outer = index_names(result.shape)
-    target = result.at(outer)
-    free = len(left.shape) - sums
-    length = left.shape[free:]
-    summed = index_names(length, "r")
-    product = _product(left, right, outer, summed, batches)
-    statements = [
-        f"{result.kind} s = 0;",
-        looped(length, summed, f"s += {product};"),
-        f"{target} = s;",
-    ]
-    add_loops(writer, result.shape, outer, block(statements))
-
-
-def _product(
-    left: Stored, right: Stored, outer: Indices, summed: Indices, batches: int
-) -> str:
-    left_indices, right_indices = _sides(left, outer, summed, batches)
-    first = left.at(left_indices)
-    second = right.at(right_indices)
-    return f"{first} * {second}"
-
-
-def _sides(
-    left: Stored, outer: Indices, summed: Indices, batches: int
-) -> tuple[Indices, Indices]:
-    """Indices of the left and of the right side, from those of the result."""
-    free = len(left.shape) - len(summed)
-    left_indices = (*outer[:free], *summed)
-    right_indices = (*outer[:batches], *outer[free:], *summed)
-    return left_indices, right_indices
-
-
-def _pointer(array: Stored, indices: Indices) -> str:
-    element = array.at(indices)
-    return f"&{element}"
-
-
-def _first_element(array: Stored, outer: Indices) -> str:
-    """C expression of a pointer to one matrix or vector of many."""
-    inner = len(array.shape) - len(outer)
-    zeros = ["0"] * inner
-    return _pointer(array, (*outer, *zeros))
-
-
 @rule("lu")
 def _lu(writer: Writer, equation: Any, values: Values) -> Values:
-    factors = copied(writer, values[0])
+    factors = writer.program.copied(values[0])
     pivots = new_result(writer, equation, 1)
     order = new_result(writer, equation, 2)
     *batch, rows, columns = factors.shape
-    outer = index_names(tuple(batch))
-    arguments = [
-        _first_element(factors, outer),
-        rows,
-        columns,
-        _first_element(pivots, outer),
-        _first_element(order, outer),
-    ]
-    _add_calls(writer, tuple(batch), "s_lu", arguments)
+    _add_calls(writer, tuple(batch), "s_lu", factors, rows, columns, pivots, order)
     return [factors, pivots, order]
 
 
 @rule("cholesky")
 def _cholesky(writer: Writer, equation: Any, values: Values) -> Values:
-    factor = copied(writer, values[0])
-    batch = factor.shape[:-2]
-    outer = index_names(batch)
-    size = factor.shape[-1]
-    arguments = [_first_element(factor, outer), size]
-    _add_calls(writer, batch, "s_cholesky", arguments)
+    factor = writer.program.copied(values[0])
+    _add_calls(writer, factor.shape[:-2], "s_cholesky", factor, factor.shape[-1])
     return [factor]
 
 
@@ -187,7 +103,7 @@ def _triangular(writer: Writer, equation: Any, values: Values) -> Values:
     if params["conjugate_a"]:
         raise S2C2AError("complex numbers cannot be exported to C")
     matrix = writer.stored(values[0])
-    result = copied(writer, values[1])
+    result = writer.program.copied(values[1])
     lower = params["lower"]
     is_left = params["left_side"]
     # x a = b is the transposed equation
@@ -195,32 +111,37 @@ def _triangular(writer: Writer, equation: Any, values: Values) -> Values:
         matrix = _swapped(matrix)
         lower = not lower
     unknown = result if is_left else _swapped(result)
-    batch = result_shape(equation)[:-2]
-    outer = index_names(batch)
-    arguments = [
-        _first_element(matrix, outer),
+    _add_calls(
+        writer,
+        result_shape(equation)[:-2],
+        "s_triangular",
+        matrix,
         *matrix.strides[-2:],
-        _first_element(result, outer),
+        result,
         *unknown.strides[-2:],
         *unknown.shape[-2:],
         int(lower),
         int(params["unit_diagonal"]),
-    ]
-    _add_calls(writer, batch, "s_triangular", arguments)
+    )
     return [result]
 
 
 def _add_calls(
-    writer: Writer, batch: Shape, function: str, arguments: Sequence[object]
+    writer: Writer, batch: Shape, function: str, *arguments: Stored | int
 ) -> None:
-    """Call a function for each matrix of many."""
-    given = ", ".join(map(str, arguments))
+    """Call a function for each matrix of many; arrays are pointers to one of theirs."""
     outer = index_names(batch)
-    add_loops(writer, batch, outer, f"{function}({given});")
+    given = []
+    for each in arguments:
+        if isinstance(each, Stored):
+            zeros = ["0"] * (len(each.shape) - len(outer))
+            given.append(f"&{each.at((*outer, *zeros))}")
+        else:
+            given.append(str(each))
+    add_loops(writer, batch, outer, f"{function}({', '.join(given)});")
 
 
 def _swapped(array: Stored) -> Stored:
     """The transposed matrices."""
     rank = len(array.shape)
-    batch = range(rank - 2)
-    return array.permuted([*batch, rank - 1, rank - 2])
+    return array.permuted([*range(rank - 2), rank - 1, rank - 2])

@@ -113,10 +113,6 @@ class Program:
         for workspace in self.workspaces.values():
             workspace.taken &= live
 
-    def taken(self) -> frozenset[Place]:
-        """All places in use."""
-        return frozenset().union(*(part.taken for part in self.workspaces.values()))
-
     def add(self, statement: str) -> None:
         """Append a statement."""
         self._statements.append(statement)
@@ -154,21 +150,21 @@ class Program:
         element = f"{target.at(indices)} = {value.at(indices)};"
         self.add(looped(target.shape, indices, element))
 
-    def stored(self, value: Value) -> Stored:
-        """The value in memory: a view stays where it is."""
-        if isinstance(value, Stored):
-            return value
+    def copied(self, value: Value) -> Stored:
+        """The value in an array of its own, which other operations may change."""
         array = self.new_array(value.kind, value.shape)
         self.assign(array, value)
         return array
+
+    def stored(self, value: Value) -> Stored:
+        """The value in memory: a view stays where it is."""
+        return value if isinstance(value, Stored) else self.copied(value)
 
     def contiguous(self, value: Value) -> Stored:
         """The value in memory, in order."""
         if isinstance(value, Stored) and value.is_contiguous:
             return value
-        array = self.new_array(value.kind, value.shape)
-        self.assign(array, value)
-        return array
+        return self.copied(value)
 
     def text(self) -> str:
         """The C functions, the one of the program last."""

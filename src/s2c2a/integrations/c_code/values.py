@@ -1,9 +1,10 @@
 """Arrays in generated code: places in memory, and expressions that are not stored."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import prod
-from typing import Literal
+from typing import Literal, Self
 
 Kind = Literal["float", "int32_t"]
 """Types of C; truth values are integers."""
@@ -27,26 +28,68 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Stored:
-    """An array in memory, or a view of one.
+class Value(ABC):
+    """An array that code reads.
 
     Attributes:
         kind: of its elements.
         shape: of the array.
-        base: C expression of a pointer.
-        offset: of the first element from the pointer, a C expression.
-        strides: elements between neighbors along each axis.
-        places: parts of the workspace that it reads.
     """
 
     kind: Kind
     shape: Shape
+
+    cost: int = field(default=0, kw_only=True)
+    """Operations in the expression of an element."""
+    places: frozenset[Place] = field(default=frozenset(), kw_only=True)
+    """Parts of the workspace that it reads."""
+
+    @abstractmethod
+    def at(self, indices: Indices) -> str:
+        """C expression of an element."""
+
+    @abstractmethod
+    def broadcast(self, shape: Shape, axes: Sequence[int | None]) -> Self:
+        """The array with other axes.
+
+        Args:
+            shape: of the result; axes of one element are repeated.
+            axes: where each axis is in the result; None for one element, which is left
+                out.
+        """
+
+    @abstractmethod
+    def sliced(self, starts: Sequence[int], shape: Shape, steps: Sequence[int]) -> Self:
+        """Every n-th element along each axis."""
+
+    def permuted(self, axes: Sequence[int]) -> Self:
+        """The array with its axes in another order."""
+        shape = tuple(self.shape[axis] for axis in axes)
+        return self.broadcast(shape, [axes.index(axis) for axis in range(len(axes))])
+
+    def without(self, axes: Sequence[int]) -> Self:
+        """The array without axes of one element."""
+        kept = [axis for axis in range(len(self.shape)) if axis not in axes]
+        shape = tuple(self.shape[axis] for axis in kept)
+        places = {axis: place for place, axis in enumerate(kept)}
+        return self.broadcast(
+            shape, [places.get(axis) for axis in range(len(self.shape))]
+        )
+
+
+@dataclass(frozen=True)
+class Stored(Value):
+    """An array in memory, or a view of one.
+
+    Attributes:
+        base: C expression of a pointer.
+        strides: elements between neighbors along each axis.
+        offset: of the first element from the pointer, a C expression.
+    """
+
     base: str
     strides: tuple[int, ...]
     offset: str = "0"
-    places: frozenset[Place] = frozenset()
-
-    cost = 0
 
     @classmethod
     def contiguous(
@@ -58,45 +101,33 @@ class Stored:
         places: frozenset[Place] = frozenset(),
     ) -> "Stored":
         """A whole array, last axis fastest."""
-        return cls(kind, shape, base, contiguous_strides(shape), offset, places)
+        strides = contiguous_strides(shape)
+        return cls(kind, shape, base, strides, offset, places=places)
 
     @property
     def is_contiguous(self) -> bool:
         """Whether the elements are in order, without gaps."""
         needed = contiguous_strides(self.shape)
-        pairs = zip(self.shape, self.strides, needed, strict=True)
-        return all(size == 1 or stride == need for size, stride, need in pairs)
-
-    @property
-    def pointer(self) -> str:
-        """C expression of a pointer to the first element."""
-        return self.base if self.offset == "0" else f"({self.base} + {self.offset})"
+        rows = zip(self.shape, self.strides, needed, strict=True)
+        return all(size == 1 or stride == need for size, stride, need in rows)
 
     def at(self, indices: Indices) -> str:
-        """C expression of an element."""
         parts = [] if self.offset == "0" else [self.offset]
         for index, stride in zip(indices, self.strides, strict=True):
             if stride and index != "0":
                 parts.append(index if stride == 1 else f"{index} * {stride}")
         return f"{self.base}[{' + '.join(parts) or '0'}]"
 
-    def permuted(self, axes: Sequence[int]) -> "Stored":
-        """The array with its axes in another order."""
-        shape = tuple(self.shape[axis] for axis in axes)
-        strides = tuple(self.strides[axis] for axis in axes)
-        return replace(self, shape=shape, strides=strides)
-
-    def broadcast(self, shape: Shape, axes: Sequence[int]) -> "Stored":
-        """The array with new axes, and axes of one element repeated."""
+    def broadcast(self, shape: Shape, axes: Sequence[int | None]) -> "Stored":
         strides = [0] * len(shape)
         for axis, size, stride in zip(axes, self.shape, self.strides, strict=True):
-            strides[axis] = stride if size == shape[axis] else 0
+            if axis is not None and size == shape[axis]:
+                strides[axis] = stride
         return replace(self, shape=shape, strides=tuple(strides))
 
     def sliced(
         self, starts: Sequence[int], shape: Shape, steps: Sequence[int]
     ) -> "Stored":
-        """Every n-th element along each axis."""
         pairs = zip(starts, self.strides, strict=True)
         moved = sum(start * stride for start, stride in pairs)
         strides = zip(self.strides, steps, strict=True)
@@ -107,79 +138,40 @@ class Stored:
             offset=plus(self.offset, moved),
         )
 
-    def without(self, axes: Sequence[int]) -> "Stored":
-        """The array without axes of one element."""
-        kept = [axis for axis in range(len(self.shape)) if axis not in axes]
-        return self.permuted(kept)
-
 
 @dataclass(frozen=True)
-class Computed:
+class Computed(Value):
     """An array of which each element is computed where it is used.
 
     Attributes:
-        kind: of its elements.
-        shape: of the array.
         element: indices -> C expression.
-        cost: operations in the expression.
-        places: parts of the workspace that it reads.
     """
 
-    kind: Kind
-    shape: Shape
     element: Callable[[Indices], str]
-    cost: int = 0
-    places: frozenset[Place] = frozenset()
 
     def at(self, indices: Indices) -> str:
-        """C expression of an element."""
         return self.element(indices)
 
-    def permuted(self, axes: Sequence[int]) -> "Computed":
-        """The array with its axes in another order."""
-        back = [axes.index(axis) for axis in range(len(axes))]
-        shape = tuple(self.shape[axis] for axis in axes)
-        return self._viewed(shape, lambda to: tuple(to[axis] for axis in back))
+    def broadcast(self, shape: Shape, axes: Sequence[int | None]) -> "Computed":
+        def element(to: Indices) -> str:
+            indices = []
+            for axis, size in zip(axes, self.shape, strict=True):
+                if axis is None or size != shape[axis]:
+                    indices.append("0")
+                else:
+                    indices.append(to[axis])
+            return self.element(tuple(indices))
 
-    def broadcast(self, shape: Shape, axes: Sequence[int]) -> "Computed":
-        """The array with new axes, and axes of one element repeated."""
-        sizes = dict(zip(axes, self.shape, strict=True))
-
-        def source(to: Indices) -> Indices:
-            return tuple(
-                to[axis] if size == shape[axis] else "0" for axis, size in sizes.items()
-            )
-
-        return self._viewed(shape, source)
+        return replace(self, shape=shape, element=element)
 
     def sliced(
         self, starts: Sequence[int], shape: Shape, steps: Sequence[int]
     ) -> "Computed":
-        """Every n-th element along each axis."""
-
-        def source(to: Indices) -> Indices:
+        def element(to: Indices) -> str:
             rows = zip(to, starts, steps, strict=True)
-            return tuple(linear(index, start, step) for index, start, step in rows)
+            return self.element(tuple(linear(*row) for row in rows))
 
-        return self._viewed(shape, source)
-
-    def without(self, axes: Sequence[int]) -> "Computed":
-        """The array without axes of one element."""
-        kept = [axis for axis in range(len(self.shape)) if axis not in axes]
-
-        def source(to: Indices) -> Indices:
-            indices = ["0"] * len(self.shape)
-            for axis, index in zip(kept, to, strict=True):
-                indices[axis] = index
-            return tuple(indices)
-
-        return self._viewed(tuple(self.shape[axis] for axis in kept), source)
-
-    def _viewed(self, shape: Shape, source: Callable[[Indices], Indices]) -> "Computed":
-        return replace(self, shape=shape, element=lambda to: self.element(source(to)))
-
-
-Value = Stored | Computed
+        return replace(self, shape=shape, element=element)
 
 
 def contiguous_strides(shape: Shape) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
 """From a jaxpr to statements of a program."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,15 +11,15 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.elementwise import cost_of, element_of
-from s2c2a.integrations.c_code.program import Program, constant, kind_of
-from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
-from s2c2a.integrations.jaxprs import (
+from s2c2a.integrations.c_code.jaxprs import (
     described,
     folded,
     inner_call,
     needed_equations,
     simplified,
 )
+from s2c2a.integrations.c_code.program import Program, constant, kind_of
+from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
 
 MAX_COST = 40  # operations of one expression; compilers take long over larger ones
 
@@ -75,15 +75,19 @@ class Writer:
         """
         wanted = [True] * len(jaxpr.outvars) if needed is None else list(needed)
         equations = needed_equations(jaxpr, wanted)
-        scope = Scope(uses=_uses(jaxpr, equations, wanted))
+        scope = Scope()
+        read = [variable for equation, _ in equations for variable in equation.invars]
+        for variable, want in zip(jaxpr.outvars, wanted, strict=True):
+            if want:
+                read.append(variable)
+        scope.uses.update(each for each in read if isinstance(each, Var))
         for variable, array in zip(jaxpr.constvars, constants, strict=True):
             scope.values[variable] = _known(array)
         for variable, value in zip(jaxpr.invars, inputs, strict=True):
             scope.values[variable] = self._kept(value, scope.uses[variable])
-        self._protected.append(self._reads(list(inputs)))
-        for equation, is_used in equations:
-            self._write_equation(equation, is_used, scope)
-        self._protected.pop()
+        with self.protecting(inputs):
+            for equation, is_used in equations:
+                self._write_equation(equation, is_used, scope)
         return [
             self._read(variable, scope)
             if is_needed
@@ -112,9 +116,9 @@ class Writer:
         return self.program.stored(value)
 
     @contextmanager
-    def protecting(self, values: Sequence[Value]) -> Iterator[None]:
+    def protecting(self, values: Iterable[Value | np.ndarray]) -> Iterator[None]:
         """Keep the places of values while the block writes other operations."""
-        self._protected.append(self._reads(list(values)))
+        self._protected.append(self._reads(values))
         try:
             yield
         finally:
@@ -133,7 +137,7 @@ class Writer:
         for variable in equation.invars:
             if isinstance(variable, Var) and not scope.uses[variable]:
                 scope.values.pop(variable, None)
-        live = self._reads(list(scope.values.values())).union(*self._protected)
+        live = self._reads(scope.values.values()).union(*self._protected)
         self.program.free_all_but(live)
 
     def _outputs(
@@ -146,29 +150,31 @@ class Writer:
         name = equation.primitive.name
         if (call := inner_call(equation, operands)) is not None:
             inner, given = call
-            self._protected.append(self._reads(list(scope.values.values())))
-            outputs = self.write(inner.jaxpr, inner.consts, given, is_used)
-            self._protected.pop()
-            return outputs
+            with self.protecting(scope.values.values()):
+                return self.write(inner.jaxpr, inner.consts, given, is_used)
         if (results := folded(equation, operands)) is not None:
             return [_known(result) for result in results]
         if (simple := simplified(equation, operands)) is not None:
             return [simple]
         values = [self.value(operand) for operand in operands]
         if name in RULES:
-            here = self._reads([*scope.values.values(), *values])
-            self._protected.append(here)
-            written = RULES[name](self, equation, values)
-            self._protected.pop()
-            return written
+            with self.protecting([*scope.values.values(), *values]):
+                return RULES[name](self, equation, values)
         dtypes = [described(variable).dtype for variable in equation.invars]
         element = element_of(name, equation.params, dtypes)
         if element is None:
             raise S2C2AError(
-                f"the operation '{name}' cannot be exported to C; choose another recipe, "
-                "or export to onnx"
+                f"the operation '{name}' cannot be exported to C; choose another recipe"
             )
-        return [_elementwise(equation, element, values)]
+
+        def at(indices: Indices) -> str:
+            return element(*(broadcast_at(value, indices) for value in values))
+
+        output = described(equation.outvars[0])
+        cost = cost_of(name) + sum(value.cost for value in values)
+        kind = kind_of(output.dtype)
+        places = self._reads(values)
+        return [Computed(kind, output.shape, at, cost=cost, places=places)]
 
     def _kept(self, value: Value | np.ndarray, uses: int) -> Value | np.ndarray:
         """The value as later operations read it: stored if computed too often."""
@@ -183,7 +189,7 @@ class Writer:
             return _known(variable.val)
         return scope.values[variable]
 
-    def _reads(self, values: list[Value | np.ndarray]) -> frozenset[Place]:
+    def _reads(self, values: Iterable[Value | np.ndarray]) -> frozenset[Place]:
         places = [value.places for value in values if not isinstance(value, np.ndarray)]
         return frozenset().union(*places)
 
@@ -194,37 +200,9 @@ def _known(array: Any) -> np.ndarray:
     return values.astype(np.float32) if is_float else values
 
 
-def _uses(
-    jaxpr: Jaxpr, equations: list[tuple[JaxprEqn, list[bool]]], wanted: list[bool]
-) -> Counter:
-    """How often each variable is read."""
-    uses: Counter = Counter()
-    for equation, _ in equations:
-        uses.update(
-            variable for variable in equation.invars if isinstance(variable, Var)
-        )
-    for variable, want in zip(jaxpr.outvars, wanted, strict=True):
-        if want and isinstance(variable, Var):
-            uses[variable] += 1
-    return uses
-
-
 def broadcast_at(value: Value, indices: Indices) -> str:
     """An element of a value that is broadcast to more elements."""
     if not value.shape:
         return value.at(())
     pairs = zip(indices, value.shape, strict=True)
     return value.at(tuple("0" if size == 1 else index for index, size in pairs))
-
-
-def _elementwise(
-    equation: JaxprEqn, element: Callable[..., str], values: list[Value]
-) -> Computed:
-    output = described(equation.outvars[0])
-
-    def at(indices: Indices) -> str:
-        return element(*(broadcast_at(value, indices) for value in values))
-
-    cost = cost_of(equation.primitive.name) + sum(value.cost for value in values)
-    places = frozenset().union(*(value.places for value in values))
-    return Computed(kind_of(output.dtype), output.shape, at, cost, places)

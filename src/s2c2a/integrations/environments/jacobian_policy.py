@@ -61,20 +61,13 @@ class JacobianPolicy:
         errors = observations[:, self._parts["goal_offset"]]
         motions = observations[:, self._parts["goal_change"]]
         unit = OFFSET_UNIT * self._controls.arm.length
-        changes = self._changes(bends, unit * (GAIN * errors + motions))
-        return np.clip(changes / self._controls.geometry.step_limit, -1.0, 1.0)
-
-    def _changes(
-        self,
-        bends: Float[np.ndarray, "batch controls"],
-        motions: Float[np.ndarray, "batch 3"],
-    ) -> Float[np.ndarray, "batch controls"]:
-        """Changes of the bends [rad] for motions of the tip [m]."""
+        wanted = unit * (GAIN * errors + motions)  # of the tip [m]
         damping = (DAMPING * self._controls.arm.length) ** 2 * np.eye(3)
         jacobians = np.asarray(self._jacobians(bends.astype(np.float32)))
         transposed = jacobians.transpose(0, 2, 1)
         damped = jacobians @ transposed + damping
-        changes = transposed @ np.linalg.solve(damped, motions[..., None])
+        moved = transposed @ np.linalg.solve(damped, wanted[..., None])
         moving = np.linalg.pinv(jacobians, RANK) @ jacobians
         without_effect = bends[..., None] - moving @ bends[..., None]
-        return (changes - NULL_SPACE_GAIN * without_effect)[..., 0]
+        changes = (moved - NULL_SPACE_GAIN * without_effect)[..., 0]
+        return np.clip(changes / self._controls.geometry.step_limit, -1.0, 1.0)

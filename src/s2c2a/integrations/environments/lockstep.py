@@ -62,8 +62,19 @@ class Lockstep:
             forces: at the tips [N], base frame.
         """
         controls = self._move_motors(commands)
-        inputs, kind = self._with_forces(controls, forces)
-        starts = self._physics_states()
+        inputs = controls
+        kind = mujoco.mjtState.mjSTATE_CTRL
+        if forces.any():
+            for robot, force in zip(self._robots, forces, strict=True):
+                robot.apply_force(force)
+            wrenches = [robot.tip_wrenches().ravel() for robot in self._robots]
+            repeated = np.repeat(np.array(wrenches)[:, None], len(self._times), axis=1)
+            kind = kind | mujoco.mjtState.mjSTATE_XFRC_APPLIED
+            inputs = np.concatenate([controls, repeated], axis=-1)
+        size = mujoco.mj_stateSize(self._models[0], STATE)
+        starts = np.empty((len(self._robots), size))
+        for robot, state in zip(self._robots, starts, strict=True):
+            mujoco.mj_getState(robot.model, robot.data, state, STATE)
         path = np.empty((len(starts), len(self._times), starts.shape[1]))
         self._rollout.rollout(
             self._models,
@@ -97,20 +108,19 @@ class Lockstep:
         axes = matrices[:, ends, 2::3]
         return np.concatenate([positions[:, ends], axes], axis=-1)
 
-    def _physics_states(self) -> Float[np.ndarray, "arms numbers"]:
-        size = mujoco.mj_stateSize(self._models[0], STATE)
-        states = np.empty((len(self._robots), size))
-        for robot, state in zip(self._robots, states, strict=True):
-            mujoco.mj_getState(robot.model, robot.data, state, STATE)
-        return states
-
     def _move_motors(self, commands: Actions) -> Float[np.ndarray, "arms times cables"]:
         """Move the motors; returns the commands of the actuators at the modules."""
         motors = np.array([robot.motors for robot in self._robots])
         errors = np.array([robot.homing_errors for robot in self._robots])
         path = compute_motor_path(motors, commands, self._times, self._motor)
+        # friction depends on tensions [N] and bend angles [rad]
+        tensions = np.zeros((len(self._robots), *self._present.shape))
+        angles = tensions[..., 0]
+        if self._transmission.has_friction:
+            tensions = np.array([robot.tensions() for robot in self._robots])
+            angles = np.array([robot.bend_angles() for robot in self._robots])
         transmitted = self._transmission.transmit(
-            path + errors, self._times, *self._loads()
+            path + errors, self._times, tensions, angles
         )
         losses = self._transmission
         for number, robot in enumerate(self._robots):
@@ -118,30 +128,6 @@ class Lockstep:
             robot.transmission.transmitted = losses.transmitted[number]
             robot.transmission.crept = losses.crept[number]
         return np.ascontiguousarray(transmitted[..., self._present].swapaxes(0, 1))
-
-    def _loads(self) -> tuple[Actions, Float[np.ndarray, "arms modules"]]:
-        """Tensions [N] and bend angles [rad], on which friction depends."""
-        if not self._transmission.has_friction:
-            shape = (len(self._robots), *self._present.shape)
-            return np.zeros(shape), np.zeros(shape[:2])
-        tensions = np.array([robot.tensions() for robot in self._robots])
-        return tensions, np.array([robot.bend_angles() for robot in self._robots])
-
-    def _with_forces(
-        self,
-        controls: Float[np.ndarray, "arms times cables"],
-        forces: Float[np.ndarray, "arms 3"],
-    ) -> tuple[Float[np.ndarray, "arms times numbers"], mujoco.mjtState]:
-        """Inputs of a rollout, and MuJoCo's name for them."""
-        kind = mujoco.mjtState.mjSTATE_CTRL
-        if not forces.any():
-            return controls, kind
-        for robot, force in zip(self._robots, forces, strict=True):
-            robot.apply_force(force)
-        wrenches = np.array([robot.tip_wrenches().ravel() for robot in self._robots])
-        repeated = np.repeat(wrenches[:, None], len(self._times), axis=1)
-        kind = kind | mujoco.mjtState.mjSTATE_XFRC_APPLIED
-        return np.concatenate([controls, repeated], axis=-1), kind
 
     def _take(
         self,

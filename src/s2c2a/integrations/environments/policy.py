@@ -7,7 +7,7 @@ not needed to run it.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -22,8 +22,6 @@ from s2c2a.runtime import Driver
 from s2c2a.spaces import POSITION, Actions, Reading
 from s2c2a.strategies import (
     STRATEGIES,
-    Recipe,
-    RunOptions,
     StrategyOptions,
     TrainedNetworks,
     check_new_networks,
@@ -74,13 +72,7 @@ class PolicyStrategy(StrategyOptions):
             )
         }
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Driver:
+    def build(self, arm, recipe, trained, run) -> Driver:
         if trained is None:
             raise StrategyError(
                 "the strategy 'policy' needs a trained one; give its file with --weights"
@@ -201,25 +193,6 @@ def save_policy(
     options = PolicyStrategy(width, len(layers) - 1, activation, squashed)
     recipe = recipe_named("best")
     blank = options.untrained(arm, recipe, jax.random.key(0))[NETWORK]
-    networks = TrainedNetworks(
-        arm,
-        recipe,
-        seed,
-        {NETWORK: _filled(blank, layers)},
-        percent={NETWORK: (0.0, 0.0)},
-        curves={NETWORK: np.zeros((1, 3), np.float32)},
-        strategy=STRATEGIES.name_of(PolicyStrategy),
-        strategy_options=asdict(options),
-    )
-    save_networks(networks, path)
-
-
-def _filled(blank: Any, layers: Sequence[Layer]) -> Any:
-    """A network with these layers.
-
-    Raises:
-        StrategyError: a shape differs, or a number is not finite.
-    """
     expected = [(layer.weight.shape, layer.bias.shape) for layer in blank.layers]
     given = [(np.shape(weight), np.shape(bias)) for weight, bias in layers]
     if given != expected:
@@ -230,10 +203,21 @@ def _filled(blank: Any, layers: Sequence[Layer]) -> Any:
     numbers = [np.asarray(array, np.float32) for layer in layers for array in layer]
     if not all(np.isfinite(array).all() for array in numbers):
         raise StrategyError("a weight of the policy is not finite; train it anew")
-
-    def arrays(network):
-        return [
+    filled = eqx.tree_at(
+        lambda network: [
             array for layer in network.layers for array in (layer.weight, layer.bias)
-        ]
-
-    return eqx.tree_at(arrays, blank, numbers)
+        ],
+        blank,
+        numbers,
+    )
+    networks = TrainedNetworks(
+        arm,
+        recipe,
+        seed,
+        {NETWORK: filled},
+        percent={NETWORK: (0.0, 0.0)},
+        curves={NETWORK: np.zeros((1, 3), np.float32)},
+        strategy=STRATEGIES.name_of(PolicyStrategy),
+        strategy_options=asdict(options),
+    )
+    save_networks(networks, path)

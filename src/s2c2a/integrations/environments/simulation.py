@@ -16,7 +16,7 @@ from s2c2a.errors import ActionError, S2C2AError, did_you_mean
 from s2c2a.execution.executors import all_cores
 from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
 from s2c2a.integrations.environments.spaces import Controls, observe
-from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
+from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.chain import get_fidelity
 from s2c2a.runtime.limits import CommandLimits
@@ -77,7 +77,18 @@ class SimulationBatch:
     ):
         self.arm = arm if isinstance(arm, ArmSpec) else load_arm(arm)
         self.controls = Controls.of(self.arm)
-        self.family = _family(task, self.controls, seconds)
+        if task not in FAMILIES:
+            raise S2C2AError(
+                f"no task '{task}'{did_you_mean(task, FAMILIES)}; choose one of "
+                f"{', '.join(FAMILIES)}"
+            )
+        steps = seconds * self.arm.control_rate
+        if not 1 <= steps <= MAX_STEPS:
+            raise S2C2AError(
+                f"an episode of {seconds} s has {steps:g} control steps; give a duration "
+                f"of 1 to {MAX_STEPS} steps"
+            )
+        self.family = FAMILIES[task](self.controls, round(steps))
         self._limits = CommandLimits.of(self.arm)
         self._randomization = randomization
         self._fidelity = fidelity
@@ -117,10 +128,9 @@ class SimulationBatch:
             randoms: of these arms, from which everything is sampled.
             new_robots: whether earlier episodes have no influence, as after a seed.
         """
-        work = []
-        for number, random in zip(numbers, randoms, strict=True):
-            work.append(partial(self._reset_one, number, random, new_robots))
-        self._run(work)
+        run = map if self._pool is None else self._pool.map
+        begin = partial(self._reset_one, new_robots)
+        list(run(begin, numbers, randoms))  # an error of one is raised here
         self._groups = in_lockstep(self._robots, self._rollout)
 
     def step(self, actions: Float[np.ndarray, "batch controls"]) -> BatchStep:
@@ -216,10 +226,14 @@ class SimulationBatch:
             self._states[moved] = robots.states()[~diverged]
 
     def _reset_one(
-        self, number: int, random: np.random.Generator, new_robot: bool
+        self, new_robot: bool, number: int, random: np.random.Generator
     ) -> None:
         if new_robot or self._randomization or number not in self._robots:
-            self._robots[number] = self._sample_robot(random)
+            seed = int(random.integers(MAX_SEED))
+            arm = self.arm
+            if self._randomization:
+                arm = randomized_arm(arm, seed, self._randomization)
+            self._robots[number] = SimulatedRobot(arm, self._fidelity, seed)
         robot = self._robots[number]
         robot.open()
         # all that an observation needs; `read` measures more
@@ -233,41 +247,3 @@ class SimulationBatch:
         self._commands[number] = self._desired[number] = self._limits.rest
         self._changes[number] = 0.0
         self._actions[number] = 0.0
-
-    def _sample_robot(self, random: np.random.Generator) -> SimulatedRobot:
-        seed = int(random.integers(MAX_SEED))
-        arm = self.arm
-        if self._randomization:
-            arm = randomized_arm(arm, seed, self._randomization)
-        return self._robot(seed, arm)
-
-    def _robot(self, seed: int, arm: ArmSpec) -> SimulatedRobot:
-        return SimulatedRobot(arm, self._fidelity, seed)
-
-    def _run(self, work: Sequence) -> None:
-        if self._pool is None:
-            for part in work:
-                part()
-            return
-        for future in [self._pool.submit(part) for part in work]:
-            future.result()
-
-
-def _family(task: str, controls: Controls, seconds: float) -> Family:
-    """The family of a name.
-
-    Raises:
-        S2C2AError: no such family, or the duration is out of range.
-    """
-    if task not in FAMILIES:
-        raise S2C2AError(
-            f"no task '{task}'{did_you_mean(task, FAMILIES)}; choose one of "
-            f"{', '.join(FAMILIES)}"
-        )
-    steps = seconds * controls.arm.control_rate
-    if not 1 <= steps <= MAX_STEPS:
-        raise S2C2AError(
-            f"an episode of {seconds} s has {steps:g} control steps; give a duration "
-            f"of 1 to {MAX_STEPS} steps"
-        )
-    return FAMILIES[task](controls, round(steps))

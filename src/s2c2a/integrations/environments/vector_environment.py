@@ -82,14 +82,11 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         self._over = terminated | truncated
         observations = outcome.observations
         if was_over.any():
-            observations = self._begin_next(np.flatnonzero(was_over))
+            numbers = np.flatnonzero(was_over)
+            randoms = [self._randoms[number] for number in numbers]
+            self.batch.reset(numbers.tolist(), randoms, new_robots=False)
+            observations = self.batch.observations()
         return observations, rewards, terminated, truncated, info
-
-    def _begin_next(self, numbers: np.ndarray) -> np.ndarray:
-        """Begin the next episode of some arms; returns the observations of all."""
-        randoms = [self._randoms[number] for number in numbers]
-        self.batch.reset(numbers.tolist(), randoms, new_robots=False)
-        return self.batch.observations()
 
     def close_extras(self, **kwargs: Any):
         """See `gymnasium.vector.VectorEnv.close_extras`."""

@@ -49,7 +49,7 @@ def c_of(strategy: Strategy, name: str, origin: str) -> Generated:
         name: prefix of all names in C.
         origin: where it comes from, for the comment at the head.
     """
-    step = ControlStep.of(strategy)
+    step = ControlStep(strategy)
     arm = strategy.arm
     about = (
         f"Control step of {origin} for the arm {arm.name}, every "

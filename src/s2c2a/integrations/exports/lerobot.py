@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.cli.export_table import (
@@ -24,8 +25,11 @@ from s2c2a.cli.export_table import (
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.exports.folders import new_folder, write_map
-from s2c2a.integrations.exports.targets import held
 from s2c2a.integrations.extras import needs_extra
+
+with needs_extra("tables", "the form lerobot"):
+    import pyarrow
+    from pyarrow import parquet
 
 VERSION = "v3.0"
 GROUPS = {
@@ -35,6 +39,7 @@ GROUPS = {
 }
 """Prefix of the columns of each feature, and what stands for it in the feature."""
 PATHS = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+FIRST = PATHS.format(chunk_index=0, file_index=0)
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Those of LeRobot, by its names."""
 
@@ -65,33 +70,38 @@ def write_lerobot(file: Path, out: Path) -> str:
     """Write a recording as a LeRobotDataset, and the map that imports it again.
 
     Raises:
-        S2C2AError: the extra `tables` is missing, the folder exists, or no sensor has
-            values.
+        S2C2AError: the folder exists, or no sensor has values.
     """
-    with needs_extra("tables", "the form lerobot"):
-        import pyarrow  # noqa: F401, PLC0415  # an extra
     episodes, options = load_episodes(file)
     table = table_of(episodes)
     tasks = [str(each.options.get("task", file.stem)) for each in episodes]
     features, names = _features(table, episodes, tasks)
     with new_folder(out) as folder:
-        _write_rows(features, folder / "data" / PATHS.format(**_FIRST))
-        _write_tasks(tasks, folder / "meta" / "tasks.parquet")
-        _write_episodes(features, episodes, tasks, folder / "meta" / "episodes")
-        _write_json(_info(features, episodes, tasks), folder / "meta" / "info.json")
-        _write_json(_all_stats(features), folder / "meta" / "stats.json")
-        source = {
-            "arm": arm_to_toml(episodes[0].arm),
-            "options": options,
-            "units": units_of(episodes),
+        meta = folder / "meta"
+        columns = {}
+        for name, feature in features.items():
+            numbers = pyarrow.array(feature.values.reshape(-1))
+            width = feature.values.shape[1]
+            lists = pyarrow.FixedSizeListArray.from_arrays
+            columns[name] = numbers if width == 1 else lists(numbers, width)
+        _write_table(pyarrow.table(columns), folder / "data" / FIRST)
+        _write_tasks(tasks, meta / "tasks.parquet")
+        _write_episodes(features, episodes, tasks, meta / "episodes" / FIRST)
+        contents: dict[str, dict[str, Any]] = {
+            "info": _info(features, episodes, tasks),
+            "stats": {name: _stats(each.values) for name, each in features.items()},
+            "s2c2a": {
+                "arm": arm_to_toml(episodes[0].arm),
+                "options": options,
+                "units": units_of(episodes),
+            },
         }
-        _write_json(source, folder / "meta" / "s2c2a.json")
+        for name, content in contents.items():
+            text = json.dumps(content, indent=4, ensure_ascii=False, default=str)
+            (meta / f"{name}.json").write_text(text, encoding="utf-8")
     text = import_map(episodes, table, bool(options.get("at_rest")))
     write_map(text, names, out.with_name(f"{out.name}.map.toml"))
     return f"{len(episodes)} episodes"
-
-
-_FIRST = {"chunk_index": 0, "file_index": 0}
 
 
 def _features(
@@ -101,12 +111,18 @@ def _features(
     features = {}
     renamed = {EPISODE: "episode_index"}
     for feature, (prefix, place) in GROUPS.items():
-        names = [name for name in table if _belongs(name, table[name], prefix)]
+        names = [
+            name
+            for name, column in table.items()
+            if name.startswith(prefix) and np.isfinite(column).any()
+        ]
         if not names:
             continue
         values = np.stack([table[name] for name in names], axis=1)
         if prefix == "desired_":
-            values = _held(values, table[EPISODE])
+            for episode in np.unique(table[EPISODE]):
+                rows = table[EPISODE] == episode
+                values[rows] = held(values[rows])
         places = tuple(place + name.removeprefix(prefix) for name in names)
         features[feature] = Feature(values.astype(np.float32), places)
         renamed |= {
@@ -122,14 +138,18 @@ def _features(
     return features | _indices(episodes, tasks), renamed
 
 
-def _belongs(name: str, values: np.ndarray, prefix: str) -> bool:
-    return name.startswith(prefix) and bool(np.isfinite(values).any())
+def held(targets: Float[np.ndarray, "steps numbers"]) -> np.ndarray:
+    """Targets held where there is none, since a network learns nothing from NaN.
 
-
-def _held(values: np.ndarray, episodes: np.ndarray) -> np.ndarray:
-    """Targets held within each episode."""
-    parts = [held(values[episodes == episode]) for episode in np.unique(episodes)]
-    return np.concatenate(parts)
+    Before the first target, it is that one. A column without any target stays NaN.
+    """
+    filled = targets.copy()
+    for column in filled.T:
+        known = np.flatnonzero(np.isfinite(column))
+        if len(known):
+            last = np.searchsorted(known, np.arange(len(column)), side="right") - 1
+            column[:] = column[known[np.maximum(last, 0)]]
+    return filled
 
 
 def _indices(episodes: Sequence[Episode], tasks: Sequence[str]) -> dict[str, Feature]:
@@ -171,6 +191,7 @@ def _info(
 
 def _stats(values: np.ndarray) -> dict[str, list]:
     """Statistics of each number; of what was measured, if some is missing."""
+    values = values.astype(float)
     measured = np.isfinite(values).any(axis=0)
     values = np.where(measured, values, 0.0)
     stats = {
@@ -181,41 +202,23 @@ def _stats(values: np.ndarray) -> dict[str, list]:
     }
     for name, share in QUANTILES.items():
         stats[name] = np.nanquantile(values, share, axis=0)
-    lists = {name: each.astype(float).tolist() for name, each in stats.items()}
+    lists = {name: each.tolist() for name, each in stats.items()}
     return lists | {"count": [len(values)]}
-
-
-def _all_stats(features: Mapping[str, Feature]) -> dict[str, dict[str, list]]:
-    return {
-        name: _stats(feature.values.astype(float)) for name, feature in features.items()
-    }
-
-
-def _write_rows(features: Mapping[str, Feature], path: Path) -> None:
-    import pyarrow  # noqa: PLC0415  # an extra
-
-    columns = {}
-    for name, feature in features.items():
-        numbers = pyarrow.array(feature.values.reshape(-1))
-        width = feature.values.shape[1]
-        lists = pyarrow.FixedSizeListArray.from_arrays
-        columns[name] = numbers if width == 1 else lists(numbers, width)
-    _write_table(pyarrow.table(columns), path)
 
 
 def _write_tasks(tasks: Sequence[str], path: Path) -> None:
     """Write the tasks as an index of pandas, by which LeRobot looks them up."""
-    import pyarrow  # noqa: PLC0415  # an extra
-
     names = list(dict.fromkeys(tasks))
     index = "__index_level_0__"
+    fields = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
+    columns = [
+        ("task_index", "task_index", "int64", "int64", None),
+        (None, index, "unicode", "object", None),
+    ]
     pandas = {
         "index_columns": [index],
         "column_indexes": [],
-        "columns": [
-            _pandas_column("task_index", "task_index", "int64", "int64"),
-            _pandas_column(None, index, "unicode", "object"),
-        ],
+        "columns": [dict(zip(fields, column, strict=True)) for column in columns],
         "pandas_version": "2.0.0",
     }
     table = pyarrow.table(
@@ -225,26 +228,12 @@ def _write_tasks(tasks: Sequence[str], path: Path) -> None:
     _write_table(table, path)
 
 
-def _pandas_column(
-    name: str | None, field: str, pandas_type: str, numpy_type: str
-) -> dict[str, str | None]:
-    return {
-        "name": name,
-        "field_name": field,
-        "pandas_type": pandas_type,
-        "numpy_type": numpy_type,
-        "metadata": None,
-    }
-
-
 def _write_episodes(
     features: Mapping[str, Feature],
     episodes: Sequence[Episode],
     tasks: Sequence[str],
-    folder: Path,
+    path: Path,
 ) -> None:
-    import pyarrow  # noqa: PLC0415  # an extra
-
     rows = []
     begin = 0
     for number, (episode, task) in enumerate(zip(episodes, tasks, strict=True)):
@@ -261,21 +250,13 @@ def _write_episodes(
             "meta/episodes/file_index": 0,
         }
         for name, feature in features.items():
-            stats = _stats(feature.values[begin:end].astype(float))
+            stats = _stats(feature.values[begin:end])
             row |= {f"stats/{name}/{key}": values for key, values in stats.items()}
         rows.append(row)
         begin = end
-    _write_table(pyarrow.Table.from_pylist(rows), folder / PATHS.format(**_FIRST))
+    _write_table(pyarrow.Table.from_pylist(rows), path)
 
 
 def _write_table(table: Any, path: Path) -> None:
-    from pyarrow import parquet  # noqa: PLC0415  # an extra
-
     path.parent.mkdir(parents=True, exist_ok=True)
     parquet.write_table(table, path)
-
-
-def _write_json(content: dict[str, Any], path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(content, indent=4, ensure_ascii=False, default=str)
-    path.write_text(text, encoding="utf-8")

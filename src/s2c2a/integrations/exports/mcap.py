@@ -10,25 +10,27 @@ from s2c2a.episodes import load_episodes
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.integrations.exports.folders import write_map
 from s2c2a.integrations.extras import needs_extra
-from s2c2a.integrations.foxglove_scene import (
-    NANOSECONDS,
-    SCENE,
-    STEP,
-    WORLD,
-    FoxgloveScene,
-    step_name,
-)
 from s2c2a.integrations.scenes import scenes_of
+
+with needs_extra("foxglove", "the form mcap"):
+    import foxglove
+
+    from s2c2a.integrations.foxglove_scene import (
+        NANOSECONDS,
+        SCENE,
+        STEP,
+        WORLD,
+        FoxgloveScene,
+        step_name,
+    )
 
 
 def write_mcap(file: Path, out: Path) -> str:
     """Write a recording as MCAP, with a layout and the map that imports it again.
 
     Raises:
-        S2C2AError: the extra `foxglove` is missing, or a file cannot be written.
+        S2C2AError: a file cannot be written.
     """
-    with needs_extra("foxglove", "the form mcap"):
-        import foxglove  # noqa: PLC0415  # an extra
     episodes, options = load_episodes(file)
     arm = episodes[0].arm
     context = foxglove.Context()

@@ -1,5 +1,6 @@
 """An arm on the topics of ROS 2, until the block ends."""
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -8,11 +9,13 @@ from dataclasses import dataclass
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.ros.driver import RosDriver
 from s2c2a.integrations.ros.inputs import Inputs
-from s2c2a.integrations.ros.names import check_domain, check_namespace
 from s2c2a.integrations.ros.node import Node, check_endpoint
 from s2c2a.integrations.ros.outputs import Outputs
 from s2c2a.integrations.ros.reporter import Reporter
 from s2c2a.live.snapshot import Control
+
+MAX_DOMAIN = 232  # of ROS 2 ("The ROS_DOMAIN_ID"): beyond, DDS has no ports
+NAMESPACE = re.compile(r"(/[A-Za-z][A-Za-z0-9_]*)+")
 
 
 @dataclass(frozen=True)
@@ -41,8 +44,16 @@ class RosOptions:
     def __post_init__(self):
         """Check the options."""
         check_endpoint(self.endpoint)
-        check_domain(self.domain)
-        check_namespace(self.namespace)
+        if not 0 <= self.domain <= MAX_DOMAIN:
+            raise S2C2AError(
+                f"domain {self.domain} is not one of ROS 2; give 0 to {MAX_DOMAIN}"
+            )
+        if not NAMESPACE.fullmatch(self.namespace):
+            raise S2C2AError(
+                f"namespace '{self.namespace}' is not one of ROS 2; begin each part with "
+                "a slash and a letter, and go on with letters, digits and _, as in "
+                "/lab/arm"
+            )
         if not self.frame:
             raise S2C2AError("the frame has no name; give one such as base")
         if not 0.0 < self.timeout < float("inf"):

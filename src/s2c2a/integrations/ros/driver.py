@@ -91,7 +91,16 @@ class RosDriver:
             self._refuse(name, error)
             on = True
         if on:
-            self._stop(name)
+            if not self._control.request.stopped:
+                self._log(f"{name.replace('_', ' ')} by ROS")
+                self._control.halt(f"a message on {name}")
+            if name != EMERGENCY:
+                return
+            # trigger the emergency stop of the process that controls the arm
+            if not isinstance(self._control, ControlProcess):
+                EMERGENCY_STOP.trigger("a message of ROS")
+            elif hasattr(signal, "SIGUSR1"):  # on Windows, the stop of before holds
+                self._control.stop_at_once()
         elif name == STOP and self._control.request.stopped:
             self._control.ask(stopped=False)
             self._log("resumed by ROS")
@@ -102,18 +111,14 @@ class RosDriver:
         self._thread.join()
         self._control.ask(driven=False)
 
-    def _stop(self, name: str) -> None:
-        if not self._control.request.stopped:
-            self._log(f"{name.replace('_', ' ')} by ROS")
-            self._control.halt(f"a message on {name}")
-        if name == EMERGENCY:
-            _stop_at_once(self._control)
-
     def _run(self) -> None:
         while not self._ended.wait(1.0 / MAX_RATE):
             for name, payload in self._inbox.take(1.0 / MAX_RATE).items():
                 self._obey(name, payload)
-            self._check_presence()
+            silent = time.monotonic() - self._heard > self._timeout
+            if silent and self._control.request.driven:
+                self._control.ask(driven=False)
+                self._log(f"no target or task for {self._timeout:g} s; the arm holds")
 
     def _obey(self, name: str, payload: bytes) -> None:
         kind, read = self._readers[name]
@@ -135,12 +140,6 @@ class RosDriver:
             return changes  # an empty task beside a target
         return {**changes, "target": latest.tip, "axis": None, "shape": None}
 
-    def _check_presence(self) -> None:
-        silent = time.monotonic() - self._heard > self._timeout
-        if silent and self._control.request.driven:
-            self._control.ask(driven=False)
-            self._log(f"no target or task for {self._timeout:g} s; the arm holds")
-
     def _refuse(self, name: str, error: MessageError) -> None:
         """Count a message, and log it if the last line about its topic is old."""
         self.refused += 1
@@ -150,12 +149,3 @@ class RosDriver:
             # whoever wrote the message must not write to the terminal
             text = "".join(each if each.isprintable() else "?" for each in str(error))
             self._log(f"refused a message on {name}: {text}")
-
-
-def _stop_at_once(control: Control) -> None:
-    """Trigger the emergency stop of the process that controls the arm."""
-    if isinstance(control, ControlProcess):
-        if hasattr(signal, "SIGUSR1"):  # not on Windows, where the stop of before holds
-            control.stop_at_once()
-        return
-    EMERGENCY_STOP.trigger("a message of ROS")

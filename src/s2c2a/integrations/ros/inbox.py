@@ -1,9 +1,6 @@
 """The latest message of each topic, handed on at a bounded rate."""
 
 import threading
-from collections.abc import Callable
-
-Handle = Callable[[str, bytes], None]
 
 
 class Inbox:

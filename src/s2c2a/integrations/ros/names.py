@@ -3,18 +3,14 @@
 Source: "A ROS 2 RMW based on Zenoh", docs/design.md of ros2/rmw_zenoh.
 """
 
-import re
 import struct
 from dataclasses import dataclass
 
-from s2c2a.errors import S2C2AError
 from s2c2a.integrations.ros.messages import type_hash
 
 NODE_NAME = "s2c2a"
 QOS = "::,10:,:,:,,"
 """Quality of service in a token: all defaults of ROS 2 (reliable, volatile, last 10)."""
-MAX_DOMAIN = 232  # of ROS 2 ("The ROS_DOMAIN_ID"): beyond, DDS has no ports
-NAMESPACE = re.compile(r"(/[A-Za-z][A-Za-z0-9_]*)+")
 
 
 @dataclass(frozen=True)
@@ -86,21 +82,6 @@ def attachment(sequence: int, moment_ns: int, sender: bytes) -> bytes:
         sender: id of the publisher, 16 bytes.
     """
     return struct.pack("<qqB", sequence, moment_ns, len(sender)) + sender
-
-
-def check_namespace(namespace: str) -> None:
-    """Raise S2C2AError if ROS 2 does not allow a namespace."""
-    if not NAMESPACE.fullmatch(namespace):
-        raise S2C2AError(
-            f"namespace '{namespace}' is not one of ROS 2; begin each part with a slash "
-            "and a letter, and go on with letters, digits and _, as in /lab/arm"
-        )
-
-
-def check_domain(domain: int) -> None:
-    """Raise S2C2AError if ROS 2 does not allow a domain."""
-    if not 0 <= domain <= MAX_DOMAIN:
-        raise S2C2AError(f"domain {domain} is not one of ROS 2; give 0 to {MAX_DOMAIN}")
 
 
 def _mangled(name: str) -> str:

@@ -46,10 +46,33 @@ class Node:
         with needs_extra("ros", "ROS 2"):
             import zenoh  # noqa: PLC0415  # an extra
         self._zenoh = zenoh
+        # one way to others, and no search for more
+        settings: dict[str, Any] = {
+            "mode": "router" if router else "client",
+            "listen/endpoints": [endpoint] if router else [],
+            "connect/endpoints": [] if router else [endpoint],
+            "scouting/multicast/enabled": False,
+            "scouting/gossip/autoconnect": {"router": [], "peer": []},
+            "transport/link/rx/max_message_size": 16 * MAX_MESSAGE,
+        }
+        config = zenoh.Config()
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
         try:
-            self._session = zenoh.open(_config(zenoh.Config(), endpoint, router))
+            self._session = zenoh.open(config)
         except zenoh.ZError as error:
-            raise S2C2AError(_failure(endpoint, router)) from error
+            text = (
+                f"no Zenoh router answers at {endpoint}; start one (`ros2 run "
+                "rmw_zenoh_cpp rmw_zenohd`), name its --endpoint, or give --router to "
+                "be the router"
+            )
+            if router:
+                text = (
+                    f"cannot be a router at {endpoint}: is the port taken? If a router "
+                    "runs there, leave out --router; otherwise choose another port with "
+                    "--endpoint"
+                )
+            raise S2C2AError(text) from error
         self._numbers = count(1)
         self._name = NodeName(domain, str(self._session.info.zid()), namespace)
         self._kept = [self._declare_token(self._name.token())]
@@ -108,30 +131,3 @@ def is_local(endpoint: str) -> bool:
     """Whether only this machine reaches an endpoint."""
     parts = ENDPOINT.fullmatch(endpoint)
     return parts is not None and parts["host"] in LOOPBACK
-
-
-def _config(config: Any, endpoint: str, router: bool) -> Any:
-    """The configuration with one way to others, and no search for more."""
-    settings: dict[str, Any] = {
-        "mode": "router" if router else "client",
-        "listen/endpoints": [endpoint] if router else [],
-        "connect/endpoints": [] if router else [endpoint],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/autoconnect": {"router": [], "peer": []},
-        "transport/link/rx/max_message_size": 16 * MAX_MESSAGE,
-    }
-    for name, value in settings.items():
-        config.insert_json5(name, json.dumps(value))
-    return config
-
-
-def _failure(endpoint: str, router: bool) -> str:
-    if router:
-        return (
-            f"cannot be a router at {endpoint}: is the port taken? If a router runs "
-            "there, leave out --router; otherwise choose another port with --endpoint"
-        )
-    return (
-        f"no Zenoh router answers at {endpoint}; start one (`ros2 run rmw_zenoh_cpp "
-        "rmw_zenohd`), name its --endpoint, or give --router to be the router"
-    )

@@ -105,18 +105,35 @@ class Outputs:
             control: more values by name; "stopped" and "fault" decide the level.
             moment: since 1970 [s].
         """
-        values = {**control, **(_values_of(snapshot) if snapshot else {})}
+        values = dict(control)
+        if snapshot:
+            values |= {
+                "stage": snapshot.stage,
+                "fault": snapshot.fault,
+                "strategy": snapshot.strategy,
+                "step": snapshot.step.number,
+                "tip_error_m": snapshot.error,
+                "clearance_m": snapshot.clearance,
+                "task_step": snapshot.task_step,
+                "task_steps": snapshot.task_steps,
+                "controller_time_s": snapshot.step.tick_time,
+                "late_s": snapshot.step.late,
+            }
         fault = values.get("fault") or ""
         stopped = control.get("stopped_by") or ""
         level = ERROR if fault else WARN if stopped else OK
         stage = str(snapshot.stage) if snapshot else "opening"
+        pairs = []
+        for name, value in values.items():
+            text = f"{value:.6g}" if isinstance(value, float) else str(value)
+            pairs.append(new("diagnostic_msgs/msg/KeyValue", key=name, value=text))
         status = new(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=level,
             name="s2c2a: control",
             message=fault or (f"stopped by {stopped}" if stopped else stage),
             hardware_id=self.arm.name,
-            values=[_pair(name, value) for name, value in values.items()],
+            values=pairs,
         )
         return new(DIAGNOSTICS, header=header_of("", moment), status=[status])
 
@@ -158,8 +175,18 @@ class Outputs:
         rows = [obstacle.row for obstacle in request.obstacles]
         if goal is not None:  # with those of the task
             rows = list(goal.obstacles_in_use())
-        for row in rows:
-            yield _solid(np.asarray(row, dtype=float))
+        for each in rows:
+            row = np.asarray(each, dtype=float)
+            core = row[CORE]
+            halves = core[HALF_EDGES] + core[DISC] * np.array([1.0, 1.0, 0.0])
+            turn = core[TURN]
+            yield {  # a sphere, or the box around any other solid
+                "kind": CUBE if halves.any() else SPHERE,
+                "center": row[CENTER],
+                "turn": turn if turn.any() else NO_TURN,
+                "scale": 2.0 * (halves + row[THRESHOLD]),
+                "color": OBSTACLE_COLOR,
+            }
 
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
@@ -170,20 +197,6 @@ def turn_to(axis: np.ndarray) -> np.ndarray:
     if length < np.finfo(np.float32).eps:  # straight back: any axis across serves
         return np.array([1.0, 0.0, 0.0, 0.0])
     return turn / length
-
-
-def _solid(row: np.ndarray) -> dict[str, Any]:
-    """Marker of an obstacle: a sphere, or the box around any other solid."""
-    core = row[CORE]
-    halves = core[HALF_EDGES] + core[DISC] * np.array([1.0, 1.0, 0.0])
-    turn = core[TURN]
-    return {
-        "kind": CUBE if halves.any() else SPHERE,
-        "center": row[CENTER],
-        "turn": turn if turn.any() else NO_TURN,
-        "scale": 2.0 * (halves + row[THRESHOLD]),
-        "color": OBSTACLE_COLOR,
-    }
 
 
 def _marker(
@@ -199,6 +212,11 @@ def _marker(
     points: Any = (),
 ) -> Any:
     red, green, blue, alpha = color
+    nothing = np.zeros(0, np.uint8)
+    image = new(
+        "sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing
+    )
+    mesh = new("visualization_msgs/msg/MeshFile", filename="", data=nothing)
     return new(
         "visualization_msgs/msg/Marker",
         header=header,
@@ -212,31 +230,16 @@ def _marker(
         lifetime=new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
         frame_locked=False,
         points=[_vector("Point", each) for each in points],
-        **_unused(header),
+        # for text, textures and meshes
+        colors=[],
+        texture_resource="",
+        texture=image,
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=mesh,
+        mesh_use_embedded_materials=False,
     )
-
-
-def _unused(header: Any) -> dict[str, Any]:
-    """Fields of a marker for text, textures and meshes."""
-    image = new(
-        "sensor_msgs/msg/CompressedImage",
-        header=header,
-        format="",
-        data=np.zeros(0, np.uint8),
-    )
-    mesh = new(
-        "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
-    )
-    return {
-        "colors": [],
-        "texture_resource": "",
-        "texture": image,
-        "uv_coordinates": [],
-        "text": "",
-        "mesh_resource": "",
-        "mesh_file": mesh,
-        "mesh_use_embedded_materials": False,
-    }
 
 
 def _vector(kind: str, values: Any) -> Any:
@@ -249,23 +252,3 @@ def _pose(center: Any, turn: Any) -> Any:
     orientation = new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
     position = _vector("Point", center)
     return new("geometry_msgs/msg/Pose", position=position, orientation=orientation)
-
-
-def _values_of(snapshot: Snapshot) -> dict[str, Any]:
-    return {
-        "stage": snapshot.stage,
-        "fault": snapshot.fault,
-        "strategy": snapshot.strategy,
-        "step": snapshot.step.number,
-        "tip_error_m": snapshot.error,
-        "clearance_m": snapshot.clearance,
-        "task_step": snapshot.task_step,
-        "task_steps": snapshot.task_steps,
-        "controller_time_s": snapshot.step.tick_time,
-        "late_s": snapshot.step.late,
-    }
-
-
-def _pair(name: str, value: Any) -> Any:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return new("diagnostic_msgs/msg/KeyValue", key=name, value=text)

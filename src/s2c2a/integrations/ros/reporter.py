@@ -80,19 +80,16 @@ class Reporter:
         while not self._ended.is_set():
             if self._arrived.wait(STATUS_INTERVAL) and not self._ended.is_set():
                 self._arrived.clear()
-                self._show_if_sound(*self._next)
+                try:
+                    self._show(*self._next)
+                except (ValueError, IndexError) as error:
+                    # an odd sensor of a robot does not end the topics
+                    if not self._failed:
+                        self._log(f"cannot publish all of the arm's state: {error}")
+                    self._failed = True
             if time.monotonic() - self._reported >= STATUS_INTERVAL:
                 self._reported = time.monotonic()
                 self._report(time.time())
-
-    def _show_if_sound(self, snapshot: Snapshot, moment: float) -> None:
-        """Show what can be shown; an odd sensor of a robot does not end the topics."""
-        try:
-            self._show(snapshot, moment)
-        except (ValueError, IndexError) as error:
-            if not self._failed:
-                self._log(f"cannot publish all of the arm's state: {error}")
-            self._failed = True
 
     def _show(self, snapshot: Snapshot, moment: float) -> None:
         step = snapshot.step

@@ -8,9 +8,13 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.evaluation.rollout import OnStep
 from s2c2a.integrations.extras import needs_extra
-from s2c2a.integrations.foxglove_scene import NANOSECONDS, FoxgloveScene
 from s2c2a.integrations.scenes import StepScene
 from s2c2a.integrations.streams.background import shown_in_background
+
+with needs_extra("foxglove", "--stream foxglove"):
+    import foxglove
+
+    from s2c2a.integrations.foxglove_scene import NANOSECONDS, FoxgloveScene
 
 HOST = "127.0.0.1"
 """The server has no password: only this machine sees the arm."""
@@ -26,10 +30,8 @@ def foxglove_stream(arm: ArmSpec, port: int = PORT) -> Iterator[OnStep]:
         port: of the server on 127.0.0.1; 0 for any that is free.
 
     Raises:
-        S2C2AError: the extra `foxglove` is missing, or the port is not free.
+        S2C2AError: the port is not free.
     """
-    with needs_extra("foxglove", "--stream foxglove"):
-        import foxglove  # noqa: PLC0415  # an extra
     context = foxglove.Context()
     try:
         server = foxglove.start_server(

@@ -1,4 +1,4 @@
-"""What all writers of jaxprs in other languages share: order, calls, known results."""
+"""What is known of a jaxpr before it is written: order, calls, constant results."""
 
 from collections.abc import Container, Sequence
 from typing import Any
@@ -95,34 +95,17 @@ def simplified(equation: JaxprEqn, operands: Sequence[Any]) -> Any:
     """The operand that an operation returns, where another one is constant, or None."""
     name = equation.primitive.name
     if name == "select_n":
-        return _only_case(*operands)
-    neutral = NEUTRAL.get(name)
-    if neutral is None:
+        which, *cases = operands
+        if not isinstance(which, np.ndarray) or (which != which.flat[0]).any():
+            return None
+        return cases[int(which.flat[0])]
+    if name not in NEUTRAL:
         return None
-    shape = result_shape(equation)
     left, right = operands
-    if _is_everywhere(neutral, right) and left.shape == shape:
-        return left
-    if name not in COMMUTING:
-        return None
-    if _is_everywhere(neutral, left) and right.shape == shape:
-        return right
+    pairs = [(left, right), (right, left)] if name in COMMUTING else [(left, right)]
+    for operand, other in pairs:
+        if not isinstance(other, np.ndarray) or (other != NEUTRAL[name]).any():
+            continue
+        if operand.shape == result_shape(equation):
+            return operand
     return None
-
-
-def _only_case(which: Any, *cases: Any) -> Any:
-    """The case that all elements choose, or None."""
-    if not isinstance(which, np.ndarray):
-        return None
-    number = which.flat[0]
-    if not _is_everywhere(number, which):
-        return None
-    return cases[int(number)]
-
-
-def _is_everywhere(number: Any, operand: Any) -> bool:
-    """Whether an operand is known, and all its elements are a number."""
-    if not isinstance(operand, np.ndarray):
-        return False
-    is_equal = operand == number
-    return bool(is_equal.all())
