@@ -23,7 +23,6 @@ from s2c2a.models.registry import MODELS
 from s2c2a.plugins.components import CustomComponent
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import STRATEGIES, recipe_named
-from s2c2a_experiments.transferred_networks import TransferredNetworks
 
 BEST = recipe_named("best")
 GROUP = re.compile(r'(?:resolve\(|Registry\()\s*"(\w+)"', re.MULTILINE)
@@ -72,7 +71,6 @@ def arm_artifacts(arm):
         RecordingArtifact(arm, recording),
         NetworksArtifact(arm, BEST, 0),
         PriorNetworks(arm, BEST),
-        TransferredNetworks(arm, BEST, 0, NetworksArtifact(arm, BEST, 0), None),
     ]
 
 

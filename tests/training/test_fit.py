@@ -1,5 +1,7 @@
 """Training loop on linear regression, with known weights."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -41,10 +43,17 @@ TRAINING, VALIDATION = data(128, 0), data(64, 1)
 BLANK = Line(jnp.zeros((2, 2)))
 
 
+class Fitted(NamedTuple):
+    """What a fit gives."""
+
+    network: Line
+    curve: np.ndarray
+
+
 def fitted(
     options=QUICK, loss=squared, training=TRAINING, key=KEY, network=BLANK, **changes
 ):
-    return fit(network, loss, training, VALIDATION, options, key, **changes)
+    return Fitted(*fit(network, loss, training, VALIDATION, options, key, **changes))
 
 
 def with_options(**changes) -> FitOptions:

@@ -9,7 +9,6 @@ from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control.controllers import Controller, NetworkController
-from s2c2a.errors import StrategyError
 from s2c2a.models.actions import C2A, train_c2a
 from s2c2a.models.layers import Size
 from s2c2a.paper import C2A_SIZE
@@ -66,17 +65,6 @@ class ControllerOptions(Options, ABC):
     def controller(self, network: Any) -> Controller:
         """The controller that uses a trained network."""
 
-    def for_arm(self, network: Any, arm: ArmSpec) -> Any:
-        """A trained network for another arm of the same make.
-
-        Raises:
-            StrategyError: this kind of controller does not transfer.
-        """
-        raise StrategyError(
-            f"controller '{self.model}' does not transfer to '{arm.name}'; train it "
-            "anew"
-        )
-
 
 @dataclass(frozen=True)
 class C2AOptions(Size, ControllerOptions):
@@ -103,10 +91,6 @@ class C2AOptions(Size, ControllerOptions):
 
     def controller(self, network: C2A) -> NetworkController:
         return NetworkController(network)
-
-    def for_arm(self, network: C2A, arm: ArmSpec) -> C2A:
-        """See `ControllerOptions`: replaces the scaling of actions."""
-        return network.for_arm(arm)
 
 
 CONTROLLERS: Registry[ControllerOptions] = Registry(

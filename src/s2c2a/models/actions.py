@@ -40,13 +40,6 @@ class C2A(eqx.Module):
         network = BiLSTM(features, arm.cable_count, size.layers, size.hidden, key)
         return cls(network, Scaling.identity(3), SumAndRange.of(arm))
 
-    def for_arm(self, arm: ArmSpec) -> "C2A":
-        """The same weights for another arm with as many cables in each module.
-
-        The module count may differ.
-        """
-        return replace(self, sum_and_range=SumAndRange.of(arm))
-
     def __call__(
         self, desired: Float[Array, "*batch modules 3"], history: History
     ) -> Actions:

@@ -56,13 +56,12 @@ def pretrain_s2c2a(
     c2a = recipe.c2a.train(
         some, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
     )
-    predicted = recipe.c2s.predictions(prior.mean.network, some)
-    trained = {"C2S": prior.mean, "C2A": c2a}
+    predicted = recipe.c2s.predictions(prior.network, some)
+    trained = {"C2S": prior, "C2A": c2a}
     for name, result in recipe.estimator_options.train(some, predicted).items():
         if not name.startswith(PREFIX):
             trained[name] = result
-    networks = TrainedNetworks.of(arm, recipe, seed, trained)
-    return replace(networks, spread=prior.spread)
+    return TrainedNetworks.of(arm, recipe, seed, trained)
 
 
 def _check_modules(recorded: ArmSpec, arm: ArmSpec) -> None:
