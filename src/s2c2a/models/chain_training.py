@@ -91,15 +91,40 @@ class ChainOptions(ForwardOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """The initial chain: no hysteresis, and a network with outputs near zero."""
         modules = arm.module_count
-        hysteresis = self._initial_hysteresis(arm)
-        statics = bool(self.statics) and _senses_pulling_cables(arm)
-        features = 2 + arm.cable_count if statics else 2
+        cables = arm.cable_count
+        # at lower rates the last reading models the delay
+        delays = (DELAY,) if arm.control_period < DELAY else ()
+        times = np.array([*delays, *self.creep_times])
+        shares = jnp.asarray(1.0 - np.exp(-arm.control_period / times), jnp.float32)
+        widths = jnp.asarray(self.play_widths, dtype=jnp.float32)
+        play_weights = jnp.full((modules, len(widths) + 2, cables), NO_WEIGHT)
+        hysteresis = Hysteresis(
+            Operators(widths, shares),
+            play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
+            jnp.zeros((modules, len(delays), cables)),
+            Viscoelasticity.none(modules, len(self.creep_times), cables),
+        )
+        senses_pulling_cables = (
+            arm.actuation == "displacement"
+            and arm.sensing == "encoders"
+            and arm.sensing_coupling is None
+        )
+        statics = bool(self.statics) and senses_pulling_cables
+        features = modules * (2 + cables if statics else 2)
+        network = eqx.nn.MLP(
+            features, OUTPUTS * modules, self.hidden, self.depth, jax.nn.tanh, key=key
+        )
+        head = network.layers[-1]
+        small = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
+        network = eqx.tree_at(
+            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, small
+        )
         return ChainC2S(
             Trunk.of(arm),
             hysteresis,
             Equilibrium.untrained(modules, len(self.creep_times)),
             jnp.eye(2 * modules),
-            self._initial_network(modules * features, OUTPUTS * modules, key),
+            network,
             statics,
         )
 
@@ -183,34 +208,6 @@ class ChainOptions(ForwardOptions):
             states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
         return np.stack(states)
 
-    def _initial_hysteresis(self, arm: ArmSpec) -> Hysteresis:
-        # at lower rates the last reading models the delay
-        delays = (DELAY,) if arm.control_period < DELAY else ()
-        times = np.array([*delays, *self.creep_times])
-        shares = jnp.asarray(1.0 - np.exp(-arm.control_period / times), jnp.float32)
-        widths = jnp.asarray(self.play_widths, dtype=jnp.float32)
-        modules = arm.module_count
-        cables = arm.cable_count
-        play_weights = jnp.full((modules, len(widths) + 2, cables), NO_WEIGHT)
-        return Hysteresis(
-            Operators(widths, shares),
-            play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
-            jnp.zeros((modules, len(delays), cables)),
-            Viscoelasticity.none(modules, len(self.creep_times), cables),
-        )
-
-    def _initial_network(
-        self, features: int, outputs: int, key: PRNGKeyArray
-    ) -> eqx.nn.MLP:
-        network = eqx.nn.MLP(
-            features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key
-        )
-        head = network.layers[-1]
-        small = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
-        return eqx.tree_at(
-            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, small
-        )
-
 
 class _Penalty(eqx.Module):
     """Penalty on the change of parameters: weight sum ((p - p_initial) / spread)^2.
@@ -282,15 +279,6 @@ def shortened(fit: FitOptions, share: float) -> FitOptions:
     """Training options with a share of the epochs."""
     epochs = max(1, round(share * fit.max_epochs))
     return replace(fit, max_epochs=epochs, patience=epochs)
-
-
-def _senses_pulling_cables(arm: ArmSpec) -> bool:
-    """Whether the sensors are encoders of cable displacements, without coupling."""
-    return (
-        arm.actuation == "displacement"
-        and arm.sensing == "encoders"
-        and arm.sensing_coupling is None
-    )
 
 
 @eqx.filter_jit

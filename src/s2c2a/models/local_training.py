@@ -140,7 +140,13 @@ class LocalOptions(ChainOptions):
         inputs = hysteresis_inputs(result.network, data)
         split = forward_samples(inputs, data.states, data.lengths, APART)
         every = known_samples(inputs, data.states, data.lengths)
-        process = self._fitted(blank, every, data.arm.control_rate)
+        features = _features(blank, every)
+        # root mean square change of the features in a second
+        steps = min(max(round(data.arm.control_rate), 1), len(features) - 1)
+        motion = np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
+        residual = _residual(blank, every)
+        kinds = _kinds(blank.chain)
+        process = fit_process(features, residual, kinds, motion, self.points)
         judged = _judged(replace(blank, process=process), split)
         if not judged.is_better:
             process = blank.process
@@ -150,21 +156,6 @@ class LocalOptions(ChainOptions):
         trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
         return replace(trained, network=network, errors=judged.tip_errors)
-
-    def _fitted(
-        self, model: LocalC2S, samples: Samples, rate: float
-    ) -> ResidualProcess:
-        """A process of what a chain leaves.
-
-        Args:
-            model: with a trained chain.
-            samples: in order of time.
-            rate: of the samples [Hz].
-        """
-        features = _features(model, samples)
-        motion = _motion(features, round(rate))
-        residual = _residual(model, samples)
-        return fit_process(features, residual, _kinds(model.chain), motion, self.points)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
@@ -260,14 +251,6 @@ def _features(
 ) -> Float[np.ndarray, "samples features"]:
     inputs = jnp.asarray(samples.inputs["configurations"])
     return np.asarray(eqx.filter_jit(model.features)(inputs))
-
-
-def _motion(
-    features: Float[np.ndarray, "samples features"], steps: int
-) -> Float[np.ndarray, " features"]:
-    """Root mean square change of the features in so many steps, at least one."""
-    steps = min(max(steps, 1), len(features) - 1)
-    return np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
 
 
 def _residual(

@@ -46,7 +46,12 @@ def pretrain_s2c2a(
     seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
-        _check_modules(recording.arm, arm)
+        recorded = recording.arm
+        if recorded.module_count != arm.module_count:
+            raise StrategyError(
+                f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
+                f"{arm.module_count}; record randomized variants of '{arm.name}'"
+            )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     c2s_progress = partial(progress, "C2S")
@@ -62,14 +67,6 @@ def pretrain_s2c2a(
         if not name.startswith(PREFIX):
             trained[name] = result
     return TrainedNetworks.of(arm, recipe, seed, trained)
-
-
-def _check_modules(recorded: ArmSpec, arm: ArmSpec) -> None:
-    if recorded.module_count != arm.module_count:
-        raise StrategyError(
-            f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
-            f"{arm.module_count}; record randomized variants of '{arm.name}'"
-        )
 
 
 def _every_nth_episode(data: TrainingData, count: int) -> TrainingData:
