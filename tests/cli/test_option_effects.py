@@ -15,9 +15,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.robots import RobotFactory
 
 REFUSED = {
-    "train --out x.safetensors --arm twin_arm --from y.safetensors --recipe paper": [
-        "recipe"
-    ],
     "train some.episodes --out x.safetensors --strategy lstm --recipe paper": [
         "recipe"
     ],

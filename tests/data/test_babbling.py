@@ -91,13 +91,6 @@ def test_in_the_first_third_all_modules_bend_alike(preset, episode, request):
     assert np.ptp(asked[:, 0], axis=0).min() > 0.5
 
 
-@pytest.mark.parametrize("episode", [2, 3])
-def test_in_the_second_third_only_the_last_module_has_its_own_path(twin, episode):
-    asked = shares(twin, "staged", episode)
-    np.testing.assert_allclose(asked[:, 0], asked[:, 1], atol=1e-9)
-    assert apart(asked[:, 1], asked[:, 2]) > 0.2
-
-
 @pytest.mark.parametrize(
     ("babbling", "episode"), [("staged", 4), ("staged", 5), ("motor", 0), ("motor", 3)]
 )
@@ -138,15 +131,6 @@ def test_no_step_is_longer_than_the_fastest(twin, babbling):
     assert steps.max() <= fastest(babbling, 3, SPEEDS) * (1 + 1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("babbling", BABBLING)
-@pytest.mark.parametrize("episode", slow_after(1, range(6)))
-def test_an_arm_of_one_module_babbles_in_every_stage(make_arm, babbling, episode):
-    asked = shares(make_arm(1), babbling, episode)
-    assert asked.shape == (SAMPLES, 1, 2)
-    assert np.ptp(asked) > 0.5
-
-
 def test_an_episode_does_not_depend_on_earlier_ones(twin):
     geometry = ArmGeometry.of(twin)
     alone = episode_actions(geometry, "staged", 4, 6, 80, 9)
@@ -154,21 +138,6 @@ def test_an_episode_does_not_depend_on_earlier_ones(twin):
         episode_actions(geometry, "staged", episode, 6, 80, 9) for episode in (5, 0, 4)
     ][-1]
     np.testing.assert_array_equal(alone, after_others)
-
-
-def test_every_episode_and_every_seed_gives_other_actions(twin):
-    one, two, three = (
-        shares(twin, "motor", *which) for which in ((0, 6, 0), (1, 6, 0), (0, 6, 1))
-    )
-    assert min(apart(one, two), apart(one, three), apart(two, three)) > 0.2
-
-
-def test_a_longer_episode_begins_like_a_shorter_one(twin):
-    geometry = ArmGeometry.of(twin)
-    short, long = (
-        episode_actions(geometry, "motor", 0, 6, samples, 0) for samples in (40, 90)
-    )
-    np.testing.assert_array_equal(long[:40, 0], short[:, 0])
 
 
 def test_no_step_exceeds_the_fastest_speed():
@@ -263,16 +232,3 @@ def test_nominal_plans_reach_their_workspace_evenly(make_arm, modules):
         states_from_bends(plans * geometry.action_bends[:, None], geometry.lengths)
     )[:, -1, :3]
     assert np.ptp(tips[:, :2], axis=0).min() > 0.3 * geometry.lengths.sum()
-
-
-@pytest.mark.slow
-def test_nominal_plans_prefer_small_differences_between_modules(make_arm):
-    geometry = ArmGeometry.of(make_arm(3))
-    random = np.random.default_rng(0)
-    plans = nominal_plans(geometry, 300, random)
-    independent = disc_points(random, (300, 3))
-
-    def unevenness(bends: np.ndarray) -> float:
-        return float(np.median(np.sum(np.diff(bends, axis=1) ** 2, axis=(1, 2))))
-
-    assert unevenness(plans) < 0.8 * unevenness(independent)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, Tracking, load_arm
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import (
     CollectOptions,
@@ -59,10 +59,6 @@ def gather(twin, tmp_path):
 
 def test_one_thread_and_two_record_the_same(gather):
     assert_same(gather("one.episodes", threads=1), gather("two.episodes", threads=2))
-
-
-def test_the_returned_recording_equals_the_file(gather, tmp_path):
-    assert_same(gather(), load_recording(tmp_path / "one.episodes"))
 
 
 def test_a_recording_keeps_its_options(gather, twin):
@@ -408,11 +404,6 @@ def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
     assert (tmp_path / "file").read_text() == "no folder"
 
 
-def test_a_missing_folder_is_created(gather, tmp_path):
-    assert len(gather("deep/inside/one.episodes").time) == 4
-    assert (tmp_path / "deep" / "inside" / "one.episodes").exists()
-
-
 KILLED = """
 import sys
 from s2c2a.arm import load_arm
@@ -450,16 +441,6 @@ def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tm
         for name in ("whole.episodes", "killed.episodes")
     )
     assert_same(resumed, whole)
-
-
-def test_a_changed_source_of_poses_is_named_when_resuming(gather, twin):
-    old = twin.model_copy(update={"tracking": Tracking(source="udp:9763")})
-    new = twin.model_copy(update={"tracking": Tracking(source="udp:9764")})
-    gather("tracked.episodes", arm=old)
-    with pytest.raises(
-        RecordingError, match=r"arm\.tracking\.source 'udp:9763', now 'udp:9764'"
-    ):
-        gather("tracked.episodes", arm=new, resume=True)
 
 
 class _NeverTracked(SimulatedRobot):

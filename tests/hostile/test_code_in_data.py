@@ -400,7 +400,7 @@ def evil_weights(tiny_best_networks, tmp_path) -> str:
 
 COMMANDS = {
     "train": "train evil.episodes --out w.safetensors",
-    "from": "train --from evil.safetensors --arm twin_arm --out w.safetensors",
+    "from": "train evil.episodes --from evil.safetensors --out w.safetensors",
     "run": "run circle --weights evil.safetensors --out runs/a",
     "like": "import log.csv --map map.toml --like evil.episodes --out b.episodes",
     "view": "view evil.episodes --port 0",

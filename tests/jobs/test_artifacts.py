@@ -1,7 +1,6 @@
 """Artifacts are made once, found by all their inputs, and made again if damaged."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task
 
-ARMS = Path(__file__).parents[2] / "examples" / "arms"
 TWIN = load_arm("twin_arm")
 SMALL = RecordingArtifact(TWIN, CollectOptions(episodes=2, samples=20))
 PAPER = recipe_named("paper")

@@ -22,7 +22,7 @@ from s2c2a.data import CollectOptions, collect, load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
 from s2c2a.execution.executors import Processes, Serial, in_order
-from s2c2a.jobs import Cache, Run, jobs_for, make_all, run_all, score_rows, try_all
+from s2c2a.jobs import Cache, Run, jobs_for, run_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
 from s2c2a.robots.simulation import SimulatedRobot
@@ -165,37 +165,6 @@ def networks_of(recording: Path) -> list[Path]:
 
 
 @pytest.mark.slow
-def test_dasks_executor_and_this_process_give_the_same_runs(
-    made_here, jobs, scheduler, tmp_path
-):
-    recording = [
-        need for job in jobs for network in job.needs for need in network.needs
-    ]
-    for name in ("dask", "serial"):
-        cache = Cache(tmp_path / name)
-        make_all(recording, made_here.cache)
-        cache.folder.mkdir()
-        copy(recording[0].path(made_here.cache), cache.folder)
-        with Client(scheduler.scheduler_address, set_as_default=False) as client:
-            executor = client.get_executor() if name == "dask" else Serial()
-            assert score_rows("mine", run_all(jobs, cache, executor)) == made_here.rows
-
-
-@pytest.mark.slow
-def test_finished_artifacts_are_not_made_again(made_here, jobs):
-    assert (
-        score_rows("mine", run_all(jobs, made_here.cache, Nobody())) == made_here.rows
-    )
-
-
-class Nobody(Serial):
-    """Must not be asked."""
-
-    def submit(self, *what, **more):
-        raise AssertionError("this was made before")
-
-
-@pytest.mark.slow
 def test_a_failed_job_does_not_affect_others(
     made_here, quick_recipe, short_task, processes, tmp_path
 ):
@@ -316,15 +285,6 @@ def test_errors_of_the_cluster_become_cluster_errors(error, message, scheduler):
         Cluster(scheduler.scheduler_address),
     ):
         raise error
-
-
-@pytest.mark.slow
-def test_errors_of_the_work_pass_unchanged(scheduler):
-    with (
-        pytest.raises(ValueError, match="the work's own"),
-        Cluster(scheduler.scheduler_address),
-    ):
-        raise ValueError("the work's own")
 
 
 @pytest.mark.slow

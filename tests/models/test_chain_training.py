@@ -10,7 +10,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.control.options import C2AOptions
-from s2c2a.errors import StrategyError, TrainingError
+from s2c2a.errors import StrategyError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
 from s2c2a.models.chain_training import hysteresis_samples
@@ -84,24 +84,6 @@ def test_memory_reduces_the_error_on_backlash(trained, make_arm):
     assert trained.percent[0] < 1.0
 
 
-def test_the_loss_falls_and_every_epoch_has_a_row(trained):
-    assert trained.curve.shape == (20, 3)
-    assert trained.curve[-1, 2] < trained.curve[0, 2]
-
-
-@pytest.mark.slow
-def test_the_same_key_trains_the_same_model_and_another_key_another(trained, make_arm):
-    again = train(make_arm(2))
-    other = train(make_arm(2), seed=1)
-    np.testing.assert_array_equal(again.curve, trained.curve)
-    assert again.percent == trained.percent
-    for one, two in zip(
-        jax.tree.leaves(again.network), jax.tree.leaves(trained.network), strict=True
-    ):
-        np.testing.assert_array_equal(one, two)
-    assert np.abs(other.curve - trained.curve).max() > 0.0
-
-
 @pytest.mark.slow
 def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
     trained, make_arm
@@ -168,20 +150,6 @@ def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
     assert model.percent[0] < 4.0
 
 
-def test_trained_weights_of_plays_are_never_negative(trained):
-    hysteresis = trained.network.hysteresis
-    assert (np.asarray(jax.nn.softplus(hysteresis.play_weights)) >= 0).all()
-    np.testing.assert_array_equal(
-        hysteresis.operators.widths, np.float32(SIZE.play_widths)
-    )
-
-
-def test_too_few_samples_are_rejected(make_arm):
-    sensed, states = synthetic(make_arm(1), samples=60, episodes=1)
-    with pytest.raises(TrainingError, match="39 training samples"):
-        SIZE.train(of(make_arm(1), sensed, states), FitOptions(), jax.random.key(0))
-
-
 @pytest.fixture(scope="module")
 def networks(trained, make_arm):
     """A strategy whose forward model is the trained chain."""
@@ -206,23 +174,6 @@ def networks(trained, make_arm):
 def file(networks, tmp_path):
     save_networks(networks, tmp_path / "chain.safetensors")
     return tmp_path / "chain.safetensors"
-
-
-def test_a_loaded_model_predicts_bitwise_the_same(file, networks):
-    loaded = load_networks(file, networks.arm)
-    sensed, _ = synthetic(networks.arm)
-    assert loaded.recipe == networks.recipe
-    for before, after in zip(
-        jax.tree.leaves(networks.c2s), jax.tree.leaves(loaded.c2s), strict=True
-    ):
-        np.testing.assert_array_equal(after, before)
-    one, other = (
-        predict(
-            model, sensed[0, 5], model.observe(sensed[0, 4], model.start(sensed[0, 0]))
-        )
-        for model in (networks.c2s, loaded.c2s)
-    )
-    np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(

@@ -145,34 +145,6 @@ def test_within_a_play_slopes_are_one_where_engaged_and_zero_else(engaged, slope
     assert float(jax.grad(play)(jnp.array(0.9))) == pytest.approx(1.0)
 
 
-def test_engaged_or_not_values_are_the_same():
-    hysteresis = a_hysteresis()
-    path = np.asarray(walk(3, 40))
-    engaged = plays_along(replace(hysteresis, engaged=True), path)
-    np.testing.assert_allclose(engaged, plays_along(hysteresis, path), atol=1e-6)
-
-
-def test_a_batch_is_its_members_one_by_one():
-    hysteresis = a_hysteresis(modules=3)
-    first, then = walk(4, 2, 5, 3, 4)
-    together = hysteresis.transmitted(hysteresis.inputs(then, hysteresis.start(first)))
-    assert together.shape == (5, 3, 4)
-    alone = [
-        hysteresis.transmitted(hysteresis.inputs(b, hysteresis.start(a)))
-        for a, b in zip(first, then, strict=True)
-    ]
-    np.testing.assert_allclose(together, alone, atol=1e-6)
-
-
-def test_without_plays_and_filters_the_last_two_displacements_remain():
-    hysteresis = a_hysteresis(widths=(), shares=())
-    inputs = hysteresis.inputs(
-        jnp.array([[2.0, 3.0]]), hysteresis.start(jnp.array([[0.0, 1.0]]))
-    )
-    np.testing.assert_allclose(inputs, [[[2.0, 3.0], [0.0, 1.0]]])
-    assert hysteresis.transmitted(inputs).shape == (1, 2)
-
-
 def test_creep_weights_have_one_sign_and_a_bounded_sum():
     random = np.random.default_rng(3)
     creep = Viscoelasticity(
@@ -206,8 +178,3 @@ def test_creep_on_a_held_step_is_monotone_however_slow_the_motion():
     changes = np.diff(outputs[2:])
     assert (changes >= -1e-6).all() or (changes <= 1e-6).all()
     assert abs(outputs[-1] - outputs[2]) <= MAX_CREEP
-
-
-def test_a_model_without_creep_has_no_weights():
-    none = Viscoelasticity.none(2, 0, 3)
-    assert none.weights.shape == (2, 0, 3)

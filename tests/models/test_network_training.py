@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from s2c2a.data import controller_samples, forward_samples
-from s2c2a.errors import TrainingError
 from s2c2a.estimation import configuration_map_for
 from s2c2a.models import History
 from s2c2a.models.layers import Scaling
@@ -166,22 +165,3 @@ def test_the_same_key_trains_the_same_network_and_another_key_another(
     np.testing.assert_array_equal(again.curve, trained.curves["C2S"])
     assert again.percent == trained.percent["C2S"]
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)
-
-
-@pytest.mark.slow
-def test_too_few_samples_are_rejected(training_data, tiny_recipe):
-    few = TrainingData(
-        training_data.arm,
-        *(
-            part[:1, :60]
-            for part in (
-                training_data.sensed,
-                training_data.actions,
-                training_data.states,
-            )
-        ),
-    )
-    with pytest.raises(TrainingError, match="39 training samples"):
-        tiny_recipe.c2s.train(few, FitOptions(), KEY)
-    with pytest.raises(TrainingError, match="38 training samples"):
-        tiny_recipe.c2a.train(few, 0.05, FitOptions(), KEY)

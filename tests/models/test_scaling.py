@@ -32,9 +32,3 @@ def test_values_come_back_from_their_scaling():
 def test_a_feature_that_never_changes_keeps_its_unit():
     scaling = Scaling.of(np.array([[4.0, 0.0], [4.0, 1.0]]))
     np.testing.assert_allclose(scaling.forward(np.array([4.5, 1.0])), [0.5, 1.0])
-
-
-def test_the_identity_changes_nothing():
-    values = VALUES.astype(np.float32)
-    np.testing.assert_array_equal(Scaling.identity(3).forward(values), values)
-    np.testing.assert_array_equal(Scaling.identity(3).back(values), values)

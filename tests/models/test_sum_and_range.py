@@ -71,17 +71,6 @@ def test_equation_10_reaches_one_where_one_cable_is_against_the_others():
     )
 
 
-def test_each_module_is_squashed_by_itself():
-    module = arm_of(even(3)).modules[0]
-    layer = SumAndRange.of(
-        ArmSpec(name="arm", actuation="displacement", modules=(module,) * 2)
-    )
-    raw = np.array([[1.0, -2.0, 0.5], [0.1, 0.2, -0.3]], np.float32)
-    np.testing.assert_allclose(
-        _apply(layer, raw), [applied(even(3), row) for row in raw], atol=1e-6
-    )
-
-
 @quick
 @given(st.integers(3, 8), st.floats(-180, 180), raw_outputs)
 def test_actions_of_evenly_spread_cables_sum_to_zero(cables, offset, raw):
@@ -196,16 +185,6 @@ def test_actions_come_back_from_their_normalization(actuation):
     )
     np.testing.assert_allclose(
         layer.normalized(layer.actions(normalized)), normalized, atol=1e-5
-    )
-
-
-@pytest.mark.parametrize("cables", [3, 5])
-def test_a_batch_through_the_layer_equals_single_calls(cables):
-    layer = SumAndRange.of(arm_of(even(cables)))
-    raw = np.random.default_rng(1).normal(size=(2, 3, 1, cables)).astype(np.float32)
-    alone = [_apply(layer, one) for one in raw.reshape(-1, 1, cables)]
-    np.testing.assert_allclose(
-        _apply(layer, raw).reshape(-1, 1, cables), alone, atol=1e-6
     )
 
 

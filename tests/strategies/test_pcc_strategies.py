@@ -155,12 +155,6 @@ def test_pcc_does_not_listen_to_the_arm(ideal, pcc):
     np.testing.assert_array_equal(*actions)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("gains", [[1.0, 1.0, 1.0], [0.9, 0.7, 0.4], [1.3, 0.5, 2.0]])
-def test_gains_are_found_again_on_a_recording_that_has_them(twin, gains):
-    np.testing.assert_allclose(fitted_gains(synthetic(twin, gains)), gains, rtol=1e-4)
-
-
 def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     """With gains of 0.8 its actions are those of the plain one divided by 0.8."""
     plain = pcc_strategy(twin, PAPER)

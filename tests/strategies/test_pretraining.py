@@ -10,14 +10,13 @@ import pytest
 
 from s2c2a import jobs
 from s2c2a.arm import randomized_arm
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError, TrainingError
 from s2c2a.models import LocalOptions
 from s2c2a.strategies import (
     load_networks,
     save_networks,
     train_s2c2a,
     training_data,
-    transferred,
 )
 from s2c2a.training.fit import parameters
 
@@ -64,36 +63,56 @@ def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_prior_without_a_recording_fits_another_arm_and_stays_a_prior(prior, twin):
-    arm = randomized_arm(twin, 0, 0.5)
-    begun = transferred(prior, arm)
-    assert begun.arm == arm
-    assert begun.spread is not None
-
-
-@pytest.mark.slow
 def test_networks_trained_from_a_prior_are_no_prior(prior, recording, tiny_best_recipe):
     trained = train_s2c2a(recording, tiny_best_recipe, 0, start=prior)
     assert trained.spread is None
     assert np.isfinite(trained.curves["C2S"]).all()
+    np.testing.assert_array_equal(
+        trained.c2a.network.weight_head, prior.c2a.network.weight_head
+    )
+
+
+def test_only_a_prior_of_this_arm_and_recipe_is_a_start(
+    tiny_networks, tiny_best_networks, recording, tiny_best_recipe, twin
+):
+    def start(networks):
+        train_s2c2a(recording, tiny_best_recipe, 0, start=networks)
+
+    with pytest.raises(StrategyError, match="of the one arm"):
+        start(tiny_best_networks)
+    other = replace(tiny_best_networks, arm=randomized_arm(twin, 0, 0.5), spread=())
+    with pytest.raises(
+        StrategyError, match="differs from 'twin_arm' in motor, modules"
+    ):
+        start(other)
+    with pytest.raises(StrategyError, match="differs in c2s"):
+        start(replace(tiny_networks, spread=()))
+
+
+def test_forward_models_without_a_prior_say_so(tiny_networks, recording):
+    options = tiny_networks.recipe.c2s
+    data = training_data(recording, tiny_networks.recipe)
+    with pytest.raises(TrainingError, match="begin from nothing"):
+        options.resume_training(
+            tiny_networks.c2s, (), data, tiny_networks.recipe.c2s_fit, jax.random.key(0)
+        )
 
 
 @pytest.mark.slow
 def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_recipe):
-    begun = transferred(prior, recording.arm)
     data = training_data(recording, tiny_best_recipe)
 
     def change(factor: float) -> float:
         numbers, rest = eqx.partition(prior.spread, eqx.is_inexact_array)
         scaled = jax.tree.map(lambda values: factor * values, numbers)
         trained = tiny_best_recipe.c2s.resume_training(
-            begun.c2s,
+            prior.c2s,
+            eqx.combine(scaled, rest),
             data,
             tiny_best_recipe.c2s_fit,
             jax.random.key(0),
-            spread=eqx.combine(scaled, rest),
         )
-        pairs = zip(parameters(trained.network), parameters(begun.c2s), strict=True)
+        pairs = zip(parameters(trained.network), parameters(prior.c2s), strict=True)
         return sum(float(((after - before) ** 2).sum()) for after, before in pairs)
 
     assert change(0.01) < 0.5 * change(100.0)
@@ -108,7 +127,7 @@ def test_the_local_model_of_a_prior_has_no_process(prior_key, cache):
     )
     arms = [training_data(need.load(cache), recipe) for need in prior_key.needs]
     learned = local.pretrain(arms, recipe.c2s_fit, jax.random.key(0))
-    assert not learned.mean.network.process.is_fitted
+    assert not learned.network.process.is_fitted
 
 
 @pytest.mark.parametrize("change", [{"arms": 1}, {"strength": 0.0}])

@@ -216,23 +216,6 @@ def test_a_recipe_based_on_another_takes_nothing_of_its_forward_model_where_that
     )
 
 
-def test_a_forward_model_in_a_file_beside_the_recipe_is_found_from_anywhere(
-    tmp_path, monkeypatch
-):
-    file = tmp_path / "beside_model.py"
-    file.write_text(
-        (
-            Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
-        ).read_text()
-    )
-    (tmp_path / "mine.toml").write_text(
-        'based_on = "paper"\n[c2s]\nmodel = "beside_model.py:ArcsOptions"\nhidden = 5\n'
-    )
-    monkeypatch.chdir(tmp_path.parent)
-    mine = load_recipe(tmp_path / "mine.toml").c2s
-    assert (mine.model, mine.hidden) == (f"{file}:ArcsOptions", 5)
-
-
 FILES = ["solver", "terms", "guides"]
 
 

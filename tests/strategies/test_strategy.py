@@ -222,15 +222,6 @@ def test_a_run_does_not_depend_on_the_runs_before_it(either, twin):
     np.testing.assert_array_equal(live(either, twin, goals), first)
 
 
-def test_the_controller_remembers_its_actions(trained, twin):
-    """With the same reading and goal again, C2A answers otherwise, since its history has grown."""
-    reading = SimulatedRobot(twin).open()
-    trained.start(reading)
-    goal = Goal.of(3, change_weight=1e6)
-    actions = [trained.step(reading, goal) for _ in range(3)]
-    assert np.abs(actions[1] - actions[0]).max() > 1e-7
-
-
 def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin):
     robot = SimulatedRobot(twin)
     either.start(robot.open())

@@ -1,5 +1,7 @@
 """Training loop on linear regression, with known weights."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -41,10 +43,17 @@ TRAINING, VALIDATION = data(128, 0), data(64, 1)
 BLANK = Line(jnp.zeros((2, 2)))
 
 
+class Fitted(NamedTuple):
+    """What a fit gives."""
+
+    network: Line
+    curve: np.ndarray
+
+
 def fitted(
     options=QUICK, loss=squared, training=TRAINING, key=KEY, network=BLANK, **changes
 ):
-    return fit(network, loss, training, VALIDATION, options, key, **changes)
+    return Fitted(*fit(network, loss, training, VALIDATION, options, key, **changes))
 
 
 def with_options(**changes) -> FitOptions:
@@ -102,10 +111,6 @@ def test_training_stops_after_patience_epochs_without_improvement(patience):
     curve = fitted(options, worse_later).curve
     assert len(curve) - (np.argmin(curve[:, 2]) + 1) == patience
     assert len(curve) < 60
-
-
-def test_patience_does_not_stop_an_improving_training():
-    assert len(fitted(with_options(patience=1, epochs_per_call=1)).curve) == 20
 
 
 @pytest.mark.parametrize(("max_epochs", "epochs_per_call"), [(10, 5), (1, 1), (7, 5)])
@@ -178,20 +183,6 @@ def test_arrays_that_are_not_floating_point_are_not_trained():
     assert result.network.name == "line"
 
 
-def test_weights_behind_a_stopped_gradient_are_not_trained():
-    class Scaled(Line):
-        scale: Array
-
-    def loss(model, batch, key):
-        return squared(
-            Line(model.weights * jax.lax.stop_gradient(model.scale)), batch, key
-        )
-
-    result = fitted(loss=loss, network=Scaled(jnp.zeros((2, 2)), jnp.array(1.5)))
-    assert result.network.scale == 1.5
-    assert result.curve[-1, 2] < result.curve[0, 2]
-
-
 def test_a_fixed_part_is_not_trained():
     class Unit(Fixed):
         scale: Array
@@ -210,10 +201,6 @@ def test_a_fixed_part_is_not_trained():
 def test_fewer_samples_than_one_batch_are_refused():
     with pytest.raises(TrainingError, match=r"15 training samples.*16.*collect more"):
         fitted(training=data(15, 0))
-
-
-def test_exactly_one_batch_is_enough():
-    assert len(fitted(training=data(16, 0)).curve) == 20
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

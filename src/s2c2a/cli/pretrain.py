@@ -29,8 +29,7 @@ def pretrain(
     """Learn a prior over randomized variants of an arm, from simulation alone.
 
     Then `s2c2a train short.episodes --from prior.safetensors` needs few samples of the
-    arm itself, and `s2c2a train --from prior.safetensors --arm mine.toml` none
-    (docs/guides/transfer.md). Repeat the command to continue an interrupted one.
+    arm itself; the prior drives it without any. Repeat the command to continue an interrupted one.
 
     Args:
         out: weight file to write, such as prior.safetensors.

@@ -24,20 +24,18 @@ if TYPE_CHECKING:
 
 
 READING = "reading the data"
-Recorded = tyro.conf.Positional[
-    Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
-]
+Recorded = tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]]
 Start = Annotated[Path | None, tyro.conf.arg(name="from", metavar="FILE")]
 
 
 @effective(
     "recipe",
-    where="with a recording, and a strategy that uses a recipe",
-    holds=lambda given: given["recording"] and uses_recipe(given["strategy"]),
+    where="with a strategy that uses a recipe",
+    holds=lambda given: uses_recipe(given["strategy"]),
 )
 def train(
+    recording: Recorded,
     out: Path,
-    recording: Recorded = None,
     strategy: StrategyName = "s2c2a",
     recipe: RecipeName = "best",
     start: Start = None,
@@ -47,20 +45,17 @@ def train(
 ) -> None:
     """Train the networks of a strategy on a recording; draw the learning curves.
 
-    With --from, training starts from networks of another arm of the same make. Its
-    number of modules may differ, and a short recording will do (docs/guides/transfer.md):
-    `s2c2a collect --arm mine.toml --babbling motor --episodes 5 --samples 100`.
+    With --from, training starts from a prior of `s2c2a pretrain`, and a short recording
+    will do: `s2c2a collect --arm mine.toml --babbling motor --episodes 5 --samples 100`.
 
     Args:
+        recording: of `s2c2a collect` or `s2c2a import`.
         out: weight file to write, such as twin.safetensors.
-        recording: of `s2c2a collect` or `s2c2a import`; not needed with --from and
-            --arm.
         strategy: whose networks, by name or your own file.py:Class.
         recipe: how to train.
-        start: weight file of another arm to start from.
-        arm: a preset or an arm file, if there is no recording of it; beside a recording
-            it must be the recorded arm, and allows the code that it names, such as your
-            own sensor.
+        start: weight file of a prior over variants of the arm (`s2c2a pretrain`).
+        arm: a preset or an arm file of the recorded arm; allows the code that it names,
+            such as your own sensor.
         seed: of everything random.
         overwrite: replace the weight file if it exists.
     """
@@ -95,17 +90,17 @@ def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None
 
     title = "Held-out errors, in percent of the full range"
     if start is not None:
-        title += f"; networks that were not trained here are those of {start.arm.name}"
+        title += "; networks that were not trained here are those of the prior"
     print_held_out_errors(title, networks)
     for line in evaluation.describe_held_out_errors(networks):
         print(line)
-    # a training that starts from other networks keeps their modal model
+    # a training that starts from a prior keeps its modal model
     if start is None and (text := evaluation.describe_modal_model(networks)):
         print(text)
 
 
 def _trained(
-    recording: str | None,
+    recording: str,
     arm: str | None,
     strategy: str,
     recipe: "Recipe",
@@ -113,10 +108,10 @@ def _trained(
     start: "TrainedNetworks | None",
     progress: "Progress",
 ) -> "TrainedNetworks":
-    """Train on a recording, on other networks, or on both.
+    """Train on a recording, from a prior if there is one.
 
     Raises:
-        StrategyError: what to train on is missing or contradictory.
+        StrategyError: the arm or the prior does not fit.
     """
     from s2c2a import strategies
     from s2c2a.data import load_recording
@@ -125,14 +120,8 @@ def _trained(
     if start is not None and type(options) is not strategies.S2C2A:
         raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
     spec = load_arm(arm) if arm else None
-    data = load_recording(recording) if recording else None
+    data = load_recording(recording)
     progress(READING, 1, 1)
-    if data is None:
-        if spec is None or start is None:
-            raise StrategyError(
-                "give a recording, or --arm and --from for an arm without a recording"
-            )
-        return strategies.transferred(start, spec, seed)
     if spec is not None and not spec.same_mechanics(data.arm):
         raise StrategyError(
             f"{recording} is of '{data.arm.name}', which differs from {arm} in "

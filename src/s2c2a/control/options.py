@@ -1,19 +1,20 @@
 """Options of learned controllers (C2A), by name."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
 from jaxtyping import PRNGKeyArray
 
-from s2c2a.arm import ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control.controllers import Controller, NetworkController
-from s2c2a.errors import StrategyError
-from s2c2a.models.actions import C2A, train_c2a
-from s2c2a.models.layers import Size
-from s2c2a.paper import C2A_SIZE
+from s2c2a.data import controller_samples
+from s2c2a.models.actions import C2A, predict_actions, train_actions
+from s2c2a.models.layers import Scaling, Size, SumAndRange
+from s2c2a.paper import C2A_SIZE, BiLSTM
 from s2c2a.plugins.components import Options, Registry
+from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
 
 
@@ -66,17 +67,6 @@ class ControllerOptions(Options, ABC):
     def controller(self, network: Any) -> Controller:
         """The controller that uses a trained network."""
 
-    def for_arm(self, network: Any, arm: ArmSpec) -> Any:
-        """A trained network for another arm of the same make.
-
-        Raises:
-            StrategyError: this kind of controller does not transfer.
-        """
-        raise StrategyError(
-            f"controller '{self.model}' does not transfer to '{arm.name}'; train it "
-            "anew"
-        )
-
 
 @dataclass(frozen=True)
 class C2AOptions(Size, ControllerOptions):
@@ -87,7 +77,11 @@ class C2AOptions(Size, ControllerOptions):
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> C2A:
         """See `ControllerOptions`: random weights and no scaling."""
-        return C2A.untrained(self, arm, key)
+        history = 3 * CONFIGURATION_HISTORY + arm.cable_count * ACTION_HISTORY
+        network = BiLSTM(
+            3 + history + 1, arm.cable_count, self.layers, self.hidden, key
+        )
+        return C2A(network, Scaling.identity(3), SumAndRange.of(arm))
 
     def train(
         self,
@@ -97,16 +91,21 @@ class C2AOptions(Size, ControllerOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[C2A]:
+        """See `ControllerOptions`: on pairs of successive sensed configurations."""
         network_key, fit_key = jax.random.split(key)
-        model = self.untrained(data.arm, network_key)
-        return train_c2a(model, data, history_noise, fit, fit_key, progress)
+        neutral = ArmGeometry.of(data.arm).action_neutral
+        split = controller_samples(data.sensed, data.actions, neutral, data.lengths)
+        model = replace(
+            self.untrained(data.arm, network_key),
+            configuration_scaling=Scaling.of(split.training.inputs["desired"]),
+        )
+        scaled = model.sum_and_range.scaled(split, ages=-2)
+        return train_actions(
+            model, predict_actions, scaled, history_noise, fit, fit_key, progress
+        )
 
     def controller(self, network: C2A) -> NetworkController:
         return NetworkController(network)
-
-    def for_arm(self, network: C2A, arm: ArmSpec) -> C2A:
-        """See `ControllerOptions`: replaces the scaling of actions."""
-        return network.for_arm(arm)
 
 
 CONTROLLERS: Registry[ControllerOptions] = Registry(

@@ -121,23 +121,15 @@ def coverage_targets(
     geometry: ArmGeometry, count: int, random: np.random.Generator
 ) -> Float[np.ndarray, "targets modules 2"]:
     """Random targets of coverage, in shares of the full bend."""
-    independent = _independent_targets(random, (count, len(geometry.lengths)))
-    planned = nominal_plans(geometry, count, random)
-    chosen = random.uniform(size=count) < PLANNED_SHARE
-    return np.where(chosen[:, None, None], planned, independent)
-
-
-def _independent_targets(
-    random: np.random.Generator, shape: tuple[int, int]
-) -> Float[np.ndarray, "targets modules 2"]:
-    """Random bends, in shares of the full bend.
-
-    Many of them are full, as in plans for distant positions.
-    """
+    # many independent bends are full, as in plans for distant positions
+    shape = (count, len(geometry.lengths))
     bends = disc_points(random, shape)
     full = bends / np.linalg.norm(bends, axis=-1, keepdims=True)
     is_full = random.uniform(size=shape) < FULL_SHARE
-    return np.where(is_full[..., None], full, bends)
+    independent = np.where(is_full[..., None], full, bends)
+    planned = nominal_plans(geometry, count, random)
+    chosen = random.uniform(size=count) < PLANNED_SHARE
+    return np.where(chosen[:, None, None], planned, independent)
 
 
 def motion_through(

@@ -137,16 +137,22 @@ def collect(
             f"{threads} threads are too few; use at least one, or omit the number for "
             "all cores"
         )
-    stored = _stored_options(options) | {"robot": robot}
+    # as a recording stores them: single numbers and words
+    stored = asdict(options) | {"robot": robot}
+    slowest, fastest_share = stored.pop("speeds")
+    stored |= {"slowest": slowest, "fastest": fastest_share}
     writer = _open_writer(Path(path), arm, stored, resume, overwrite)
-    with (
-        _without_empty_file(Path(path), writer),
-        _workers(executor, threads) as workers,
-    ):
+    workers: AbstractContextManager[Executor]
+    if executor:
+        workers = nullcontext(executor)
+    else:
+        # serial: a real arm starts an episode after the last one is written
+        workers = Serial() if threads == 1 else Threads(threads)
+    with _without_empty_file(Path(path), writer), workers as pool:
         progress(writer.count, options.episodes)
         run_episode = partial(_run_episode, arm, make_robot, options)
         numbers = range(writer.count, options.episodes)
-        for episode in in_order(workers, run_episode, numbers):
+        for episode in in_order(pool, run_episode, numbers):
             writer.append(episode)
             progress(writer.count, options.episodes)
     return load_recording(path)
@@ -161,22 +167,6 @@ def _without_empty_file(path: Path, writer: EpisodeWriter) -> Iterator[None]:
         writer.close()
         if writer.count == 0:
             path.unlink(missing_ok=True)
-
-
-def _workers(
-    executor: Executor | None, threads: int | None
-) -> AbstractContextManager[Executor]:
-    if executor:
-        return nullcontext(executor)
-    # serial: a real arm starts an episode after the last one is written
-    return Serial() if threads == 1 else Threads(threads)
-
-
-def _stored_options(options: CollectOptions) -> dict:
-    """Options as a recording stores them: single numbers and words."""
-    stored = asdict(options)
-    slowest, fastest = stored.pop("speeds")
-    return stored | {"slowest": slowest, "fastest": fastest}
 
 
 def _open_writer(
@@ -258,8 +248,15 @@ def _run_episode(
     seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
     robot = make_robot(int(seed))
     # a real arm keeps its own limits
-    limits = _limits(arm, options) if robot.own_time else None
-    player = Player(arm, _required_sensors(robot), actions)
+    limits = None
+    if robot.own_time:
+        # they allow the speed and the corners of the babbling
+        share = fastest(options.babbling, arm.module_count, options.speeds_on(arm))
+        full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
+        step_deg = share * full_bend_deg * (1 + 1e-6)
+        limits = CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)
+    required = [name for name, sensor in robot.sensors.items() if sensor.always]
+    player = Player(arm, tuple(required), actions)
     with Loop(robot, player, limits=limits) as loop:
         episode = build_episode(_episode_steps(loop, len(actions), number), arm)
     columns = _without_gaps(episode, player.sensors)
@@ -356,16 +353,3 @@ def _without_gaps(episode: Episode, sensors: Iterable[str]) -> dict[str, np.ndar
             column[:] = np.interp(times, times[is_known], column[is_known])
         columns[SENSOR + name] = values
     return columns
-
-
-def _required_sensors(robot: Robot) -> tuple[str, ...]:
-    """Sensors that every sample has."""
-    return tuple(name for name, sensor in robot.sensors.items() if sensor.always)
-
-
-def _limits(arm: ArmSpec, options: CollectOptions) -> CommandLimits:
-    """Limits that allow the speed and the corners of the babbling."""
-    share = fastest(options.babbling, arm.module_count, options.speeds_on(arm))
-    full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
-    step_deg = share * full_bend_deg * (1 + 1e-6)
-    return CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)

@@ -55,7 +55,16 @@ class Cluster(ClientExecutor):
             else:
                 client = _connect_to(address)
             resources.callback(client.close)
-            _check_versions(client, address)
+            # other versions could give other results or fail
+            found: Any = client.get_versions(packages=CHECKED_PACKAGES)
+            for worker, versions in found["workers"].items():
+                differences = _differences(_checked_versions(versions), _own_versions())
+                if differences:
+                    raise ClusterError(
+                        f"the worker {worker} of {address} has {differences}; install the same "
+                        "versions on all machines, for example with "
+                        "`pip install -c constraints.txt '.[cluster]'`"
+                    )
             self._resources = resources.pop_all()
         super().__init__(client, pure=False)
 
@@ -157,19 +166,6 @@ def _connect(name: str, **where: Any) -> Client:
             f"no scheduler answers at {name} ({error}); start `dask scheduler` there "
             f"and `dask worker {name}` on every machine, or check the address"
         ) from error
-
-
-def _check_versions(client: Client, address: str) -> None:
-    """Other versions could give other results or fail."""
-    found: Any = client.get_versions(packages=CHECKED_PACKAGES)
-    for worker, versions in found["workers"].items():
-        differences = _differences(_checked_versions(versions), _own_versions())
-        if differences:
-            raise ClusterError(
-                f"the worker {worker} of {address} has {differences}; install the same "
-                "versions on all machines, for example with "
-                "`pip install -c constraints.txt '.[cluster]'`"
-            )
 
 
 def _checked_versions(found: dict) -> Versions:

@@ -60,13 +60,6 @@ def open_run_directory(
     resumes = resume and not overwrite and marker.is_file() and holds(marker, text)
     if not resumes:
         _clear(folder, overwrite, resume)
-    _make_with_manifest(folder)
-    if not resumes:
-        write_atomically(text, marker)
-    return folder
-
-
-def _make_with_manifest(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         keep_manifest(folder)
@@ -74,6 +67,9 @@ def _make_with_manifest(folder: Path) -> None:
         raise S2C2AError(
             f"cannot make the run directory {folder}: {error}; choose another --out"
         ) from error
+    if not resumes:
+        write_atomically(text, marker)
+    return folder
 
 
 def _clear(folder: Path, overwrite: bool, resume: bool) -> None:

@@ -1,7 +1,6 @@
 """The C2A controller, and the training of networks for actions."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -9,13 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.windows import Split, controller_samples
-from s2c2a.models.layers import Scaling, Size, SumAndRange
+from s2c2a.data.windows import Split
+from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, History, controller_inputs
-from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 from s2c2a.training.fit import Batch, FitOptions, Network, TrainingProgress, quiet
-from s2c2a.training.trained import Trained, TrainingData, train
+from s2c2a.training.trained import Trained, train
 
 Actions = Float[Array, "*batch modules cables"]
 
@@ -33,20 +30,6 @@ class C2A(eqx.Module):
     configuration_scaling: Scaling
     sum_and_range: SumAndRange
 
-    @classmethod
-    def untrained(cls, size: Size, arm: ArmSpec, key: PRNGKeyArray) -> "C2A":
-        """Random weights and no scaling, for an arm."""
-        features = 3 + 3 * CONFIGURATION_HISTORY + arm.cable_count * ACTION_HISTORY + 1
-        network = BiLSTM(features, arm.cable_count, size.layers, size.hidden, key)
-        return cls(network, Scaling.identity(3), SumAndRange.of(arm))
-
-    def for_arm(self, arm: ArmSpec) -> "C2A":
-        """The same weights for another arm with as many cables in each module.
-
-        The module count may differ.
-        """
-        return replace(self, sum_and_range=SumAndRange.of(arm))
-
     def __call__(
         self, desired: Float[Array, "*batch modules 3"], history: History
     ) -> Actions:
@@ -59,36 +42,8 @@ class C2A(eqx.Module):
         return self.sum_and_range.limited(self.sum_and_range(raw))
 
 
-def train_c2a(
-    model: C2A,
-    data: TrainingData,
-    history_noise: float,
-    fit: FitOptions,
-    key: PRNGKeyArray,
-    progress: TrainingProgress = quiet,
-) -> Trained[C2A]:
-    """Train on pairs of successive sensed configurations.
-
-    Args:
-        model: with random weights; its configurations are scaled to the data.
-        data: recorded episodes.
-        history_noise: standard deviation of noise on past actions, normalized.
-        fit: options of the training.
-        key: for order and noise.
-        progress: called with epoch, number of epochs, validation loss.
-
-    Raises:
-        TrainingError: too few samples, or the loss is not finite.
-    """
-    neutral = ArmGeometry.of(data.arm).action_neutral
-    split = controller_samples(data.sensed, data.actions, neutral, data.lengths)
-    scaling = Scaling.of(split.training.inputs["desired"])
-    model = replace(model, configuration_scaling=scaling)
-    scaled = model.sum_and_range.scaled(split, ages=-2)
-    return train_actions(model, _predict_c2a, scaled, history_noise, fit, key, progress)
-
-
-def _predict_c2a(model: C2A, batch: Batch) -> Array:
+def predict_actions(model: C2A, batch: Batch) -> Array:
+    """Predicted actions of a batch, normalized."""
     return model(batch["desired"], History(batch["configurations"], batch["actions"]))
 
 

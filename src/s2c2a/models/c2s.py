@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import CollectOptions, forward_samples
+from s2c2a.data import forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import (
@@ -26,7 +26,7 @@ from s2c2a.models.layers import Scaling, Size
 from s2c2a.paper import BiLSTM
 from s2c2a.plugins.components import Options
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
-from s2c2a.training.trained import Pretrained, Trained, TrainingData, known_error, train
+from s2c2a.training.trained import Trained, TrainingData, known_error, train
 
 
 @dataclass(frozen=True)
@@ -86,48 +86,24 @@ class ForwardOptions(Options, ABC):
             TrainingError: there are too few samples, or the loss is not finite.
         """
 
-    def adapted(
-        self,
-        model: ForwardModel,
-        old: ArmSpec,
-        new: ArmSpec,
-        babbling: CollectOptions,
-        key: PRNGKeyArray,
-    ) -> ForwardModel:
-        """The initial model of another arm of the same make.
-
-        Args:
-            model: trained.
-            old: its arm.
-            new: the other arm.
-            babbling: options of the data collection of the other arm.
-            key: of all random numbers.
-
-        Raises:
-            TrainingError: this kind of model cannot be transferred.
-        """
-        raise TrainingError(
-            f"forward models '{self.model}' begin from nothing; train without --from"
-        )
-
     def resume_training(
         self,
         model: ForwardModel,
+        spread: eqx.Module,
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-        spread: eqx.Module | None = None,
     ) -> Trained[ForwardModel]:
-        """Continue the training of a transferred model; see `train`.
+        """Train a prior (`pretrain`) on few samples of one arm; see `train`.
 
         Args:
-            model: transferred.
-            data: recorded episodes of the new arm.
+            model: mean over arms.
+            spread: of its parameters over arms.
+            data: recorded episodes of the arm.
             fit: options of the training.
             key: of all random numbers.
             progress: see `train`.
-            spread: of the parameters over arms, if the model is a prior (`pretrain`).
         """
         raise TrainingError(
             f"forward models '{self.model}' begin from nothing; train without --from"
@@ -139,7 +115,7 @@ class ForwardOptions(Options, ABC):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-    ) -> Pretrained[ForwardModel]:
+    ) -> Trained[ForwardModel]:
         """Learn a prior over arms from recordings of several ones.
 
         Args:

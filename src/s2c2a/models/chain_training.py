@@ -11,9 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import CollectOptions
 from s2c2a.data.windows import Samples, Split, forward_samples
-from s2c2a.errors import TrainingError
 from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
@@ -21,19 +19,16 @@ from s2c2a.models.chain import LENGTH_UNIT, OUTPUTS, ChainC2S
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.prior import mean_and_spread, pooled
 from s2c2a.models.statics import Equilibrium
-from s2c2a.models.transfer import babbling_data, states_under_gravity, transfer_chain
 from s2c2a.models.trunk import Trunk
 from s2c2a.plugins.components import Ranges
 from s2c2a.training.fit import (
     Batch,
     FitOptions,
-    FitResult,
     TrainingProgress,
     parameters,
     quiet,
 )
 from s2c2a.training.trained import (
-    Pretrained,
     Trained,
     TrainingData,
     evaluated,
@@ -44,10 +39,8 @@ from s2c2a.training.trained import (
 NO_WEIGHT = -7.0  # before a softplus
 AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
 DELAY = 0.1  # s; time constant of the delay filter
-TRANSFER_PENALTY = 3e-3
-"""Weight of the squared change of parameters when training continues another model."""
 PRIOR_PENALTY = 1e-5
-"""The same, of changes over the spread of a prior.
+"""Weight of the squared change of parameters over the spread of a prior.
 
 Up to a factor the penalty is the negative logarithm of a normal density.
 """
@@ -57,10 +50,6 @@ JOINT_EPOCHS = 1 / 6
 """Of the training, for the joint model of a prior: its epochs have more batches."""
 ARM_EPOCHS = 1 / 2
 """Of the training, from the joint model to that of one arm."""
-REHEARSED = FitOptions(
-    learning_rate=2e-3, max_epochs=20, patience=20, epochs_per_call=10, decay=True
-)
-"""Pretraining of a new network on the effect of gravity."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +91,40 @@ class ChainOptions(ForwardOptions):
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> ChainC2S:
         """The initial chain: no hysteresis, and a network with outputs near zero."""
         modules = arm.module_count
-        hysteresis = self._initial_hysteresis(arm)
-        statics = bool(self.statics) and _senses_pulling_cables(arm)
-        features = 2 + arm.cable_count if statics else 2
+        cables = arm.cable_count
+        # at lower rates the last reading models the delay
+        delays = (DELAY,) if arm.control_period < DELAY else ()
+        times = np.array([*delays, *self.creep_times])
+        shares = jnp.asarray(1.0 - np.exp(-arm.control_period / times), jnp.float32)
+        widths = jnp.asarray(self.play_widths, dtype=jnp.float32)
+        play_weights = jnp.full((modules, len(widths) + 2, cables), NO_WEIGHT)
+        hysteresis = Hysteresis(
+            Operators(widths, shares),
+            play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
+            jnp.zeros((modules, len(delays), cables)),
+            Viscoelasticity.none(modules, len(self.creep_times), cables),
+        )
+        senses_pulling_cables = (
+            arm.actuation == "displacement"
+            and arm.sensing == "encoders"
+            and arm.sensing_coupling is None
+        )
+        statics = bool(self.statics) and senses_pulling_cables
+        features = modules * (2 + cables if statics else 2)
+        network = eqx.nn.MLP(
+            features, OUTPUTS * modules, self.hidden, self.depth, jax.nn.tanh, key=key
+        )
+        head = network.layers[-1]
+        small = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
+        network = eqx.tree_at(
+            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, small
+        )
         return ChainC2S(
             Trunk.of(arm),
             hysteresis,
             Equilibrium.untrained(modules, len(self.creep_times)),
             jnp.eye(2 * modules),
-            self._initial_network(modules * features, OUTPUTS * modules, key),
+            network,
             statics,
         )
 
@@ -137,21 +151,18 @@ class ChainOptions(ForwardOptions):
     def resume_training(  # type: ignore[override]
         self,
         model: ChainC2S,
+        spread: ChainC2S,
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-        spread: ChainC2S | None = None,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`: trains all parameters with a penalty on their change.
 
-        Few samples do not determine all parameters. With the spread of a prior the
-        penalty is that of a normal distribution.
+        Few samples do not determine all parameters. The penalty is that of a normal
+        distribution with the spread of the prior.
         """
-        if spread is None:
-            penalty = _Penalty.of(model, TRANSFER_PENALTY)
-        else:
-            penalty = _Penalty.of(model, PRIOR_PENALTY, spread)
+        penalty = _Penalty(PRIOR_PENALTY, parameters(model), parameters(spread))
         return _train(model, data, fit, key, progress, penalty)
 
     def pretrain(
@@ -160,7 +171,7 @@ class ChainOptions(ForwardOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-    ) -> Pretrained[ChainC2S]:
+    ) -> Trained[ChainC2S]:
         """See `ForwardOptions`: a joint chain, then a chain of each arm from it.
 
         Raises:
@@ -175,7 +186,7 @@ class ChainOptions(ForwardOptions):
             progress(epoch, epochs, loss)
 
         joint = self.train(together, joint_fit, key, joint_progress)
-        penalty = _Penalty.of(joint.network, ARM_PENALTY)
+        penalty = _Penalty(ARM_PENALTY, parameters(joint.network), [])
         chains = []
         for number, data in enumerate(arms, start=1):
             trained = _train(joint.network, data, arm_fit, key, quiet, penalty)
@@ -183,38 +194,9 @@ class ChainOptions(ForwardOptions):
             done = joint_fit.max_epochs + number * arm_fit.max_epochs
             progress(done, epochs, float(trained.curve[:, 2].min()))
         mean, spread = mean_and_spread(chains)
-        result = FitResult(mean, joint.curve)
         samples = hysteresis_samples(mean, together)
-        return Pretrained(evaluated(result, predicted_targets, samples), spread)
-
-    def adapted(  # type: ignore[override]
-        self,
-        model: ChainC2S,
-        old: ArmSpec,
-        new: ArmSpec,
-        babbling: CollectOptions,
-        key: PRNGKeyArray,
-    ) -> ChainC2S:
-        """See `ForwardOptions`: module by module.
-
-        For another module count, a new network is pretrained on the effect of gravity.
-        """
-        chain = transfer_chain(model, old, ChainOptions.untrained(self, new, key), new)
-        if old.module_count == new.module_count:
-            return chain
-        if not chain.statics:
-            raise TrainingError(
-                f"networks of {old.module_count} modules do not fit '{new.name}' of "
-                f"{new.module_count}; other counts need motor encoders and "
-                "displacement actuation; collect data and train without --from"
-            )
-
-        data = babbling_data(new, babbling)
-        states = []
-        for inputs in hysteresis_inputs(chain, data):
-            states.append(np.asarray(states_under_gravity(chain, jnp.asarray(inputs))))
-        data = replace(data, states=np.stack(states))
-        return _train(chain, data, REHEARSED, key, quiet, frozen=chain).network
+        result = evaluated(mean, joint.curve, predicted_targets, samples)
+        return replace(result, spread=spread)
 
     def predictions(
         self, model: ForwardModel, data: TrainingData
@@ -225,34 +207,6 @@ class ChainOptions(ForwardOptions):
         for inputs in hysteresis_inputs(chain, data):
             states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
         return np.stack(states)
-
-    def _initial_hysteresis(self, arm: ArmSpec) -> Hysteresis:
-        # at lower rates the last reading models the delay
-        delays = (DELAY,) if arm.control_period < DELAY else ()
-        times = np.array([*delays, *self.creep_times])
-        shares = jnp.asarray(1.0 - np.exp(-arm.control_period / times), jnp.float32)
-        widths = jnp.asarray(self.play_widths, dtype=jnp.float32)
-        modules = arm.module_count
-        cables = arm.cable_count
-        play_weights = jnp.full((modules, len(widths) + 2, cables), NO_WEIGHT)
-        return Hysteresis(
-            Operators(widths, shares),
-            play_weights.at[:, 0].set(np.log(np.expm1(1.0))),
-            jnp.zeros((modules, len(delays), cables)),
-            Viscoelasticity.none(modules, len(self.creep_times), cables),
-        )
-
-    def _initial_network(
-        self, features: int, outputs: int, key: PRNGKeyArray
-    ) -> eqx.nn.MLP:
-        network = eqx.nn.MLP(
-            features, outputs, self.hidden, self.depth, jax.nn.tanh, key=key
-        )
-        head = network.layers[-1]
-        small = (0.01 * head.weight, jnp.zeros(head.weight.shape[0]))
-        return eqx.tree_at(
-            lambda net: (net.layers[-1].weight, net.layers[-1].bias), network, small
-        )
 
 
 class _Penalty(eqx.Module):
@@ -267,14 +221,6 @@ class _Penalty(eqx.Module):
     weight: float
     initial: list[Array]
     spread: list[Array]
-
-    @classmethod
-    def of(
-        cls, model: ChainC2S, weight: float, spread: ChainC2S | None = None
-    ) -> "_Penalty":
-        """The penalty on changes of a model."""
-        units = [] if spread is None else parameters(spread)
-        return cls(weight, parameters(model), units)
 
     def __call__(self, model: ChainC2S) -> Float[Array, ""]:
         changes = jax.tree.map(jnp.subtract, parameters(model), self.initial)
@@ -292,20 +238,15 @@ class _ChainLoss(eqx.Module):
     Attributes:
         unit: of position errors [m].
         penalty: on the change of parameters; None for none.
-        frozen: chain of which only the network is trained; None if all is.
     """
 
     unit: float
     penalty: _Penalty | None = None
-    frozen: ChainC2S | None = None
 
     def __call__(
         self, model: ChainC2S, batch: Batch, key: PRNGKeyArray | None
     ) -> Float[Array, ""]:
-        trained = model
-        if self.frozen is not None:
-            trained = replace(self.frozen, network=model.network)
-        error = known_error(predicted_targets(trained, batch), batch["targets"])
+        error = known_error(predicted_targets(model, batch), batch["targets"])
         positions = jnp.mean((error[..., :3] / self.unit) ** 2)
         mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
         if key is None or self.penalty is None:
@@ -320,16 +261,12 @@ def _train(
     key: PRNGKeyArray,
     progress: TrainingProgress,
     penalty: _Penalty | None = None,
-    frozen: ChainC2S | None = None,
 ) -> Trained[ChainC2S]:
-    """Train on true states, with a penalty on the change of parameters, if any.
-
-    The loss depends on the network alone if the other parameters are `frozen`.
-    """
+    """Train on true states, with a penalty on the change of parameters, if any."""
     unit = LENGTH_UNIT * data.arm.length
     return train(
         model,
-        _ChainLoss(unit, penalty, frozen),
+        _ChainLoss(unit, penalty),
         predicted_targets,
         hysteresis_samples(model, data),
         fit,
@@ -342,15 +279,6 @@ def shortened(fit: FitOptions, share: float) -> FitOptions:
     """Training options with a share of the epochs."""
     epochs = max(1, round(share * fit.max_epochs))
     return replace(fit, max_epochs=epochs, patience=epochs)
-
-
-def _senses_pulling_cables(arm: ArmSpec) -> bool:
-    """Whether the sensors are encoders of cable displacements, without coupling."""
-    return (
-        arm.actuation == "displacement"
-        and arm.sensing == "encoders"
-        and arm.sensing_coupling is None
-    )
 
 
 @eqx.filter_jit

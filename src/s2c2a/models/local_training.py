@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import CollectOptions
 from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
@@ -27,11 +26,10 @@ from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
 from s2c2a.models.residual_process import GAP, ResidualProcess, fit_process
-from s2c2a.models.transfer import babbling_data, interpolation_weights
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
-from s2c2a.training.fit import FitOptions, FitResult, TrainingProgress, quiet
-from s2c2a.training.trained import Pretrained, Trained, TrainingData, evaluated
+from s2c2a.training.fit import FitOptions, TrainingProgress, quiet
+from s2c2a.training.trained import Trained, TrainingData, evaluated
 
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
@@ -100,16 +98,16 @@ class LocalOptions(ChainOptions):
     def resume_training(  # type: ignore[override]
         self,
         model: LocalC2S,
+        spread: ChainC2S,
         data: TrainingData,
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-        spread: ChainC2S | None = None,
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
-        chain = super().resume_training(model.chain, data, fit, key, progress, spread)
+        chain = super().resume_training(model.chain, spread, data, fit, key, progress)
         trained = self._with_process(chain, data, key)
-        # plans may also use the region of the first arm's data
+        # plans may also use the region of the prior's data
         network = replace(trained.network, region=model.region)
         return replace(trained, network=network)
 
@@ -119,38 +117,16 @@ class LocalOptions(ChainOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
-    ) -> Pretrained[LocalC2S]:
+    ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: of the chain alone; a process belongs to one arm."""
         together = pooled(arms)
         options = self._chain_options(together)
         chain = options.pretrain(arms, fit, key, progress)
-        model = replace(self.untrained(together.arm, key), chain=chain.mean.network)
+        model = replace(self.untrained(together.arm, key), chain=chain.network)
         split = hysteresis_samples(model.chain, together)
         process = replace(model.process, scale=_judged(model, split).scale)
         model = self._with_region(replace(model, process=process), split)
-        mean = Trained(model, chain.mean.curve, chain.mean.percent)
-        return Pretrained(mean, chain.spread)
-
-    def adapted(  # type: ignore[override]
-        self,
-        model: LocalC2S,
-        old: ArmSpec,
-        new: ArmSpec,
-        babbling: CollectOptions,
-        key: PRNGKeyArray,
-    ) -> LocalC2S:
-        """See `ForwardOptions`: the chain; a process belongs to one arm alone."""
-        chain = super().adapted(model.chain, old, new, babbling, key)
-        blank = self.untrained(new, key)
-        # a longer arm errs by more, in proportion: outputs are in units of its length
-        weights = interpolation_weights(old.module_count, new.module_count)
-        scale = weights @ np.asarray(model.process.scale).reshape(-1, 6)
-        process = replace(blank.process, scale=jnp.asarray(scale.ravel(), jnp.float32))
-        adapted = replace(blank, chain=chain, process=process, region=model.region)
-        if old.module_count == new.module_count:
-            return adapted
-        samples = hysteresis_samples(chain, babbling_data(new, babbling))
-        return self._with_region(adapted, samples)
+        return Trained(model, chain.curve, chain.percent, spread=chain.spread)
 
     def _with_process(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
@@ -164,31 +140,22 @@ class LocalOptions(ChainOptions):
         inputs = hysteresis_inputs(result.network, data)
         split = forward_samples(inputs, data.states, data.lengths, APART)
         every = known_samples(inputs, data.states, data.lengths)
-        process = self._fitted(blank, every, data.arm.control_rate)
+        features = _features(blank, every)
+        # root mean square change of the features in a second
+        steps = min(max(round(data.arm.control_rate), 1), len(features) - 1)
+        motion = np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
+        residual = _residual(blank, every)
+        kinds = _kinds(blank.chain)
+        process = fit_process(features, residual, kinds, motion, self.points)
         judged = _judged(replace(blank, process=process), split)
         if not judged.is_better:
             process = blank.process
         process = replace(process, scale=judged.scale)
         model = replace(blank, process=process)
         unseen = _given(model, _joined(split.training, split.validation))
-        trained = evaluated(FitResult(unseen, result.curve), predicted_targets, split)
+        trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
         return replace(trained, network=network, errors=judged.tip_errors)
-
-    def _fitted(
-        self, model: LocalC2S, samples: Samples, rate: float
-    ) -> ResidualProcess:
-        """A process of what a chain leaves.
-
-        Args:
-            model: with a trained chain.
-            samples: in order of time.
-            rate: of the samples [Hz].
-        """
-        features = _features(model, samples)
-        motion = _motion(features, round(rate))
-        residual = _residual(model, samples)
-        return fit_process(features, residual, _kinds(model.chain), motion, self.points)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
@@ -284,14 +251,6 @@ def _features(
 ) -> Float[np.ndarray, "samples features"]:
     inputs = jnp.asarray(samples.inputs["configurations"])
     return np.asarray(eqx.filter_jit(model.features)(inputs))
-
-
-def _motion(
-    features: Float[np.ndarray, "samples features"], steps: int
-) -> Float[np.ndarray, " features"]:
-    """Root mean square change of the features in so many steps, at least one."""
-    steps = min(max(steps, 1), len(features) - 1)
-    return np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
 
 
 def _residual(

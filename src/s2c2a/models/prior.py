@@ -44,29 +44,21 @@ def pooled(arms: Sequence[TrainingData]) -> TrainingData:
             f"episodes of the shapes {sorted(shapes)} do not form one prior; record all "
             "arms with the same options"
         )
+    lengths: list[int] = []
+    for data in arms:
+        episodes, samples = data.states.shape[:2]
+        lengths += data.lengths or (samples,) * episodes
+    # of all arms, or of none
+    displacements = [data.displacements for data in arms]
+    known = [values for values in displacements if values is not None]
     return replace(
         arms[0],
         sensed=np.concatenate([data.sensed for data in arms]),
         actions=np.concatenate([data.actions for data in arms]),
         states=np.concatenate([data.states for data in arms]),
-        lengths=_pooled_lengths(arms),
-        displacements=_pooled_displacements(arms),
+        lengths=tuple(lengths),
+        displacements=np.concatenate(known) if len(known) == len(arms) else None,
     )
-
-
-def _pooled_lengths(arms: Sequence[TrainingData]) -> tuple[int, ...]:
-    lengths: list[int] = []
-    for data in arms:
-        episodes, samples = data.states.shape[:2]
-        lengths += data.lengths or (samples,) * episodes
-    return tuple(lengths)
-
-
-def _pooled_displacements(arms: Sequence[TrainingData]) -> np.ndarray | None:
-    """Displacements of all arms; None unless every arm has them."""
-    displacements = [data.displacements for data in arms]
-    known = [values for values in displacements if values is not None]
-    return np.concatenate(known) if len(known) == len(arms) else None
 
 
 def mean_and_spread(models: Sequence[Network]) -> tuple[Network, Network]:

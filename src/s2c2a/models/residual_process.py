@@ -196,7 +196,9 @@ def fit_process(
     x = features[complete].astype(np.float64)
     y = targets[complete][:, known].astype(np.float64)
     center = x.mean(axis=0)
-    rates = _inverse_widths(x)
+    # inverse standard deviation of each feature; zero if it is constant
+    width = x.std(axis=0)
+    rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
     mean = y.mean(axis=0)
     scale = np.maximum(y.std(axis=0), 1e-9)
     subsets = _subsets(len(x), np.random.default_rng(seed))
@@ -219,14 +221,6 @@ def fit_process(
         scale=jnp.asarray(all_scales, jnp.float32),
     )
     return process.given(features, targets)
-
-
-def _inverse_widths(
-    features: Float[np.ndarray, "samples features"],
-) -> Float[np.ndarray, " features"]:
-    """Inverse standard deviation of each feature; zero if it is constant."""
-    width = features.std(axis=0)
-    return np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
 
 
 def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:

@@ -47,4 +47,3 @@ from s2c2a.strategies.session import (
 from s2c2a.strategies.shipped import networks_from, shipped_networks
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
-from s2c2a.strategies.transfer import transferred

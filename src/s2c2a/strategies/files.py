@@ -29,7 +29,6 @@ from s2c2a.strategies.checkpoint import (
     read,
     write,
 )
-from s2c2a.strategies.options import StrategyOptions
 from s2c2a.strategies.recipe import Recipe, recipe_in
 from s2c2a.strategies.registry import STRATEGIES
 from s2c2a.strategies.trained import TrainedNetworks
@@ -113,7 +112,16 @@ def load_networks(
         recipe = _recipe(metadata.recipe)
         kind = STRATEGIES.imported(metadata.strategy)
         strategy = TypeAdapter(kind).validate_python(metadata.strategy_options)
-        blanks = _blanks(strategy, recipe, trained_for, metadata)
+        # shapes of the networks that the file holds
+        shapes = eqx.filter_eval_shape(
+            lambda seed: strategy.untrained(trained_for, recipe, jax.random.key(seed)),
+            0,
+        )
+        blanks = {
+            name: shape
+            for name, shape in shapes.items()
+            if name in metadata.percent or not name.startswith(OPTIONAL)
+        }
         networks = filled(blanks, trained_for, arrays)
         spread = _spread(blanks, trained_for, arrays)
         curves = _curves(arrays)
@@ -140,20 +148,6 @@ def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
         StrategyError: no such file, damaged, or of another schema.
     """
     return _arm(read(path)[0], path)
-
-
-def _blanks(
-    strategy: StrategyOptions, recipe: Recipe, arm: ArmSpec, metadata: Metadata
-) -> dict[str, Any]:
-    """Shapes of the networks that the file holds."""
-    shapes = eqx.filter_eval_shape(
-        lambda seed: strategy.untrained(arm, recipe, jax.random.key(seed)), 0
-    )
-    return {
-        name: shape
-        for name, shape in shapes.items()
-        if name in metadata.percent or not name.startswith(OPTIONAL)
-    }
 
 
 def _recipe(table: dict[str, Any]) -> Recipe:

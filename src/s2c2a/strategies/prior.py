@@ -46,7 +46,12 @@ def pretrain_s2c2a(
     seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
-        _check_modules(recording.arm, arm)
+        recorded = recording.arm
+        if recorded.module_count != arm.module_count:
+            raise StrategyError(
+                f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
+                f"{arm.module_count}; record randomized variants of '{arm.name}'"
+            )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     c2s_progress = partial(progress, "C2S")
@@ -56,21 +61,12 @@ def pretrain_s2c2a(
     c2a = recipe.c2a.train(
         some, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
     )
-    predicted = recipe.c2s.predictions(prior.mean.network, some)
-    trained = {"C2S": prior.mean, "C2A": c2a}
+    predicted = recipe.c2s.predictions(prior.network, some)
+    trained = {"C2S": prior, "C2A": c2a}
     for name, result in recipe.estimator_options.train(some, predicted).items():
         if not name.startswith(PREFIX):
             trained[name] = result
-    networks = TrainedNetworks.of(arm, recipe, seed, trained)
-    return replace(networks, spread=prior.spread)
-
-
-def _check_modules(recorded: ArmSpec, arm: ArmSpec) -> None:
-    if recorded.module_count != arm.module_count:
-        raise StrategyError(
-            f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
-            f"{arm.module_count}; record randomized variants of '{arm.name}'"
-        )
+    return TrainedNetworks.of(arm, recipe, seed, trained)
 
 
 def _every_nth_episode(data: TrainingData, count: int) -> TrainingData:

@@ -30,12 +30,13 @@ from s2c2a.strategies.options import (
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
-from s2c2a.strategies.transfer import check_same_training, longer, transferred
 from s2c2a.training import Trained, TrainingData
 
 WEIGHTS = resources.files("s2c2a.strategies").joinpath("weights")
 COMMON_MOTION = 0.05
 """Share of the cables' motion that they make together; a smaller one is noise."""
+EPOCH_FACTOR = 2
+"""Times the epochs of a whole recording, for a short one."""
 SENSOR_KEY = 2
 """Derives the random key of sensor training from the seed."""
 
@@ -110,12 +111,13 @@ def train_s2c2a(
         recipe: sizes and options.
         seed: of everything random.
         progress: called with network, epoch, number of epochs, validation loss.
-        start: networks of another arm of the same make, or a prior over arms
-            (`pretrain_s2c2a`); then a short recording will do.
+        start: a prior over variants of the arm (`pretrain_s2c2a`); then a short
+            recording will do.
 
     Raises:
         RecordingError: episodes are missing or too short, or without true states.
-        StrategyError: the networks to start from are of another make or recipe.
+        StrategyError: the networks to start from are no prior, or one of another arm or
+            recipe.
         TrainingError: too few samples, or the loss is not finite.
     """
     data = training_data(recording, recipe)
@@ -129,14 +131,18 @@ def train_s2c2a(
     # first: a recording may hold too few samples of a sensor
     sensors = estimator.train_sensors(recording, sensor_key, progress)
     if start is not None:
-        check_same_training(start, recipe)
-        begun = transferred(start, recording.arm, seed)
-        # own forward models need not know of spreads
-        prior = {} if begun.spread is None else {"spread": begun.spread}
-        c2s = recipe.c2s.resume_training(
-            begun.c2s, data, longer(recipe.c2s_fit), c2s_key, c2s_progress, **prior
+        _check_prior(start, data.arm, recipe)
+        # a short recording has few batches in an epoch
+        longer = replace(
+            recipe.c2s_fit,
+            max_epochs=EPOCH_FACTOR * recipe.c2s_fit.max_epochs,
+            patience=EPOCH_FACTOR * recipe.c2s_fit.patience,
         )
-        # controller and modal model stay those of the other arm
+        c2s = recipe.c2s.resume_training(
+            start.c2s, start.spread, data, longer, c2s_key, c2s_progress
+        )
+        # controller and modal model stay those of the prior
+        begun = replace(start, arm=recording.arm, seed=seed, errors={})
         return begun.with_trained({"C2S": c2s, **sensors}, recipe)
     c2s = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, c2s_progress)
     c2a = recipe.c2a.train(
@@ -146,6 +152,41 @@ def train_s2c2a(
     trained: dict[str, Trained] = {"C2S": c2s, "C2A": c2a}
     trained |= estimator.train(data, predicted) | sensors
     return TrainedNetworks.of(recording.arm, recipe, seed, trained)
+
+
+def _check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
+    """Refuse networks that training on this arm by this recipe cannot start from.
+
+    Raises:
+        StrategyError: they are no prior, or one of another arm or recipe.
+    """
+    if start.spread is None:
+        raise StrategyError(
+            f"the networks to start from are of the one arm '{start.arm.name}'; make a "
+            "prior with `s2c2a pretrain`, or train without --from"
+        )
+    seen = start.recipe.seen_arm(start.arm)
+    if not arm.same_mechanics(seen):
+        raise StrategyError(
+            f"the prior is of '{seen.name}', which differs from '{arm.name}' in "
+            f"{', '.join(arm.differences(seen))}; make one of this arm with "
+            f"`s2c2a pretrain`"
+        )
+    ours = start.recipe.by_class
+    wanted = recipe.by_class
+    differing = [
+        name
+        for name in ("c2s", "c2a", "unit_length", "encoders_alone")
+        if getattr(ours, name) != getattr(wanted, name)
+    ]
+    if ours.estimator.name != wanted.estimator.name:
+        differing.append("estimator")
+    if differing:
+        raise StrategyError(
+            f"recipe '{recipe.name}' differs in {', '.join(differing)} from "
+            f"'{start.recipe.name}', by which the networks to start from were trained; "
+            f"take --recipe {start.recipe.name}, or one that differs elsewhere"
+        )
 
 
 def training_data(recording: Recording, recipe: Recipe) -> TrainingData:

@@ -59,7 +59,21 @@ class Strategy:
         self._estimate: Estimate
         self._controller_memory: Any
         self._command: Actions
-        self._warm_up()
+        # compile everything; readings of a user's own sensors are not known here
+        modules = self.arm.module_count
+        straight = np.tile(np.array([0.0, 0.0, 1.0]), (modules, 1))
+        cables = np.zeros((modules, self.arm.cable_count))
+        reading = Reading(0.0, {"cables": cables, "configurations": straight})
+        if set(self.sensors) <= set(reading.sensors):
+            self._begin(self.estimator.start(reading))
+            estimate = self.estimate(reading, cables)
+        else:
+            estimate = Estimate.of(straight)
+            self._begin(estimate)
+        self.act(self.plan(estimate, Goal.of(modules)), estimate)
+        self.sent(cables)
+        self.diagnostics()
+        self._plan = None
 
     def start(self, reading: Reading) -> None:
         """Begin with an arm at rest.
@@ -180,23 +194,6 @@ class Strategy:
                 "this strategy was not started; call start(reading) with the arm at rest"
             )
         return self._plan
-
-    def _warm_up(self) -> None:
-        """Compile everything; readings of a user's own sensors are not known here."""
-        modules = self.arm.module_count
-        straight = np.tile(np.array([0.0, 0.0, 1.0]), (modules, 1))
-        cables = np.zeros((modules, self.arm.cable_count))
-        reading = Reading(0.0, {"cables": cables, "configurations": straight})
-        if set(self.sensors) <= set(reading.sensors):
-            self._begin(self.estimator.start(reading))
-            estimate = self.estimate(reading, cables)
-        else:
-            estimate = Estimate.of(straight)
-            self._begin(estimate)
-        self.act(self.plan(estimate, Goal.of(modules)), estimate)
-        self.sent(cables)
-        self.diagnostics()
-        self._plan = None
 
 
 def _checked(estimate: Estimate) -> Estimate:

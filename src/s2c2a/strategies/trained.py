@@ -58,7 +58,7 @@ class TrainedNetworks:
     def with_trained(
         self, trained: Mapping[str, Trained], recipe: Recipe
     ) -> "TrainedNetworks":
-        """The same, with some networks trained by a recipe; no longer a prior."""
+        """The same, with some networks trained by a recipe."""
         networks = dict(self.networks)
         percent = dict(self.percent)
         curves = dict(self.curves)
@@ -76,7 +76,7 @@ class TrainedNetworks:
             percent=percent,
             curves=curves,
             errors=errors,
-            spread=None,
+            spread=trained["C2S"].spread if "C2S" in trained else self.spread,
         )
 
     @property

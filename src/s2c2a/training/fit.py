@@ -6,7 +6,7 @@ The type of a part determines whether it is trained and whether files keep it.
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -24,7 +24,6 @@ from s2c2a.plugins.components import Options, Ranges
 
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
-ModelType = TypeVar("ModelType", bound=eqx.Module, covariant=True)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 TrainingProgress = Callable[[int, int, float], None]
 """Callback with the epoch, the largest number of epochs, and the validation loss."""
@@ -66,19 +65,6 @@ class FitOptions(Options):
     }
 
 
-@dataclass(frozen=True)
-class FitResult(Generic[ModelType]):
-    """Trained network and its learning curve.
-
-    Attributes:
-        network: network with the weights of the best validation loss.
-        curve: rows of epoch, training loss, validation loss, shape (epochs, 3).
-    """
-
-    network: ModelType
-    curve: Float[np.ndarray, "epochs 3"]
-
-
 class _State(NamedTuple):
     """State of the training between epochs.
 
@@ -105,7 +91,7 @@ def fit(
     options: FitOptions,
     key: PRNGKeyArray,
     progress: TrainingProgress = quiet,
-) -> FitResult[Network]:
+) -> tuple[Network, Float[np.ndarray, "epochs 3"]]:
     """Train a network with Adam.
 
     Args:
@@ -120,6 +106,10 @@ def fit(
         key: random key for the order of samples and for the loss.
         progress: callback with the epoch, the largest number of epochs, and the
             validation loss, before the first compiled call and after each.
+
+    Returns:
+        The network with the weights of the best validation loss, and the learning
+        curve: rows of epoch, training loss, validation loss.
 
     Raises:
         TrainingError: there are fewer samples than one batch, or the loss is not
@@ -157,7 +147,7 @@ def fit(
             )
         progress(len(curve), options.max_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
-    return FitResult(eqx.combine(state.best_weights, rest), numbered)
+    return eqx.combine(state.best_weights, rest), numbered
 
 
 def _of_any_length(options: FitOptions) -> FitOptions:

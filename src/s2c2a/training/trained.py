@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Generic
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,13 +14,13 @@ from s2c2a.data import Samples, Split
 from s2c2a.training.fit import (
     Batch,
     FitOptions,
-    FitResult,
     Loss,
-    ModelType,
     Network,
     TrainingProgress,
     fit,
 )
+
+ModelType = TypeVar("ModelType", bound=eqx.Module, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class TrainingData:
 
 
 @dataclass(frozen=True)
-class Trained(FitResult[ModelType]):
+class Trained(Generic[ModelType]):
     """Trained model, its learning curve, and its test error.
 
     Attributes:
@@ -56,23 +56,15 @@ class Trained(FitResult[ModelType]):
             range.
         errors: of the tip on held-out samples [m], by the names of
             `evaluation.training_report`; empty if they are unknown.
+        spread: of a prior: the model with the standard deviations of its parameters
+            over arms; None for a model of one arm.
     """
 
+    network: ModelType
+    curve: Float[np.ndarray, "epochs 3"]
     percent: tuple[float, float]
     errors: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Pretrained(Generic[ModelType]):
-    """Prior over the parameters of arms: independent normal distributions.
-
-    Attributes:
-        mean: model with the mean parameters, and its errors on all arms together.
-        spread: model whose parameters are the standard deviations over arms.
-    """
-
-    mean: Trained[ModelType]
-    spread: eqx.Module
+    spread: Any = None
 
 
 def train(
@@ -100,7 +92,7 @@ def train(
     Raises:
         TrainingError: there are too few samples, or the loss is not finite.
     """
-    result = fit(
+    fitted, curve = fit(
         model,
         loss,
         as_batch(split.training),
@@ -109,19 +101,20 @@ def train(
         key,
         progress,
     )
-    return evaluated(result, predict, split)
+    return evaluated(fitted, curve, predict, split)
 
 
 def evaluated(
-    result: FitResult[Network], predict: Callable[[Network, Batch], Array], split: Split
+    network: Network,
+    curve: Float[np.ndarray, "epochs 3"],
+    predict: Callable[[Network, Batch], Array],
+    split: Split,
 ) -> Trained[Network]:
     """Fitted model with its error on the test samples."""
-    predicted = np.asarray(
-        eqx.filter_jit(predict)(result.network, as_batch(split.test))
-    )
+    predicted = np.asarray(eqx.filter_jit(predict)(network, as_batch(split.test)))
     ranges = full_ranges(np.concatenate([part.targets for part in split.parts]))
     percent = percent_error(predicted, split.test.targets, ranges)
-    return Trained(result.network, result.curve, percent)
+    return Trained(network, curve, percent)
 
 
 def known_error(predicted: Array, targets: Array) -> Array:

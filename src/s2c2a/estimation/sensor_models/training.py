@@ -132,7 +132,7 @@ def train_sensor(
     known = np.where(np.isfinite(samples.values), samples.values, mean)
     scaling = Scaling.of(known)
     biases = jnp.zeros((int(samples.episode.max()) + 1, values))
-    fitted = fit(
+    fitted, curve = fit(
         BiasedNetwork(network, biases),
         _loss,
         samples.batch(scaling, seen),
@@ -141,14 +141,12 @@ def train_sensor(
         fit_key,
         progress,
     )
-    network = eqx.tree_at(
-        lambda network: network.scaling, fitted.network.network, scaling
-    )
+    network = eqx.tree_at(lambda network: network.scaling, fitted.network, scaling)
     network, predicted = _with_errors(network, samples, arm.control_period)
     percent = percent_error(
         predicted[held_out], samples.values[held_out], full_ranges(samples.values)
     )
-    return Trained(network, fitted.curve, percent)
+    return Trained(network, curve, percent)
 
 
 def _held_out_and_seen(
