@@ -171,7 +171,12 @@ class BringUp:
             DeclinedError: the operator declined.
         """
         self._check_presence(self._everyone)
-        self._check_identities(infos)
+        missing = set(self._everyone) - {info.id for info in infos}
+        if missing:
+            raise BusError(
+                f"no answer from servos {sorted(missing)}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
         for module, row in enumerate(self._servos.ids, 1):
@@ -216,14 +221,6 @@ class BringUp:
     def _check_presence(self, ids: list[int]) -> None:
         """Check that servos answer, before the operator is asked."""
         check_presence(self._bus, ids, self._servos.number_of, self._everyone)
-
-    def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
-        missing = set(self._everyone) - {info.id for info in infos}
-        if missing:
-            raise BusError(
-                f"no answer from servos {sorted(missing)}; check cable, power and id "
-                "(`s2c2a motors scan`)"
-            )
 
     def _home_module(
         self, module: int, ids: list[int], repeat: int

@@ -132,7 +132,17 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
         jac_sparsity=problem.dependencies(),
     )
     frames = problem.frames(solution.x)
-    _check_residuals(frames)
+    position = frames.position_residuals.max()
+    rotation = frames.rotation_residuals.max()
+    if position > MAX_POSITION_RESIDUAL or rotation > MAX_ROTATION_RESIDUAL:
+        module = int(frames.position_residuals.argmax()) + 1
+        raise FrameError(
+            f"the frames leave {1000 * position:.1f} mm and {np.rad2deg(rotation):.1f} "
+            f"deg unexplained (end-{module} most); at most "
+            f"{1000 * MAX_POSITION_RESIDUAL:g} mm and "
+            f"{np.rad2deg(MAX_ROTATION_RESIDUAL):g} deg are accepted. Check the lengths "
+            "of the arm file, and that no marker slips or is hidden"
+        )
     return frames
 
 
@@ -344,17 +354,3 @@ def _pose(position: np.ndarray, rotation: np.ndarray) -> Pose:
 def _root_mean_square(errors: np.ndarray) -> np.ndarray:
     """Over configurations, of the lengths of vectors, shape (modules,)."""
     return np.sqrt((errors**2).sum(axis=-1).mean(axis=0))
-
-
-def _check_residuals(frames: Frames) -> None:
-    position = frames.position_residuals.max()
-    rotation = frames.rotation_residuals.max()
-    if position > MAX_POSITION_RESIDUAL or rotation > MAX_ROTATION_RESIDUAL:
-        module = int(frames.position_residuals.argmax()) + 1
-        raise FrameError(
-            f"the frames leave {1000 * position:.1f} mm and {np.rad2deg(rotation):.1f} "
-            f"deg unexplained (end-{module} most); at most "
-            f"{1000 * MAX_POSITION_RESIDUAL:g} mm and "
-            f"{np.rad2deg(MAX_ROTATION_RESIDUAL):g} deg are accepted. Check the lengths "
-            "of the arm file, and that no marker slips or is hidden"
-        )

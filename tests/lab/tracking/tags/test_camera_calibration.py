@@ -2,6 +2,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pictures import Canvas, Effects, Lens
 from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking.poses import Pose
@@ -14,7 +15,6 @@ from s2c2a.lab.tracking.tags.live_calibration import (
     take_views,
 )
 from s2c2a.lab.tracking.tags.opencv import cv2
-from s2c2a.lab.tracking.tags.pictures import Canvas, Effects, Lens
 
 BOARD = Board()
 CAMERA = CameraModel(

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from painted_tags import CAMERA, LAYOUT, SHARP, collar_pose, errors, picture
+from pictures import Effects
 
 from s2c2a.lab.tracking.tags import TagDropReason, TagLayout, estimate_poses
 from s2c2a.lab.tracking.tags.detection import TagError
 from s2c2a.lab.tracking.tags.layout import Tag
-from s2c2a.lab.tracking.tags.pictures import Effects
 
 BODY = "end-1"
 

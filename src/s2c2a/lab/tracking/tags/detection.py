@@ -176,7 +176,11 @@ def refine_corners(
         offsets = _REACH - np.trapezoid(rises, _ACROSS, axis=2)
         points = _map(homography, _edge_points(offsets))
         lines = [_fit_line(edge) for edge in points]
-        _check_straightness(offsets)
+        along = np.stack([_ALONG, np.ones_like(_ALONG)], axis=1)
+        residuals = offsets.T - along @ np.linalg.lstsq(along, offsets.T, rcond=None)[0]
+        errors = CELLS * np.sqrt(np.mean(residuals**2, axis=0))
+        if errors.max() > MAX_EDGE_ERROR:
+            raise TagError(TagDropReason.COVERED)
         refined = np.array(
             [_intersect(lines[edge - 1], lines[edge]) for edge in range(4)]
         )
@@ -221,14 +225,6 @@ def _profiles(gray: np.ndarray, homography: np.ndarray) -> np.ndarray:
 def _map(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     homogeneous = points @ homography[:, :2].T + homography[:, 2]
     return homogeneous[..., :2] / homogeneous[..., 2:]
-
-
-def _check_straightness(offsets: np.ndarray) -> None:
-    along = np.stack([_ALONG, np.ones_like(_ALONG)], axis=1)
-    residuals = offsets.T - along @ np.linalg.lstsq(along, offsets.T, rcond=None)[0]
-    errors = CELLS * np.sqrt(np.mean(residuals**2, axis=0))
-    if errors.max() > MAX_EDGE_ERROR:
-        raise TagError(TagDropReason.COVERED)
 
 
 def _fit_line(points: np.ndarray) -> np.ndarray:
