@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from streams import PATIENCE, free_port
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
@@ -22,14 +23,6 @@ from s2c2a.lab.tracking import ModuleEnds, NatNetTracker
 ARM = load_arm("twin_arm")
 NAMES = ["base", "end-1"]
 POSES = {name: FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])) for name in NAMES}
-PATIENCE = 300.0  # s
-
-
-def free_port():
-    """A port whose lower neighbor is free, too."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return opened.getsockname()[1] + 1
 
 
 @pytest.fixture
@@ -45,7 +38,7 @@ def make_motive():
     opened = []
 
     def make(**options):
-        port = free_port()
+        port = free_port() + 1
         ports = {"command_port": port - 1, "data_port": port}
         motive = Motive(NAMES, MotiveOptions(**ports, **options))
         motive.open()
@@ -216,7 +209,7 @@ def first_states(tracker):
 
 
 def test_the_tracker_sees_the_states_of_a_straight_arm():
-    port = free_port()
+    port = free_port() + 1
     options = MotiveOptions(command_port=port - 1, data_port=port)
     emulator = MocapEmulator(ARM, options, duration=PATIENCE)
     run = in_thread(emulator)
@@ -230,7 +223,7 @@ def test_the_tracker_sees_the_states_of_a_straight_arm():
 
 
 def test_the_arm_of_emulated_servos_is_tracked_too(tmp_path):
-    port = free_port()
+    port = free_port() + 1
     options = EmulatorOptions(
         homed=True,
         link=tmp_path / "port",

@@ -1,8 +1,7 @@
 """First motions of an arm with ideal servos."""
 
-from datetime import UTC, datetime
-
 import pytest
+from homes import calibration_with
 from ideal_bus import IdealBus
 
 from s2c2a.arm import load_arm, servos_of
@@ -11,8 +10,6 @@ from s2c2a.lab.hardware import bring_up, servo_robot
 from s2c2a.lab.hardware.bring_up import BringUp
 from s2c2a.lab.hardware.bus import BusError
 from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
     load_calibration,
     save_calibration,
 )
@@ -24,12 +21,8 @@ IDS = range(1, 10)
 
 @pytest.fixture
 def calibration_file(tmp_path):
-    servos = [
-        CalibratedServo(id=id, model="xl330-m288", firmware=52, home=0) for id in IDS
-    ]
-    calibration = Calibration(arm=ARM.name, date=datetime.now(UTC), servos=servos)
     path = tmp_path / "homes.json"
-    save_calibration(calibration, path)
+    save_calibration(calibration_with(ARM, dict.fromkeys(IDS, 0)), path)
     return path
 
 
@@ -51,10 +44,6 @@ def test_an_arm_opens_and_is_released_with_and_without_a_watchdog(
     with DynamixelRobot(ARM, calibration=str(calibration_file)):
         assert bus.torque == dict.fromkeys(IDS, True)
     assert bus.torque == dict.fromkeys(IDS, False)
-
-
-def test_a_calibration_accepts_firmware_of_three_digits():
-    assert CalibratedServo(id=1, model="sts3215", firmware=310, home=0).firmware == 310
 
 
 def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
