@@ -208,15 +208,12 @@ class Emulator(RealTimeArm):
             on_ready(", ".join(links))
             self._loop()
         finally:
-            self._close()
-
-    def _close(self) -> None:
-        for line in self.lines:
-            line.unplug()
-        for opened in (*self._outputs, *self._servers):
-            opened.close()
-        if self._folder is not None:
-            self._folder.rmdir()
+            for line in self.lines:
+                line.unplug()
+            for opened in (*self._outputs, *self._servers):
+                opened.close()
+            if self._folder is not None:
+                self._folder.rmdir()
 
     @property
     def _files(self) -> list[int | socket.socket]:
@@ -304,21 +301,16 @@ class Emulator(RealTimeArm):
 
     def _make_lines(self) -> list[Line]:
         """One line a port; the second one's link ends in -2."""
-        link = self._choose_link()
+        link = self.options.link
+        if link is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
+            link = self._folder / "port"
         rates = {part.port: part.baud_rate for part, _ in self._parts}
-        return [
-            Line(
-                link if not number else link.with_name(f"{link.name}-{number + 1}"),
-                rate,
-            )
-            for number, rate in enumerate(rates.values())
-        ]
-
-    def _choose_link(self) -> Path:
-        if self.options.link is not None:
-            return self.options.link
-        self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
-        return self._folder / "port"
+        first, *others = rates.values()
+        lines = [Line(link, first)]
+        for number, rate in enumerate(others, 2):
+            lines.append(Line(link.with_name(f"{link.name}-{number}"), rate))
+        return lines
 
     def _random_stream(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([self.options.seed, stream])
@@ -330,26 +322,24 @@ class Emulator(RealTimeArm):
         directions = [1] * len(ids)
         if self.table.directions is not None:
             directions = [one for row in self.table.directions for one in row]
-        ticks = random.uniform(0, self.plant.arm.motor.ticks_per_turn, len(ids))
-        return [
-            self._make_winch(cable, ids[cable], directions[cable], float(ticks[cable]))
-            for cable in range(len(ids))
-        ]
-
-    def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
         motor = self.plant.arm.motor
-        table = self.table.of(id)
-        firmware = firmware_of(table.model_number, self.options.firmware)
-        servo = self._protocol.make_servo(id, MotorState(ticks=ticks), firmware)
-        servo.ticks_per_turn = motor.ticks_per_turn
-        servo.baud_rate = table.baud_rate
-        servo["model_number"] = table.model_number
-        if self.options.homed:
-            servo.set_up(table.limits.current)
-        if table.torque_constant is not None:
-            servo.torque_constant = table.torque_constant
+        ticks = random.uniform(0, motor.ticks_per_turn, len(ids))
         pulley = Pulley(motor.pulley_radius, self.table.layer_growth)
-        winch = Winch(servo, id, cable, direction, pulley)
-        start = float(self.plant.positions[cable])
-        winch.home_ticks = ticks - winch.ticks(start)
-        return winch
+        winches = []
+        for cable, id in enumerate(ids):
+            table = self.table.of(id)
+            firmware = firmware_of(table.model_number, self.options.firmware)
+            state = MotorState(ticks=float(ticks[cable]))
+            servo = self._protocol.make_servo(id, state, firmware)
+            servo.ticks_per_turn = motor.ticks_per_turn
+            servo.baud_rate = table.baud_rate
+            servo["model_number"] = table.model_number
+            if self.options.homed:
+                servo.set_up(table.limits.current)
+            if table.torque_constant is not None:
+                servo.torque_constant = table.torque_constant
+            winch = Winch(servo, id, cable, directions[cable], pulley)
+            start = float(self.plant.positions[cable])
+            winch.home_ticks = state.ticks - winch.ticks(start)
+            winches.append(winch)
+        return winches

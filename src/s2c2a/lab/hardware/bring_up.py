@@ -240,7 +240,7 @@ class BringUp:
                 for id in ids:
                     homes[id].append(int(at_home[self._places[id]]))
                 if number + 1 < repeat:
-                    self._relax(ids)
+                    self._wind(dict.fromkeys(ids, RELAXATION), self._winches_at(ids))
             self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, at_home))
         means = {id: round(float(np.mean(values))) for id, values in homes.items()}
         self._report(f"module {module + 1}: home at {means} ticks")
@@ -268,10 +268,6 @@ class BringUp:
                     f"{1000 * wound:.0f} mm and its cable is not taut: is it off its "
                     "pulley, or does servos.directions have the wrong sign?"
                 )
-
-    def _relax(self, ids: list[int]) -> None:
-        winches = self._winches_at(ids)
-        self._wind(dict.fromkeys(ids, RELAXATION), winches)
 
     def _check_cable(self, id: int, winches: Winches) -> CableCheck:
         before = self._tension(id, winches)

@@ -1,4 +1,4 @@
-"""Sockets of a NatNet client: one for requests and unicast, one for multicast."""
+"""Sockets of a NatNet client."""
 
 import os
 import socket
@@ -8,33 +8,20 @@ from s2c2a.lab.tracking.poses import TrackingError
 RECEIVE_BUFFER = 1 << 20  # bytes; frames wait here while the computer is busy
 
 
-def open_command_socket(local: str) -> socket.socket:
-    """Return a socket for requests, their answers and unicast frames.
+def open_socket(local: str, group: str = "", port: int = 0) -> socket.socket:
+    """Return a socket for requests, their answers and unicast frames; or for multicast.
+
+    Several programs may listen to a group.
 
     Args:
         local: address of this computer in the network of Motive.
+        group: multicast address; empty: unicast.
+        port: of the frames of a group.
 
     Raises:
-        TrackingError: the address is not of this computer.
+        TrackingError: the address is not of this computer, or the group cannot be
+            joined.
     """
-    return _open(local, 0, "")
-
-
-def open_group_socket(group: str, port: int, local: str) -> socket.socket:
-    """Return a socket for multicast frames; several programs may listen.
-
-    Args:
-        group: multicast address.
-        port: of the frames.
-        local: address of this computer in the network of Motive.
-
-    Raises:
-        TrackingError: the group cannot be joined.
-    """
-    return _open(local, port, group)
-
-
-def _open(local: str, port: int, group: str) -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)

@@ -21,7 +21,7 @@ from s2c2a.lab.tracking.natnet.messages import (
     parse_server_info,
     split_message,
 )
-from s2c2a.lab.tracking.natnet.sockets import open_command_socket, open_group_socket
+from s2c2a.lab.tracking.natnet.sockets import open_socket
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.receiving import MocapTracker
 from s2c2a.lab.tracking.tracker import PoseFrame
@@ -92,7 +92,7 @@ class NatNetTracker(MocapTracker):
 
     def _open(self) -> None:
         super()._open()
-        self._sockets = [open_command_socket(self._local)]
+        self._sockets = [open_socket(self._local)]
         if self._multicast is not None:
             self._join(self._multicast, self._data_port)
 
@@ -102,7 +102,7 @@ class NatNetTracker(MocapTracker):
         self._sockets = []
 
     def _join(self, group: str, port: int) -> None:
-        self._sockets.append(open_group_socket(group, port, self._local))
+        self._sockets.append(open_socket(self._local, group, port))
 
     def _packets(self, stop: Event) -> Iterator[tuple]:
         while not stop.is_set():

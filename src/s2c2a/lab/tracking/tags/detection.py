@@ -106,18 +106,14 @@ def detect_tags(gray: np.ndarray, known: Iterable[int]) -> Detections:
         elif counts[id] > 1:
             result.dropped[TagDropReason.DUPLICATE] += 1
         else:
-            _add_view(result, gray, TagView(id, points))
+            try:
+                refined = refine_corners(gray, points)
+            except TagError as error:
+                result.dropped[error.reason] += 1
+                result.rough.append(TagView(id, points))
+            else:
+                result.views.append(TagView(id, refined))
     return result
-
-
-def _add_view(result: Detections, gray: np.ndarray, rough: TagView) -> None:
-    try:
-        corners = refine_corners(gray, rough.corners)
-    except TagError as error:
-        result.dropped[error.reason] += 1
-        result.rough.append(rough)
-    else:
-        result.views.append(TagView(rough.id, corners))
 
 
 @cache
