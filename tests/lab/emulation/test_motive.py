@@ -208,10 +208,17 @@ def first_states(tracker):
     return ModuleEnds.of(ARM.module_count).states(tracker.latest())
 
 
-def test_the_tracker_sees_the_states_of_a_straight_arm():
+@pytest.mark.parametrize("has_servos", [False, True])
+def test_the_tracker_sees_the_states_of_a_straight_arm(has_servos, tmp_path):
     port = free_port() + 1
-    options = MotiveOptions(command_port=port - 1, data_port=port)
-    emulator = MocapEmulator(ARM, options, duration=PATIENCE)
+    motive = MotiveOptions(command_port=port - 1, data_port=port)
+    emulator = MocapEmulator(ARM, motive, duration=PATIENCE)
+    if has_servos:
+        link = tmp_path / "port"
+        options = EmulatorOptions(
+            homed=True, link=link, mocap=motive, duration=PATIENCE
+        )
+        emulator = Emulator(ARM, options)
     run = in_thread(emulator)
     try:
         with NatNetTracker(command_port=port - 1, timeout=PATIENCE) as tracker:
@@ -219,23 +226,5 @@ def test_the_tracker_sees_the_states_of_a_straight_arm():
     finally:
         emulator.stop()
         run.join()
-    np.testing.assert_allclose(states, emulator.plant.states(), atol=1e-3)
-
-
-def test_the_arm_of_emulated_servos_is_tracked_too(tmp_path):
-    port = free_port() + 1
-    options = EmulatorOptions(
-        homed=True,
-        link=tmp_path / "port",
-        mocap=MotiveOptions(command_port=port - 1, data_port=port),
-        duration=PATIENCE,
-    )
-    emulator = Emulator(ARM, options)
-    run = in_thread(emulator)
-    try:
-        with NatNetTracker(command_port=port - 1, timeout=PATIENCE) as tracker:
-            states = first_states(tracker)
-    finally:
-        emulator.stop()
-        run.join()
-    np.testing.assert_allclose(states, emulator.plant.states(), atol=2e-3)
+    tolerance = 2e-3 if has_servos else 1e-3
+    np.testing.assert_allclose(states, emulator.plant.states(), atol=tolerance)

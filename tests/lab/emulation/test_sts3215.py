@@ -1,6 +1,7 @@
 """Registers of an STS3215: several turns, signs, the lock, shutdown."""
 
 import pytest
+from named_registers import read, write
 
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.sts3215 import STS3215
@@ -9,16 +10,6 @@ from s2c2a.lab.emulation.sts3215 import STS3215
 @pytest.fixture
 def servo():
     return STS3215(1, MotorState(ticks=5000.0, voltage=7.4))
-
-
-def write(servo, name, value):
-    register = servo.table.by_name[name]
-    servo.write(register.address, register.encode(value))
-
-
-def read(servo, name):
-    register = servo.table.by_name[name]
-    return register.decode(servo.read(register.address, register.size))
 
 
 def count_turns(servo):

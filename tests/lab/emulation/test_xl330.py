@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from named_registers import read, write
 
 from s2c2a.lab.emulation.servo import MotorState, RefusalError
 from s2c2a.lab.emulation.xl330 import XL330
@@ -14,16 +15,6 @@ CHUNK = 0.01  # s
 @pytest.fixture
 def servo():
     return XL330(3, MotorState(ticks=5000.0))
-
-
-def write(servo, name, value):
-    register = servo.table.by_name[name]
-    servo.write(register.address, register.encode(value))
-
-
-def read(servo, name):
-    register = servo.table.by_name[name]
-    return register.decode(servo.read(register.address, register.size))
 
 
 def update(servo, now=0.0, seconds=CHUNK, **state):

@@ -1,5 +1,6 @@
 """The tracker and an emulated Motive, over loopback."""
 
+import threading
 import time
 
 import numpy as np
@@ -106,6 +107,7 @@ def test_closing_twice_and_starting_again_works():
         tracker.close()
         with tracker:
             frames_arrive(tracker)
+    assert "NatNetTracker" not in [one.name for one in threading.enumerate()]
 
 
 @pytest.mark.parametrize(
