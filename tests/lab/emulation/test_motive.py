@@ -14,7 +14,7 @@ from s2c2a.lab.emulation import natnet_protocol as protocol
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.mocap import MocapEmulator, SlowMotion
-from s2c2a.lab.emulation.mocap_faults import GRAMMAR
+from s2c2a.lab.emulation.mocap_server import GRAMMAR
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import to_stream

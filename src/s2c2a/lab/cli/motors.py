@@ -48,7 +48,7 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
     servos = servos_of(spec)
     lines = _lines_of(spec, port)
     if not any(table.port for table, _ in lines):
-        ports = [(one.name, one.description, one.serial_number) for one in list_ports()]
+        ports = list_ports()
         if not ports:
             raise S2C2AError("no serial port is found; plug the adapter in")
         header = ("port", "device", "serial number")
@@ -241,17 +241,16 @@ def check(
     spec = load_arm(arm)
     homes = load_calibration(calibration or default_path(spec), spec)
     with _bring_up(spec, port, yes) as (bring_up, _):
-        results = bring_up.check(homes)
-    faults = [result for result in results if result.fault]
-    if faults:
-        ids = [result.id for result in faults]
+        faults = bring_up.check(homes)
+    ids = [id for id, fault in faults.items() if fault]
+    if ids:
         raise S2C2AError(
             f"check the cables of servos {ids}, then repeat the command. If cables or "
             f"servos were moved without power or changed since {homes.date:%Y-%m-%d %H:%M} "
             "(UTC), their homes no longer fit: home again "
             "(`s2c2a motors home --overwrite`)"
         )
-    print(f"all {len(results)} cables move as they should")
+    print(f"all {len(faults)} cables move as they should")
 
 
 @app.command

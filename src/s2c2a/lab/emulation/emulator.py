@@ -12,15 +12,17 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
+from s2c2a.lab.emulation.dynamixel_protocol import DynamixelProtocol
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.faults import GRAMMAR, FaultSchedule, LineFaults
+from s2c2a.lab.emulation.feetech_protocol import FeetechProtocol
+from s2c2a.lab.emulation.instructions import ServoProtocol
 from s2c2a.lab.emulation.line import Line
 from s2c2a.lab.emulation.mocap_server import MocapServer
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.outputs import PositionRecord, StatusFile, parse_address
 from s2c2a.lab.emulation.plant import Plant
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
-from s2c2a.lab.emulation.protocols import protocol_of
 from s2c2a.lab.emulation.real_time import RealTimeArm
 from s2c2a.lab.emulation.servo import MotorState, Servo
 from s2c2a.lab.emulation.winch import Pulley, Winch
@@ -29,6 +31,10 @@ from s2c2a.lab.emulation.xl330 import firmware_of
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
 
+PROTOCOLS: dict[str, ServoProtocol] = {
+    "dynamixel": DynamixelProtocol(),
+    "feetech": FeetechProtocol(),
+}
 Output = StatusFile | PositionRecord
 
 _TURN_STREAM = 12
@@ -119,7 +125,14 @@ class Emulator(RealTimeArm):
                     "emulated servos have the addresses of the X series; leave out "
                     "servos.own_model.registers in the arm file of the emulator"
                 )
-            self._protocol = protocol_of(part)
+            self._protocol = PROTOCOLS[part.protocol]
+            baud_rates = self._protocol.make_servo.baud_rates
+            if part.baud_rate not in baud_rates:
+                raise S2C2AError(
+                    f"servos.baud_rate {part.baud_rate} is not a speed of "
+                    f"{part.protocol} servos; choose one of "
+                    f"{', '.join(map(str, baud_rates))}"
+                )
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed

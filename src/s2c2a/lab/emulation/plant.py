@@ -43,12 +43,6 @@ class Targets:
     speed: np.ndarray
     tension: np.ndarray
 
-    @classmethod
-    def without_power(cls, count: int) -> "Targets":
-        """Return the targets of motors that are not powered."""
-        zeros = np.zeros(count)
-        return cls(zeros.astype(bool), zeros.copy(), zeros.copy(), zeros.copy())
-
 
 @dataclass(frozen=True)
 class FramePose:
@@ -132,7 +126,9 @@ class Plant:
         self._limit = np.inf if arm.motor.speed_limit is None else arm.motor.speed_limit
         self.snapped = np.zeros(count, bool)
         self.stalled = np.zeros(count, bool)
-        self.targets = Targets.without_power(count)
+        self.targets = Targets(
+            np.zeros(count, bool), np.zeros(count), np.zeros(count), np.zeros(count)
+        )
         random = np.random.default_rng([seed, _SLACK_STREAM])
         slack = random.uniform(*SLACK, count)
         self.positions = np.zeros(count) if homed else slack

@@ -185,11 +185,6 @@ class _Measured:
         turned = self.rotations @ self.rotations[0].swapaxes(-1, -2)
         return _vectors(turned)
 
-    @property
-    def bend_sums(self) -> np.ndarray:
-        """Bends of all modules up to each end, less those of rest, (K, modules, 2)."""
-        return np.cumsum(self.bends - self.bends[0], axis=1)
-
 
 def _vectors(matrices: np.ndarray) -> np.ndarray:
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
@@ -225,7 +220,9 @@ def _align(measured: _Measured) -> Float[np.ndarray, "3 3"]:
     The ends turn about axes that are perpendicular to the bends of the encoders; the
     rotation between both sets of axes is found as in Kabsch's method.
     """
-    expected = turn_axes(measured.bend_sums).reshape(-1, 3)
+    # bends of all modules up to each end, less those of rest
+    bend_sums = np.cumsum(measured.bends - measured.bends[0], axis=1)
+    expected = turn_axes(bend_sums).reshape(-1, 3)
     turns = measured.turns.reshape(-1, 3)
     rotation = Rotation.align_vectors(turns, expected)[0].as_matrix()
     strong = np.linalg.norm(expected, axis=1) > MIN_TURN

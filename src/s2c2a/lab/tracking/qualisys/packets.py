@@ -15,9 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError, DropReason
-from s2c2a.lab.tracking.poses import Pose, PoseError
+from s2c2a.lab.tracking.poses import Pose, PoseError, turn_up
 
 MAX_PACKET = 1 << 20
 """Largest packet [bytes]; a frame of 100 bodies takes 5 kB."""
