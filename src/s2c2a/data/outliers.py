@@ -134,7 +134,11 @@ def find_outliers(
             None where it is unknown, as for the first end.
     """
     measured = np.isfinite(ends.positions).all(axis=-1)
-    frozen = _find_frozen(ends)
+    poses = np.concatenate([ends.positions, ends.axes], axis=-1)
+    columns = [
+        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
+    ]
+    frozen = np.stack(columns, axis=1)
     ends = ends.without(frozen)
     positions = ends.positions
     least = SPREAD_RATIO * _spread(positions[:, -1])
@@ -149,14 +153,6 @@ def find_outliers(
     rest = np.where(is_jump[..., None], np.nan, rest)
     lengths = _find_lengths(rest, predicted, reaches or [None] * rest.shape[1])
     return Outliers(frozen, is_jump, swaps, lengths, measured)
-
-
-def _find_frozen(ends: MeasuredEnds) -> Bool[np.ndarray, "rows ends"]:
-    poses = np.concatenate([ends.positions, ends.axes], axis=-1)
-    columns = [
-        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
-    ]
-    return np.stack(columns, axis=1)
 
 
 def _channels(values: Float[np.ndarray, "rows ends 3"]) -> Iterator[np.ndarray]:

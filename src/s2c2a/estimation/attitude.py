@@ -62,20 +62,17 @@ class Inclinometer:
         if not _usable(accelerations, velocities):
             return None  # the filter would not recover from them
         if not self._repeats.is_repeated("accelerations", accelerations):
-            self._inclinations = self._updated(accelerations, velocities)
+            if not self._filters:
+                self._start_filters(accelerations)
+            self._inclinations = np.stack(
+                [
+                    _down(
+                        attitude_filter, accelerations[:, module], velocities[:, module]
+                    )
+                    for module, attitude_filter in enumerate(self._filters)
+                ]
+            )
         return self._inclinations
-
-    def _updated(
-        self, accelerations: np.ndarray, velocities: np.ndarray
-    ) -> Float[np.ndarray, "modules 3"]:
-        if not self._filters:
-            self._start_filters(accelerations)
-        return np.stack(
-            [
-                _down(attitude_filter, accelerations[:, module], velocities[:, module])
-                for module, attitude_filter in enumerate(self._filters)
-            ]
-        )
 
     def _start_filters(self, accelerations: np.ndarray) -> None:
         """Start the filters, and repeat the first samples until they converge."""

@@ -120,7 +120,16 @@ class DisturbanceFilter(eqx.Module):
         states = self.model.predict(configuration, hysteresis, moments)
         bends = bends_from_states(states)
         zeros = jnp.zeros(bends.size)
-        initial_std = self._initial_std(bends.size)
+        options = self.options
+        is_estimated = float(self.estimates)
+        biases = [sensor.bias_prior.initial_std for sensor in self.sensors]
+        initial_std = ArmState(
+            payload=jnp.asarray(is_estimated * options.initial_payload_std * self.mass),
+            bend_biases=jnp.full(bends.size, is_estimated * options.initial_bias_std),
+            bends=jnp.full(bends.size, options.bend_noise),
+            bend_rates=jnp.full(bends.size, options.rate_noise),
+            sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
+        )
         mean = ArmState(
             payload=payload,
             bend_biases=zeros,
@@ -147,18 +156,6 @@ class DisturbanceFilter(eqx.Module):
             field=BiasField.empty(bends.size) if self._learns() else None,
             expected_biases=zeros,
             known_payload=payload,
-        )
-
-    def _initial_std(self, bends: int) -> ArmState:
-        options = self.options
-        is_estimated = float(self.estimates)
-        biases = [sensor.bias_prior.initial_std for sensor in self.sensors]
-        return ArmState(
-            payload=jnp.asarray(is_estimated * options.initial_payload_std * self.mass),
-            bend_biases=jnp.full(bends, is_estimated * options.initial_bias_std),
-            bends=jnp.full(bends, options.bend_noise),
-            bend_rates=jnp.full(bends, options.rate_noise),
-            sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
         )
 
     @property
@@ -405,7 +402,12 @@ class DisturbanceFilter(eqx.Module):
 
         def taught() -> BiasField:
             known = _disturbance_bends(state.mean, by_payload).reshape(-1)
-            further = _explaining_bends(residual, jacobian)
+            # most likely biases that explain positions [rad], before a mean over
+            # pictures
+            by_biases = jacobian @ jacobian.T
+            noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
+            covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
+            further = STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
             caused = field.at(bends) + known + further
             payload_std = self.options.initial_payload_std * self.mass
             prior = PayloadPrior(state.known_payload, payload_std)
@@ -492,16 +494,6 @@ def _disturbance_bends(
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
-
-
-def _explaining_bends(
-    residual: Float[Array, " values"], jacobian: Float[Array, "values bends"]
-) -> Float[Array, " bends"]:
-    """Most likely biases that explain positions [rad], before a mean over pictures."""
-    by_biases = jacobian @ jacobian.T
-    noise = UNCLEAR**2 * jnp.trace(by_biases) / len(residual)
-    covariance = STD**2 * by_biases + noise * jnp.eye(len(residual))
-    return STD**2 * jacobian.T @ jnp.linalg.solve(covariance, residual)
 
 
 def _pushed(

@@ -193,7 +193,12 @@ class WayLeader(Leader):
         has_jumped = self._has_jumped(goal)
         knows_beyond = bool(np.isfinite(goal.beyond[:3]).all())
         if knows_beyond:
-            goal = _aimed_beyond(goal)
+            # the goal with the target of the tip beyond the next obstacle
+            positions, axes = np.array(goal.positions), np.array(goal.axes)
+            positions[-1] = goal.beyond[:3]
+            if goal.axis_weights[-1] > 0.0:
+                axes[-1] = goal.beyond[3:]
+            goal = goal._replace(positions=positions, axes=axes)
         self._take_result(knows_beyond)
         known = self._known
         if known is not None and self._have_moved(goal, known):
@@ -287,7 +292,10 @@ class WayLeader(Leader):
         if self._way is None:
             if self._search is None or not (self._stands or self._known is None):
                 return None
-            return _standing(self._search.start)
+            # the arm stands until the way around what it would meet is found
+            nowhere = np.full((PREVIEW, 3), np.nan, np.float32)
+            still = np.tile(self._search.start, (PREVIEW, 1, 1)).astype(np.float32)
+            return Lead(still, nowhere, np.ones((), np.float32))
         way = self._way
         end = float(way.places[-1])
         reached = self._progress + 4.0 * self._stride * self._fastest
@@ -314,22 +322,6 @@ class WayLeader(Leader):
             place = min(place + speed, rest)
             ahead.append(place)
         return np.array(ahead[self._stride - 1 :: self._stride])
-
-
-def _standing(bends: Shape) -> Lead:
-    """The arm stands until the way around what it would meet is found."""
-    nowhere = np.full((PREVIEW, 3), np.nan, np.float32)
-    still = np.tile(bends, (PREVIEW, 1, 1)).astype(np.float32)
-    return Lead(still, nowhere, np.ones((), np.float32))
-
-
-def _aimed_beyond(goal: Goal) -> Goal:
-    """The goal with the target of the tip beyond the next obstacle."""
-    positions, axes = np.array(goal.positions), np.array(goal.axes)
-    positions[-1] = goal.beyond[:3]
-    if goal.axis_weights[-1] > 0.0:
-        axes[-1] = goal.beyond[3:]
-    return goal._replace(positions=positions, axes=axes)
 
 
 def _needs_ways(goal: Goal) -> bool:

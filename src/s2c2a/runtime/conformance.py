@@ -132,14 +132,27 @@ class _InspectedRobot(Robot):
         with self._violations():
             reading = self._robot.read()
             if self._is_inspected:
-                self._inspect(reading)
+                is_first = self._start is None
+                passed = [
+                    _check_reading(reading, self._robot.sensors),
+                    _check_standard_names(reading, self._geometry),
+                    _check_arm_sensors(self.arm, self._robot.sensors),
+                ]
+                self._check_clock(reading.time)
+                if is_first:
+                    self.passed += passed
             return reading
 
     def send(self, action: Actions) -> Actions:
         with self._violations():
             if self._is_inspected and not self._has_sent:
                 self._has_sent = True
-                self._try_commands_at_rest()
+                self.passed += [
+                    self._check_invalid_actions(),
+                    self._check_no_waiting(),
+                    self._check_buffers(),
+                    self._check_limits(),
+                ]
             sent = self._attempt(action.copy())
             if not self._is_inspected:
                 return action  # on the way to rest after a violation
@@ -178,17 +191,6 @@ class _InspectedRobot(Robot):
         EMERGENCY_STOP.check()
         return self._robot.send(action)
 
-    def _inspect(self, reading: Reading) -> None:
-        is_first = self._start is None
-        passed = [
-            _check_reading(reading, self._robot.sensors),
-            _check_standard_names(reading, self._geometry),
-            _check_arm_sensors(self.arm, self._robot.sensors),
-        ]
-        self._check_clock(reading.time)
-        if is_first:
-            self.passed += passed
-
     def _check_clock(self, moment: float) -> None:
         """Check once, after two control periods, that the robot's clock advances."""
         now = self._elapsed if self.own_time else time.perf_counter()
@@ -210,14 +212,6 @@ class _InspectedRobot(Robot):
             f"in {duration:.3f} s, its clock advanced by {measured:.3f} s{advice}",
         )
         self.passed.append("the clock advances")
-
-    def _try_commands_at_rest(self) -> None:
-        self.passed += [
-            self._check_invalid_actions(),
-            self._check_no_waiting(),
-            self._check_buffers(),
-            self._check_limits(),
-        ]
 
     def _check_invalid_actions(self) -> str:
         shape = self._geometry.action_neutral.shape

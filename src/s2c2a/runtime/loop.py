@@ -193,12 +193,23 @@ class Loop:
             self._emergency_stop.check()
             reading = self._faults(self._robot.read())
             self._notice_standstill()
-            fault = self._find_fault(reading, moment)
+            # describe a blocked call or an unsound reading; in simulation, none is too
+            # old
+            now = reading.time if self._robot.own_time else moment - self._opened_at
+            fault = self._robot.take_fault() or self._check.find_fault(
+                reading, now, self._limiter.last_change
+            )
             if not fault:
                 reading = self._sensing(reading)
             previous_stage = self._update_stage(request, fault)
             if self._is_passive(fault):
-                sent = self._passive_step()
+                # hold the last command, or move toward rest; the driver does not act
+                self._tick_time = 0.0
+                if self.phase.stage is Stage.RELEASE:
+                    desired = self._limiter.towards_rest()
+                else:
+                    desired = self._limiter.hold()
+                sent = self._send(self._limiter.limit(desired))
                 diagnostics = {}
             else:
                 if previous_stage in (Stage.IDLE, Stage.START):
@@ -275,27 +286,20 @@ class Loop:
         failures = 0
         while self._is_led_to_rest() and not self._limiter.at_rest:
             try:
-                self._step_to_rest()
+                # wait, and send the next command on the way to rest
+                self._wait()
+                try:
+                    self._emergency_stop.check()
+                except EmergencyStopError as error:
+                    self.stop(error)
+                    raise
+                self._send(self._limiter.limit(self._limiter.towards_rest()))
                 failures = 0
             # of the robot, which may also call `exit`; the next step may succeed
             except (Exception, SystemExit):
                 failures += 1
             if failures >= self._patience.unsound:
                 return
-
-    def _step_to_rest(self) -> None:
-        """Wait, and send the next command on the way to rest.
-
-        Raises:
-            EmergencyStopError: the arm must not move; it is halted.
-        """
-        self._wait()
-        try:
-            self._emergency_stop.check()
-        except EmergencyStopError as error:
-            self.stop(error)
-            raise
-        self._send(self._limiter.limit(self._limiter.towards_rest()))
 
     def _is_led_to_rest(self) -> bool:
         """Whether the robot moves to rest at the end; simulations only after errors."""
@@ -345,18 +349,6 @@ class Loop:
             self.stop(error)
             raise
 
-    def _find_fault(self, reading: Reading, moment: float) -> str:
-        """Describe a blocked call or an unsound reading; in simulation, none is too old.
-
-        Args:
-            reading: of this step.
-            moment: of this step, on the loop's clock [s].
-        """
-        now = reading.time if self._robot.own_time else moment - self._opened_at
-        return self._robot.take_fault() or self._check.find_fault(
-            reading, now, self._limiter.last_change
-        )
-
     def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
         previous = self.phase
@@ -390,15 +382,6 @@ class Loop:
         if self._limiter.changed(desired):
             driver.sent(command)
         return sent
-
-    def _passive_step(self) -> Actions:
-        """Hold the last command, or move toward rest; the driver does not act."""
-        self._tick_time = 0.0
-        if self.phase.stage is Stage.RELEASE:
-            desired = self._limiter.towards_rest()
-        else:
-            desired = self._limiter.hold()
-        return self._send(self._limiter.limit(desired))
 
     def _goal(self, request: StepRequest) -> Goal:
         """The goal of a step: none while the arm is held."""

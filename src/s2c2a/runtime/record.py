@@ -78,7 +78,11 @@ def build_episode(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> 
 def with_aligned_states(episode: Episode) -> Episode:
     """The episode with the states of a tracker moved to the times of the readings."""
     columns = dict(episode.columns)
-    _align_states(columns)
+    # move states of a tracker, if there are any, to the times of the readings
+    states = columns.get(SENSOR + "states")
+    ages = columns.get(SENSOR + "states_age")
+    if states is not None and ages is not None:
+        columns[SENSOR + "states"] = align_states(columns["time"], states, ages)
     return replace(episode, columns=columns)
 
 
@@ -112,14 +116,6 @@ def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Ep
     if faults:
         options["faults"] = faults
     return Episode(arm, columns, options)
-
-
-def _align_states(columns: dict[str, np.ndarray]) -> None:
-    """Move states of a tracker, if there are any, to the times of the readings."""
-    states = columns.get(SENSOR + "states")
-    ages = columns.get(SENSOR + "states_age")
-    if states is not None and ages is not None:
-        columns[SENSOR + "states"] = align_states(columns["time"], states, ages)
 
 
 def _active_goal(step: StepRecord, arm: ArmSpec) -> Goal:

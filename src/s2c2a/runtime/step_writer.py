@@ -110,30 +110,31 @@ class StepWriter:
     def _write_all(self) -> None:
         try:
             with named_errors(RecordingError, f"{self._path} is not continued"):
-                self._write_pieces()
+                ended = False
+                while not ended:
+                    piece, ended = self._next_piece()
+                    if not piece:
+                        continue
+                    if self._writer.count >= MAX_PIECES:
+                        self._close_file()
+                        self._writer = self._next_file()
+                    steps = [step for step, _ in piece]
+                    options = piece[-1][1]
+                    self._writer.append(
+                        build_piece(
+                            steps,
+                            self._arm,
+                            verb=self._verb,
+                            versions=versions(),
+                            **options,
+                        )
+                    )
+                    self.count += len(steps)
+                    self._watch(steps)
                 self._close_file()
         except S2C2AError as error:
             self._writer.close()
             self.error = error
-
-    def _write_pieces(self) -> None:
-        ended = False
-        while not ended:
-            piece, ended = self._next_piece()
-            if not piece:
-                continue
-            if self._writer.count >= MAX_PIECES:
-                self._close_file()
-                self._writer = self._next_file()
-            steps = [step for step, _ in piece]
-            options = piece[-1][1]
-            self._writer.append(
-                build_piece(
-                    steps, self._arm, verb=self._verb, versions=versions(), **options
-                )
-            )
-            self.count += len(steps)
-            self._watch(steps)
 
     def _next_piece(self) -> tuple[list[_Queued], bool]:
         """The new steps of a second, and whether they are the last."""
