@@ -3,7 +3,7 @@
 import numpy as np
 
 from s2c2a.errors import S2C2AError
-from s2c2a.runtime.checked_driver import CheckedDriver
+from s2c2a.runtime.checked import CheckedDriver
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.spaces import Actions
 from s2c2a.tasks import load_task

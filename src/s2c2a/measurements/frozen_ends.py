@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from s2c2a.runtime.repeats import repeated_rows
+from s2c2a.measurements.repeats import repeated_rows
 
 FALSE_RUNS = 0.01
 """Runs of equal poses that a whole log may have by chance."""

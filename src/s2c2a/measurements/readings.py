@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.runtime.following import FollowingMonitor
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.following import FollowingMonitor
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading, Sensor
 
 MAX_SILENCE = 3

@@ -2,7 +2,7 @@
 
 A pose, which is one end in one row, is compared with a robust regression on the drives
 and with its neighbors in time: a true error grows and decays in several rows. Poses that
-are only repeated are found before (`data.frozen_ends`), so that they calibrate nothing.
+are only repeated are found before (`measurements.frozen_ends`), so that they calibrate nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm.tracking import MOUNTING, STRETCH
-from s2c2a.data.frozen_ends import MIN_ROWS, find_frozen
+from s2c2a.measurements.frozen_ends import MIN_ROWS, find_frozen
 
 MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""
