@@ -70,6 +70,7 @@ class CheckedDriver(_Checked):
 
     Attributes:
         driver: the controller.
+        arm: that it shall control.
     """
 
     def __init__(self, driver: Driver[Any, Any], arm: ArmSpec, step: Callable[[], int]):
@@ -94,7 +95,7 @@ class CheckedDriver(_Checked):
             )
         super().__init__(driver, ControllerError, step)
         self.driver = driver
-        self._arm = arm
+        self.arm = arm
         self._shape = (arm.module_count, arm.cable_count)
 
     @property
@@ -102,6 +103,14 @@ class CheckedDriver(_Checked):
         """Name in records; that of its class if it has none."""
         with self._errors("name"):
             return str(getattr(self.driver, "name", type(self.driver).__name__))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that it requires."""
+        with named_errors(
+            ControllerError, f"{type(self.driver).__name__}.sensors failed"
+        ):
+            return tuple(self.driver.sensors)
 
     def required_sensors(self, sensors: Mapping[str, Sensor]) -> list[str]:
         """Return the names of the robot's sensors that the controller requires.
@@ -116,12 +125,11 @@ class CheckedDriver(_Checked):
         if theirs != self._shape:
             raise S2C2AError(
                 f"the controller is for an arm of (modules, cables) {theirs}; "
-                f"'{self._arm.name}' has {self._shape}; choose a controller for this arm"
+                f"'{self.arm.name}' has {self._shape}; choose a controller for this arm"
             )
-        with named_errors(ControllerError, f"{kind}.sensors failed"):
-            names = tuple(self.driver.sensors)
         required = [
-            name if name in sensors else FOLLOWS_FROM.get(name, name) for name in names
+            name if name in sensors else FOLLOWS_FROM.get(name, name)
+            for name in self.sensors
         ]
         missing = [name for name in required if name not in sensors]
         if missing:

@@ -24,7 +24,7 @@ from s2c2a.measurements.readings import ReadingCheck
 from s2c2a.robots import Robot
 from s2c2a.runtime.checked import CheckedDriver, CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.driver import Driver
+from s2c2a.runtime.driver import Driver, choose
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
@@ -371,9 +371,7 @@ class Loop:
         """
         driver = self._checked_driver
         began = time.perf_counter()
-        estimate = driver.estimate(reading, self._limiter.command)
-        plan = driver.plan(estimate, goal)
-        desired = driver.act(plan, estimate)
+        desired = choose(driver, reading, self._limiter.command, goal)
         self._tick_time = time.perf_counter() - began
         self._notice_standstill()
         allowed = self._limiter.hold() if self.standstill else desired
