@@ -167,7 +167,7 @@ def test_the_second_browser_watches_until_control_is_released(control, page, ope
     second = open_tab()
     second.page.get_by_text("Another browser drives").wait_for()
     assert second.page.get_by_role("tab", name="Faults").count() == 0
-    driver = page.session.driver
+    driver = page.browsers.driver
     second.keep("wide-watching")
     start = second.place_of(control.request.target, control.arm)
     target = control.request.target
@@ -177,7 +177,7 @@ def test_the_second_browser_watches_until_control_is_released(control, page, ope
     first.page.get_by_role("tab", name="More").click()
     first.page.get_by_role("button", name="Let others drive").click()
     second.page.get_by_role("button", name="Take control").click()
-    until(lambda: page.session.driver not in (None, driver), what="the new driver")
+    until(lambda: page.browsers.driver not in (None, driver), what="the new driver")
     assert first.errors == second.errors == []
 
 

@@ -58,8 +58,8 @@ TOGGLED = {"Pause": "Play", "Stop recording": "Record"}
 
 def elements_of(page):
     """Elements of the driver's panel by id, once it is built."""
-    until(lambda: page.session.driver is not None, what="a driver")
-    panel = page._panels[page.session.driver]
+    until(lambda: page.browsers.driver is not None, what="a driver")
+    panel = page._panels[page.browsers.driver]
     until(lambda: panel._role is not None, what="a panel")
     with panel._building:
         return dict(panel._gui._gui_input_handle_from_uuid)
@@ -98,13 +98,13 @@ def test_the_next_driver_has_a_complete_panel(control, page, samples):
         except ConnectionClosed:
             pass
         time.sleep(0.1)
-    until(lambda: page.session.driver is None, what="disconnecting")
+    until(lambda: page.browsers.driver is None, what="disconnecting")
     frames = page.frames
     with browser(page) as second:
         second.send(msgspec.msgpack.encode(CAMERA))
         assert labels_of(elements_of(page)) == labels
         until(lambda: page.frames > frames + 2, what="drawing")
-    until(lambda: page.session.driver is None, what="disconnecting")
+    until(lambda: page.browsers.driver is None, what="disconnecting")
     assert control.latest.stage is not Stage.FAULT
 
 
@@ -142,7 +142,7 @@ def test_a_typed_target_is_set_by_its_button_and_its_field_follows(control, page
         assert control.request.target == (0.1, 0.0, 0.5)
         tab.send(update(uuids["Set target"], True))
         until(lambda: control.request.target == (0.1, -0.125, 0.5), what="the target")
-    until(lambda: page.session.driver is None, what="disconnecting")
+    until(lambda: page.browsers.driver is None, what="disconnecting")
 
 
 def test_every_obstacle_is_typed_and_the_others_stay_exactly(control, page):
@@ -163,4 +163,4 @@ def test_every_obstacle_is_typed_and_the_others_stay_exactly(control, page):
         assert not elements[uuids["Obstacle 3 [cm]"]].visible
         control.ask(obstacles=())
         until(lambda: not field.visible, what="hiding")
-    until(lambda: page.session.driver is None, what="disconnecting")
+    until(lambda: page.browsers.driver is None, what="disconnecting")

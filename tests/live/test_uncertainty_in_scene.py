@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from s2c2a.live.browsers import GHOST
 from s2c2a.live.page import LivePage
-from s2c2a.live.session import GHOST
 from s2c2a.live.window import Window
 
 from light_control import light_control  # type: ignore[import-not-found]
@@ -88,6 +88,6 @@ def test_the_live_page_shows_the_ball_with_the_planned_arm(still_page):
     draw()
     assert ball.visible
     np.testing.assert_allclose(ball.position, TIP)
-    still_page.session.view[GHOST] = False
+    still_page.browsers.view[GHOST] = False
     draw()
     assert not ball.visible

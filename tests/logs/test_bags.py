@@ -6,8 +6,8 @@ import pytest
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.reading import read_table
-from s2c2a.logs.session import build_session
 from s2c2a.logs.tables import ColumnRequest
+from s2c2a.logs.take import build_take
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -94,16 +94,14 @@ def test_two_topics_of_a_bag_are_joined_by_the_times_of_their_headers(bag):
         for topic in log_map.rows.topic
     ]
     tables = [read_table(bag, request) for request in requests]
-    session = build_session(tables, log_map)
-    np.testing.assert_allclose(
-        session.time[:2], [START, START + 0.1], rtol=0, atol=1e-6
-    )
-    seconds = session.time - START
-    np.testing.assert_allclose(session.measured[:, 0], 0.01 * seconds, atol=1e-6)
-    known = np.isfinite(session.positions[:, 0, 0])
+    take = build_take(tables, log_map)
+    np.testing.assert_allclose(take.time[:2], [START, START + 0.1], rtol=0, atol=1e-6)
+    seconds = take.time - START
+    np.testing.assert_allclose(take.measured[:, 0], 0.01 * seconds, atol=1e-6)
+    known = np.isfinite(take.positions[:, 0, 0])
     assert known.sum() > 17
     np.testing.assert_allclose(
-        session.positions[known, 0, 0], 0.1 * seconds[known], atol=1e-6
+        take.positions[known, 0, 0], 0.1 * seconds[known], atol=1e-6
     )
 
 

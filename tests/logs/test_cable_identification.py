@@ -10,7 +10,7 @@ from s2c2a.episodes import load_episodes
 from s2c2a.logs import (
     Imported,
     import_logs,
-    import_session,
+    import_take,
     map_from_toml,
     model_fit,
     save_imported,
@@ -114,10 +114,10 @@ def test_a_recording_returns_in_the_base_frame_of_a_stated_arm(recordings, tmp_p
         assert np.sqrt(np.mean(np.sum(errors**2, axis=-1))) < 0.03
         assert np.isnan(states[..., 3:]).all()
     assert load_episodes(path)[1]["license"] == "none"
-    # the same log as another session
-    session = import_session([log.path], map_from_toml(log.map), back)
-    for episode, original in zip(session.episodes, back.episodes, strict=True):
+    # the same log as another take
+    take = import_take([log.path], map_from_toml(log.map), back)
+    for episode, original in zip(take.episodes, back.episodes, strict=True):
         for name in ("actions", "sensor.cables", "sensor.states"):
             np.testing.assert_allclose(episode[name], original[name], atol=1e-7)
-    assert np.abs(session.similar.displacement).max() < 1e-7
-    assert session.similar.cables.max() < 1e-7
+    assert np.abs(take.similar.displacement).max() < 1e-7
+    assert take.similar.cables.max() < 1e-7

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.session import build_session
 from s2c2a.logs.tables import Table
+from s2c2a.logs.take import build_take
 from s2c2a.logs.timed_motion import TimedMotion
 
 MAP = """
@@ -85,13 +85,13 @@ def test_files_with_clocks_since_1970_and_since_0_are_joined():
     tip = dict(zip("xyz", log.tip.values.T, strict=True))
     camera = Table("camera", {"seconds": log.tip.time} | tip, {})
     log_map = make_map('times = ["t", "seconds"]\nunits = ["ns", "s"]', 8)
-    session = build_session([motors, camera], log_map)
-    (clock,) = session.clocks
+    take = build_take([motors, camera], log_map)
+    (clock,) = take.clocks
     assert np.abs(clock.convert(log.tip.time) - epoch - log.truth).max() < 0.005
     expected = np.interp(log.drives.time, log.truth, log.tip.values[:, 0])
-    known = np.isfinite(session.positions[:, 0, 0])
+    known = np.isfinite(take.positions[:, 0, 0])
     assert known.mean() > 0.98
-    errors = session.positions[known, 0, 0] - expected[known]
+    errors = take.positions[known, 0, 0] - expected[known]
     assert np.sqrt(np.mean(errors**2)) < 0.001
     assert "ppm" in str(clock)
     assert clock.summary()["offset"] == clock.offset
@@ -107,12 +107,10 @@ def test_stamps_and_times_since_1970_are_joined_by_their_own_units():
     camera = Table("b", {"ns": (1.7e9 + times) * 1e9} | tip | rotation, {})
     names = ", ".join(f'"r{index}"' for index in range(9))
     log_map = make_map('times = ["t", "ns"]\noffset = [0.5]', end=f"matrix = [{names}]")
-    session = build_session([stamped, camera], log_map)
-    np.testing.assert_allclose(session.time, 1.7e9 + times)
-    np.testing.assert_allclose(
-        session.positions[1:, 0, 0], 2 * times[1:] - 1.0, atol=1e-5
-    )
-    np.testing.assert_allclose(session.axes[1:, 0], [[0.0, 0.0, 1.0]] * 19, atol=1e-9)
+    take = build_take([stamped, camera], log_map)
+    np.testing.assert_allclose(take.time, 1.7e9 + times)
+    np.testing.assert_allclose(take.positions[1:, 0, 0], 2 * times[1:] - 1.0, atol=1e-5)
+    np.testing.assert_allclose(take.axes[1:, 0], [[0.0, 0.0, 1.0]] * 19, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -147,12 +145,12 @@ def test_columns_are_interpolated_within_the_longest_gap_and_rotations_on_the_ar
     camera = {"t": np.array([0.0, 1.0, 4.0])}
     camera |= dict(zip("abcd", turns.T, strict=True))
     camera |= {name: np.array([0.0, 1.0, 2.0]) for name in "xyz"}
-    session = build_session([motors, Table("camera", camera, {})], log_map)
-    np.testing.assert_allclose(session.positions[0, 0], 0.5)
-    np.testing.assert_allclose(session.axes[0, 0], [0.5**0.5, 0.5**0.5, 0], atol=1e-9)
-    assert np.isnan(session.positions[1]).all()
-    assert np.isnan(session.axes[1]).all()
-    assert "(stated)" in str(session.clocks[0])
+    take = build_take([motors, Table("camera", camera, {})], log_map)
+    np.testing.assert_allclose(take.positions[0, 0], 0.5)
+    np.testing.assert_allclose(take.axes[0, 0], [0.5**0.5, 0.5**0.5, 0], atol=1e-9)
+    assert np.isnan(take.positions[1]).all()
+    assert np.isnan(take.axes[1]).all()
+    assert "(stated)" in str(take.clocks[0])
 
 
 @pytest.mark.parametrize(
@@ -173,7 +171,7 @@ def test_a_missing_time_column_and_falling_times_are_named():
     motors = Table("motors", {"t": np.arange(3.0), "m0": np.zeros(3)}, {})
     position = {name: np.zeros(3) for name in "xyz"}
     with pytest.raises(LogError, match="camera lacks the time column 's'"):
-        build_session([motors, Table("camera", position, {})], log_map)
+        build_take([motors, Table("camera", position, {})], log_map)
     camera = Table("camera", position | {"s": np.array([0.0, 2.0, 1.0])}, {})
     with pytest.raises(LogError, match="'s' falls after row 1"):
-        build_session([motors, camera], log_map)
+        build_take([motors, camera], log_map)

@@ -7,7 +7,7 @@ from s2c2a.arm.geometry import cable_matrix
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.rests import estimate_rests
-from s2c2a.logs.session import LogSession
+from s2c2a.logs.take import LogTake
 
 MAP = """
 [rows]
@@ -54,13 +54,13 @@ def test_servos_around_90_deg_count_from_where_the_arm_is_straight(log):
     np.testing.assert_allclose(np.diff(angles), 90.0, atol=3.0)
 
 
-def session_of(values):
+def take_of(values):
     rows = len(values)
     tips = np.zeros((rows, 1, 3))
     tips[:, 0, 2] = np.linspace(0.14, 0.15, rows)
     tips[:, 0, 0] = np.linspace(0.05, 0.0, rows)
     unknown = np.full_like(values, np.nan)
-    return LogSession(
+    return LogTake(
         np.arange(rows, dtype=float),
         values,
         unknown,
@@ -84,6 +84,6 @@ def test_only_columns_far_from_zero_have_another_rest(low, high, a, moves):
     values = np.linspace(low, high, 200)[:, None] * np.ones(2)
     values[:, 1] -= (low + high) / 2
     log_map = map_from_toml(MAP.format(a=a) + '[frame]\nalong = "z"\n')
-    rests = estimate_rests([session_of(values)], log_map)
+    rests = estimate_rests([take_of(values)], log_map)
     assert (rests[0] != 0) == moves
     assert rests[1] == 0

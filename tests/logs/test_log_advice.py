@@ -6,7 +6,7 @@ import pytest
 from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.pipeline import _read_sessions
+from s2c2a.logs.pipeline import _read_takes
 
 MAP = """
 [rows]
@@ -31,13 +31,13 @@ def rows(times) -> str:
 
 def read(path, text: str, log_map: LogMap | None = None, encoding="utf-8"):
     path.write_text(text, encoding=encoding)
-    return _read_sessions([path], log_map or map_from_toml(MAP))[0]
+    return _read_takes([path], log_map or map_from_toml(MAP))[0]
 
 
 def test_times_of_day_pass_midnight(tmp_path):
     times = ["23:59:59.900", "00:00:00.000", "00:00:00.100"]
-    session = read(tmp_path / "log.csv", "t,a,x,y,z\n" + rows(times))
-    np.testing.assert_allclose(np.diff(session.time), 0.1)
+    take = read(tmp_path / "log.csv", "t,a,x,y,z\n" + rows(times))
+    np.testing.assert_allclose(np.diff(take.time), 0.1)
 
 
 @pytest.mark.parametrize("time", ["52:45.5", "31/01/2026 11:33:04"])
@@ -49,8 +49,8 @@ def test_another_form_of_times_names_those_that_are_read(tmp_path, time):
 def test_text_of_western_windows_programs_is_read(tmp_path):
     log_map = map_from_toml(MAP.replace('"a"', '"a [°]"'))
     text = "t,a [°],x,y,z\n" + rows(range(3))
-    session = read(tmp_path / "log.csv", text, log_map, "cp1252")
-    assert len(session) == 3
+    take = read(tmp_path / "log.csv", text, log_map, "cp1252")
+    assert len(take) == 3
 
 
 def test_names_below_other_lines_need_skip_lines(tmp_path):
@@ -74,12 +74,12 @@ def test_files_are_joined_row_by_row(tmp_path):
     paths = [tmp_path / "motors.csv", tmp_path / "ends.csv"]
     paths[0].write_text("t,a\n0,5\n0.1,6\n")
     paths[1].write_text("x,y,z\n1,2,3\n4,5,6\n")
-    session = _read_sessions(paths, log_map)[0]
-    np.testing.assert_allclose(session.commanded[:, 0], [5e-3, 6e-3])
-    np.testing.assert_allclose(session.positions[1, 0], [4e-3, 5e-3, 6e-3])
+    take = _read_takes(paths, log_map)[0]
+    np.testing.assert_allclose(take.commanded[:, 0], [5e-3, 6e-3])
+    np.testing.assert_allclose(take.positions[1, 0], [4e-3, 5e-3, 6e-3])
     paths[1].write_text("x,y,z\n1,2,3\n")
     with pytest.raises(LogError, match=r"have \[2, 1\] rows"):
-        _read_sessions(paths, log_map)
+        _read_takes(paths, log_map)
 
 
 def test_too_short_a_log_is_called_short(tmp_path):

@@ -1,4 +1,4 @@
-"""One log in each form is the same session, so that all fits of it are the same."""
+"""One log in each form is the same take, so that all fits of it are the same."""
 
 import gzip
 import json
@@ -15,7 +15,7 @@ from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.pipeline import _read_sessions
+from s2c2a.logs.pipeline import _read_takes
 
 EPOCH = 1_700_000_000  # s
 MOTIVE = (
@@ -35,21 +35,21 @@ def log(twin, tmp_path_factory):
     return simulated, columns
 
 
-def session_of(path, text):
-    (session,) = _read_sessions([path], map_from_toml(text))
-    return session
+def take_of(path, text):
+    (take,) = _read_takes([path], map_from_toml(text))
+    return take
 
 
 def check_same(log, path, text=None, exact=True):
-    """The file is the session of the plain log."""
+    """The file is the take of the plain log."""
     simulated, _ = log
-    expected = session_of(simulated.path, simulated.map)
-    session = session_of(path, text or simulated.map)
+    expected = take_of(simulated.path, simulated.map)
+    take = take_of(path, text or simulated.map)
     np.testing.assert_allclose(
-        session.time - session.time[0], expected.time - expected.time[0], atol=1e-6
+        take.time - take.time[0], expected.time - expected.time[0], atol=1e-6
     )
     for name in ("commanded", "measured", "positions"):
-        found = getattr(session, name)
+        found = getattr(take, name)
         tolerance = 0.0 if exact else 1e-12
         np.testing.assert_allclose(found, getattr(expected, name), rtol=tolerance)
 
@@ -85,7 +85,7 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("form", TEXTS)
-def test_text_of_every_kind_is_the_same_session(log, tmp_path, form):
+def test_text_of_every_kind_is_the_same_take(log, tmp_path, form):
     content = TEXTS[form](log[1])
     path = tmp_path / "log.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -145,7 +145,7 @@ def test_a_column_of_numbers_and_time_stamps_is_refused(log, tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("\n".join(lines))
     with pytest.raises(LogError, match="'t' has both numbers and time stamps"):
-        session_of(path, simulated.map)
+        take_of(path, simulated.map)
 
 
 def json_rows(columns):
@@ -170,7 +170,7 @@ def nested(text):
 
 
 @pytest.mark.parametrize("ending", ["jsonl", "ndjson", "json", "jsonl.gz"])
-def test_json_lines_are_the_same_session(log, tmp_path, ending):
+def test_json_lines_are_the_same_take(log, tmp_path, ending):
     simulated, columns = log
     content = "\n".join(map(json.dumps, json_rows(columns))).encode()
     path = tmp_path / f"log.{ending}"
@@ -186,9 +186,9 @@ def test_broken_json_is_refused_with_its_line_or_a_gap(log, tmp_path):
     path.write_text("\n".join(lines))
     text = nested(simulated.map)
     with pytest.raises(LogError, match="line 5, it is not one complete JSON object"):
-        session_of(path, text)
+        take_of(path, text)
     allowed = text.replace("[rows]", '[rows]\nbroken_rows = "gap"')
-    assert session_of(path, allowed).broken_rows == 1
+    assert take_of(path, allowed).broken_rows == 1
 
 
 @pytest.mark.parametrize(
@@ -198,10 +198,10 @@ def test_other_json_is_refused(log, tmp_path, content):
     path = tmp_path / "log.jsonl"
     path.write_text(content)
     with pytest.raises(LogError):
-        session_of(path, log[0].map)
+        take_of(path, log[0].map)
 
 
-def test_an_export_of_motive_is_the_same_session(log, tmp_path):
+def test_an_export_of_motive_is_the_same_take(log, tmp_path):
     simulated, columns = log
     drives = {name: columns[name] for name in columns if name[0] in "cm"}
     kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
@@ -223,17 +223,17 @@ def test_an_export_of_motive_is_the_same_session(log, tmp_path):
         "[arm]", 'skip_lines = [0, 1]\n[join]\nkey = "Frame"\n[arm]'
     )
     paths = [tmp_path / "motive.csv", tmp_path / "motors.csv"]
-    expected = session_of(simulated.path, simulated.map)
+    expected = take_of(simulated.path, simulated.map)
     for name in ("end.Position", "tip"):
         named = changed
         for axis in "xyz":
             named = named.replace(f'"{axis}2"', f'"{name}.{axis.upper()}"')
-        (session,) = _read_sessions(paths, map_from_toml(named))
-        np.testing.assert_array_equal(session.positions, expected.positions)
-        np.testing.assert_array_equal(session.measured, expected.measured)
-        np.testing.assert_array_equal(session.time, expected.time)
+        (take,) = _read_takes(paths, map_from_toml(named))
+        np.testing.assert_array_equal(take.positions, expected.positions)
+        np.testing.assert_array_equal(take.measured, expected.measured)
+        np.testing.assert_array_equal(take.time, expected.time)
     with pytest.raises(LogError, match='in m, and the map mm; write unit = "m"'):
-        _read_sessions(paths, map_from_toml(named.replace('"m"\n', '"mm"\n')))
+        _read_takes(paths, map_from_toml(named.replace('"m"\n', '"mm"\n')))
 
 
 def qualisys(columns, has_times, has_names=True):
@@ -251,7 +251,7 @@ def qualisys(columns, has_times, has_names=True):
 
 
 @pytest.mark.parametrize("has_times", [False, True])
-def test_an_export_of_qualisys_is_the_same_session(log, tmp_path, has_times):
+def test_an_export_of_qualisys_is_the_same_take(log, tmp_path, has_times):
     simulated, columns = log
     (tmp_path / "qtm.tsv").write_text(qualisys(columns, has_times))
     frames = np.arange(1.0, len(columns["t"]) + 1)
@@ -265,15 +265,15 @@ def test_an_export_of_qualisys_is_the_same_session(log, tmp_path, has_times):
         changed = changed.replace(f'"{axis}2"', f'"tip.{axis.upper()}"')
     paths = [tmp_path / "qtm.tsv", tmp_path / "motors.csv"]
     with pytest.raises(LogError, match="in mm, and the map m"):
-        _read_sessions(paths, map_from_toml(changed))
+        _read_takes(paths, map_from_toml(changed))
     changed = changed.replace('unit = "m"', 'unit = "mm"')
-    (session,) = _read_sessions(paths, map_from_toml(changed))
-    expected = session_of(simulated.path, simulated.map)
-    np.testing.assert_allclose(session.positions, expected.positions, rtol=1e-12)
-    np.testing.assert_allclose(session.time, 0.1 * (frames - 1), atol=1e-9)
+    (take,) = _read_takes(paths, map_from_toml(changed))
+    expected = take_of(simulated.path, simulated.map)
+    np.testing.assert_allclose(take.positions, expected.positions, rtol=1e-12)
+    np.testing.assert_allclose(take.time, 0.1 * (frames - 1), atol=1e-9)
     lost = changed.replace('"tip.', '"base.')
-    (session,) = _read_sessions(paths, map_from_toml(lost))
-    assert np.isnan(session.positions).all()
+    (take,) = _read_takes(paths, map_from_toml(lost))
+    assert np.isnan(take.positions).all()
 
 
 def test_bodies_of_qualisys_have_rotation_matrices(tmp_path):
@@ -289,15 +289,15 @@ def test_bodies_of_qualisys_have_rotation_matrices(tmp_path):
     path.write_text(text)
     order = [0, 3, 6, 1, 4, 7, 2, 5, 8]
     matrix = [f"b.Rot[{index}]" for index in order]
-    session = session_of(
+    take = take_of(
         path,
         '[rows]\nkind = "timed"\ntime = "Time"\n[arm]\nname = "a"\nmodules = 1\n'
         'control_rate = 10\n[[drives]]\nmeasured = "a.X"\nunit = "cm"\nscale = 2\n'
         '[[ends]]\nposition = ["b.X", "b.Y", "b.Z"]\nunit = "mm"\n'
         f"matrix = {matrix}\n",
     )
-    np.testing.assert_allclose(session.axes[:, 0], [[0, -1, 0]] * 3, atol=1e-12)
-    np.testing.assert_allclose(session.measured[:, 0], 0.02)
+    np.testing.assert_allclose(take.axes[:, 0], [[0, -1, 0]] * 3, atol=1e-12)
+    np.testing.assert_allclose(take.measured[:, 0], 0.02)
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_what_is_not_read_is_named_with_the_way_out(log, tmp_path, name, way_out
     path = tmp_path / name
     path.write_bytes(b"\x00\x01")
     with pytest.raises(LogError, match=way_out):
-        session_of(path, log[0].map)
+        take_of(path, log[0].map)
 
 
 def test_lines_to_skip_are_one_for_each_joined_file(log):
@@ -333,7 +333,7 @@ def write_sheet(path, columns, times):
 
 
 @pytest.mark.parametrize("has_stamps", [False, True])
-def test_sheets_are_the_same_session(log, tmp_path, has_stamps):
+def test_sheets_are_the_same_take(log, tmp_path, has_stamps):
     _, columns = log
     times = columns["t"].tolist()
     if has_stamps:
@@ -342,16 +342,16 @@ def test_sheets_are_the_same_session(log, tmp_path, has_stamps):
     path = tmp_path / "log.xlsx"
     write_sheet(path, columns, times)
     simulated, _ = log
-    expected = session_of(simulated.path, simulated.map)
-    session = session_of(path, simulated.map)
-    np.testing.assert_array_equal(session.positions, expected.positions)
+    expected = take_of(simulated.path, simulated.map)
+    take = take_of(path, simulated.map)
+    np.testing.assert_array_equal(take.positions, expected.positions)
     # Excel stores a day in double precision
-    times = session.time - session.time[0]
+    times = take.time - take.time[0]
     np.testing.assert_allclose(times, expected.time, atol=2e-3)
 
 
 @pytest.mark.parametrize("has_stamps", [False, True])
-def test_parquet_is_the_same_session(log, tmp_path, has_stamps):
+def test_parquet_is_the_same_take(log, tmp_path, has_stamps):
     simulated, columns = log
     rows = list(json_rows(columns))
     if has_stamps:
@@ -362,7 +362,7 @@ def test_parquet_is_the_same_session(log, tmp_path, has_stamps):
     check_same(log, path, nested(simulated.map))
 
 
-def test_parquet_with_dots_in_its_names_is_the_same_session(log, tmp_path):
+def test_parquet_with_dots_in_its_names_is_the_same_take(log, tmp_path):
     simulated, columns = log
     named = {f"a.{name}": values for name, values in columns.items()}
     text = simulated.map
@@ -382,7 +382,7 @@ def test_without_the_extra_the_way_out_names_it(log, tmp_path, monkeypatch, name
     form = {"log.xlsx": "XLSX", "log.parquet": "Parquet"}[name]
     told = f'{form}: export as CSV, or install the extra: pip install "s2c2a[tables]"'
     with pytest.raises(LogError, match=re.escape(told)):
-        session_of(path, log[0].map)
+        take_of(path, log[0].map)
 
 
 @pytest.mark.parametrize("ending", ["xlsx", "parquet"])
@@ -397,4 +397,4 @@ def test_damaged_tables_are_errors(log, tmp_path, ending):
     for cut in (0, 4, len(content) // 2, len(content) - 3):
         path.write_bytes(content[:cut])
         with pytest.raises(LogError):
-            session_of(path, simulated.map)
+            take_of(path, simulated.map)

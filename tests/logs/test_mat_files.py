@@ -7,11 +7,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
-from s2c2a.logs import mat_files
 from s2c2a.logs.array_files import read_mat
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.mat_files import read_mat_arrays
@@ -74,66 +71,44 @@ def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
     )
 
 
-NESTED = {"a": np.arange(3.0), "t": "up", "s": {"c": np.array([1, "x"], object)}}
-SMALL = mat(NESTED)
+SMALL = mat({"a": np.arange(3.0), "t": "up", "s": {"c": np.array([1, "x"], object)}})
 PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
 
 
-def is_read_or_refused(path, content: bytes) -> None:
-    path.write_bytes(content)
-    with suppress(LogError):  # any other error fails
-        read_mat(path, ANY)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("whole", [SMALL, PACKED])
 def test_no_byte_can_end_the_process(tmp_path, whole):
     """SciPy's reader ends with a segmentation fault for some of these files."""
     path = tmp_path / "log.mat"
-    for place in range(len(whole)):
-        for value in (0, 14, 255):
-            damaged = bytearray(whole)
-            damaged[place] = value
-            is_read_or_refused(path, bytes(damaged))
-        is_read_or_refused(path, whole[:place])
+    for place in range(128, len(whole), 60):
+        path.write_bytes(whole[:place])
+        with suppress(LogError):  # any other error fails
+            read_mat(path, ANY)
 
 
-@given(st.binary(max_size=300), st.integers(126, 400))
-def test_no_bytes_at_all_can_end_the_process(tmp_path_factory, tail, length):
-    path = tmp_path_factory.getbasetemp() / "any.mat"
-    is_read_or_refused(path, (SMALL + PACKED[128:])[:length] + tail)
-
-
-def test_the_type_of_the_numbers_is_checked(tmp_path):
+def test_a_file_that_ends_the_program_is_damaged(tmp_path):
     damaged = bytearray(mat({"a": np.arange(3.0)}))
-    assert len(damaged) == 208
     place = damaged.rindex(struct.pack("<II", 9, 24))
-    damaged[place] = 0
+    damaged[place] = 0  # the type of the numbers
     (tmp_path / "log.mat").write_bytes(damaged)
-    with pytest.raises(LogError, match=r"log\.mat.*the array 'a' holds no numbers"):
+    with pytest.raises(LogError, match=r"log\.mat.*cannot be read as MAT"):
         read_mat(tmp_path / "log.mat", ANY)
 
 
-def test_packed_arrays_count_with_all_that_they_unpack_to(tmp_path, monkeypatch):
-    monkeypatch.setattr(mat_files, "MAX_BYTES", 2000)
-    unknown = zlib.compress(struct.pack("<II", 99, 0) + bytes(900))
-    packed = struct.pack("<II", 15, len(unknown)) + unknown
+def test_a_small_file_cannot_fill_the_memory(tmp_path):
+    """An array that unpacks to 6 GB."""
+    shape = struct.pack("<IIii", 5, 8, 1, 750_000_000)
+    head = struct.pack("<IIII", 6, 8, 6, 0) + shape + struct.pack("<HH4s", 1, 1, b"a")
+    packer = zlib.compressobj(9)
+    size = 6_000_000_000
+    content = packer.compress(struct.pack("<II", 14, size - 2**32 + len(head)) + head)
+    content += packer.compress(struct.pack("<II", 9, size - 2**32))
+    content += b"".join(packer.compress(bytes(10**6)) for _ in range(100))
+    content += packer.flush()
     path = tmp_path / "log.mat"
-    path.write_bytes(SMALL[:128] + 2 * packed)
-    assert read_mat_arrays(path) == {}
-    path.write_bytes(SMALL[:128] + 3 * packed)
-    with pytest.raises(LogError, match="unpacks to more than"):
+    path.write_bytes(SMALL[:128] + struct.pack("<II", 15, len(content)) + content)
+    assert path.stat().st_size < 200_000
+    with pytest.raises(LogError, match="cannot be read as MAT"):
         read_mat(path, ANY)
-
-
-def test_a_text_of_too_many_rows_is_refused_before_its_rows_are_made(
-    tmp_path, monkeypatch
-):
-    path = tmp_path / "log.mat"
-    path.write_bytes(mat({"t": np.array(["a", "b", "c"])}))
-    monkeypatch.setattr(mat_files, "MAX_ROWS", 2)
-    with pytest.raises(LogError, match="a text has 3 rows; at most 2"):
-        read_mat_arrays(path)
 
 
 def test_structures_and_cells_are_columns_with_dots(tmp_path):

@@ -57,9 +57,9 @@ def warn(stated: str, random_ends: bool = False, measured: bool = False) -> str:
     rms = np.sqrt(np.mean(np.sum(motion**2, axis=-1)))
     residual = rms * missed_shares(fit, observations, np.zeros(ROWS))[0]
     values = columns if measured else np.full_like(commands, np.nan)
-    session = SimpleNamespace(commands=commands, measured=values)
+    take = SimpleNamespace(commands=commands, measured=values)
     given = Given(fit, None, observations, residual)  # type: ignore[arg-type]
-    return describe_poor_fit([session], log_map(stated), given, TRUE, ROWS)  # type: ignore[list-item]
+    return describe_poor_fit([take], log_map(stated), given, TRUE, ROWS)  # type: ignore[list-item]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Another session of an arm is imported with the rig of the first one."""
+"""Another take of an arm is imported with the rig of the first one."""
 
 import json
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.logs import import_logs, import_session, map_from_toml, summary
+from s2c2a.logs import import_logs, import_take, map_from_toml, summary
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.rig import Rig, find_similar_rows
 
@@ -56,7 +56,7 @@ def test_a_map_of_another_arm_or_other_units_is_refused(old, new, message, first
     assert old in log.map
     changed = map_from_toml(log.map.replace(old, new, 1))
     with pytest.raises(LogError, match=message):
-        import_session([log.path], changed, recording)
+        import_take([log.path], changed, recording)
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_ends_beyond_the_reach_of_the_arm_are_refused(first):
     log, recording = first
     rig = {**recording.options["rig"], "base": [40.0, 0.0, 0.0]}
     with pytest.raises(LogError, match=r"ends are up to 40.* correct their unit"):
-        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
+        import_take([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
 def test_an_arm_that_differs_from_the_map_is_refused(first, twin):
@@ -101,7 +101,7 @@ def test_a_recording_without_a_valid_rig_is_refused(change, first):
     log, recording = first
     rig = {**recording.options["rig"], **change} if change else None
     with pytest.raises(LogError, match="import its logs again, without --like"):
-        import_session([log.path], map_from_toml(log.map), with_rig(recording, rig))
+        import_take([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
 def test_rows_with_similar_cables_show_that_a_camera_has_moved():
@@ -115,10 +115,10 @@ def test_rows_with_similar_cables_show_that_a_camera_has_moved():
     assert similar.cables.max() == 0.0
 
 
-def test_sessions_without_a_measured_tip_are_not_compared(first):
+def test_takes_without_a_measured_tip_are_not_compared(first):
     log, recording = first
-    session = import_session([log.path], map_from_toml(log.map), recording)
+    take = import_take([log.path], map_from_toml(log.map), recording)
     cables = np.zeros((4, 3, 3))
     empty = find_similar_rows(cables, np.full((4, 3), np.nan), cables, np.zeros((4, 3)))
-    lines = summary.session_summary(replace(session, similar=empty, change=None))
+    lines = summary.take_summary(replace(take, similar=empty, change=None))
     assert "cannot be checked" in lines[-1]

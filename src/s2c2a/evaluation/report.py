@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float
 from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
 from s2c2a.errors import MAX_SHOWN
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
+from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 

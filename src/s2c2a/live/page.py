@@ -18,13 +18,13 @@ from s2c2a.evaluation import (
     describe_step_estimates,
     describe_step_plan,
 )
+from s2c2a.live.browsers import CLOUD, GHOST, TRAILS, Browsers
 from s2c2a.live.gate import HOST
 from s2c2a.live.panel import Panel
 from s2c2a.live.plots import Plots
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import Point, point
 from s2c2a.live.scene import REACH_TOLERANCE
-from s2c2a.live.session import CLOUD, GHOST, TRAILS, DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.steering import Steering, across_view, largest_speed, moved_target
 from s2c2a.live.window import Window
@@ -49,7 +49,7 @@ class LivePage(Window):
     """The live page of one arm; closing it does not stop the control.
 
     Attributes:
-        session: which browser drives.
+        browsers: which browser drives.
         frames: number of drawn frames.
     """
 
@@ -78,7 +78,7 @@ class LivePage(Window):
         self._control = control
         self._survey = survey
         gui = self.server.gui
-        self.session = DrivingSession(self._session_changed)
+        self.browsers = Browsers(self._browsers_changed)
         self._panels = dict[int, Panel]()
         self._recorder = Recorder(control, runs)
         self._steering = Steering()
@@ -119,13 +119,13 @@ class LivePage(Window):
 
     async def _add_client(self, client: viser.ClientHandle) -> None:
         self._panels[client.client_id] = Panel(
-            client, self._control, self.session, self._recorder, self._notify
+            client, self._control, self.browsers, self._recorder, self._notify
         )
-        self.session.join(client.client_id)
+        self.browsers.join(client.client_id)
 
     async def _remove_client(self, client: viser.ClientHandle) -> None:
         self._panels.pop(client.client_id, None)
-        self.session.leave(client.client_id)
+        self.browsers.leave(client.client_id)
 
     def _stop(self) -> str:
         """Stop the arm; returns what it then does, or nothing if it does not obey."""
@@ -140,13 +140,13 @@ class LivePage(Window):
             time.sleep(0.02)
         return ""
 
-    def _session_changed(self) -> None:
+    def _browsers_changed(self) -> None:
         """Hold the arm without a driver; a new driver starts from the arm's pose."""
         latest = self._control.latest
         if latest is None:
             return  # `_draw` repeats this call after the first snapshot
         with self._changing:  # called by viser's thread, and once by `_draw`
-            driven = self.session.driver is not None
+            driven = self.browsers.driver is not None
             request = self._control.request
             if not driven:
                 self._control.ask(driven=False)
@@ -170,7 +170,7 @@ class LivePage(Window):
     @property
     def _driver(self) -> int:
         """Client number of the browser that drives; -1 without one."""
-        driver = self.session.driver
+        driver = self.browsers.driver
         return -1 if driver is None else driver
 
     def _move_target(self, elapsed: float) -> None:
@@ -192,25 +192,25 @@ class LivePage(Window):
         self._control.ask(target=target)
 
     def _drag_target(self, client: int, position: Point) -> None:
-        if self.session.drives(client) and self._control.request.task is None:
+        if self.browsers.drives(client) and self._control.request.task is None:
             self._control.ask(target=position)
 
     def _drag_pointer(self, client: int, position: Point) -> None:
         request = self._control.request
-        if not self.session.drives(client) or request.task is not None:
+        if not self.browsers.drives(client) or request.task is not None:
             return
         if request.target is not None:
             self._control.ask(axis=point(np.subtract(position, request.target)))
 
     def _drag_obstacle(self, number: int, client: int, position: Point) -> None:
         obstacles = list(self._control.request.obstacles)
-        if self.session.drives(client) and number < len(obstacles):
+        if self.browsers.drives(client) and number < len(obstacles):
             obstacles[number] = replace(obstacles[number], center=position)
             self._control.ask(obstacles=tuple(obstacles))
 
     def _drag_end(self, number: int, client: int, position: Point) -> None:
         shape = self._control.request.shape
-        if self.session.drives(client) and shape is not None:
+        if self.browsers.drives(client) and shape is not None:
             ends = [*shape]
             ends[number] = position
             self._control.ask(shape=ends)
@@ -230,8 +230,8 @@ class LivePage(Window):
             return
         if not self._snapshots:
             threading.Thread(target=self._run_survey, daemon=True).start()
-            if self.session.present:
-                self._session_changed()
+            if self.browsers.present:
+                self._browsers_changed()
         if not self._snapshots or latest.step is not self._snapshots[-1].step:
             self._snapshots.append(latest)
             self._plots.add(latest)
@@ -262,7 +262,7 @@ class LivePage(Window):
         if self.frames % PLOT_EVERY == 0:
             # update what need not change in every frame: plots, status, buttons
             self._plots.draw()
-            self.scene.show_cloud(self.session.view[CLOUD])
+            self.scene.show_cloud(self.browsers.view[CLOUD])
             self._status.content = self._status_of(latest)
             for panel in list(self._panels.values()):
                 panel.follow()
@@ -270,7 +270,7 @@ class LivePage(Window):
 
     def _draw_trails(self, latest: Snapshot) -> None:
         self._trail.append(np.array([latest.tip, _desired(latest)[0]]))
-        visible = self.session.view[TRAILS]
+        visible = self.browsers.view[TRAILS]
         points = np.array(self._trail) if visible else np.zeros((0, 2, 3))
         self.scene.draw_trail("real", points[:, 0])
         self.scene.draw_trail("desired", points[:, 1])
@@ -286,7 +286,7 @@ class LivePage(Window):
         last = self._snapshots[0]
         self.scene.draw_arm((1 - share) * last.states + share * latest.states)
         ghost = None
-        if self.session.view[GHOST]:
+        if self.browsers.view[GHOST]:
             ghost = (1 - share) * last.predicted + share * latest.predicted
         self.scene.draw_ghost(ghost, latest.states)
         # in the planned arm's place, and shown with it
@@ -298,9 +298,9 @@ class LivePage(Window):
 
     def _status_of(self, latest: Snapshot) -> str:
         """Markdown of the status: who drives, what the arm does, the estimate."""
-        session = self.session
-        driven = session.driver is not None
-        watching = len(session.present) - driven
+        browsers = self.browsers
+        driven = browsers.driver is not None
+        watching = len(browsers.present) - driven
         head = f"**{self.arm.name}** · {latest.strategy} · "
         head += "one browser drives" if driven else "no driver"
         if watching:

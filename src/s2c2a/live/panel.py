@@ -23,6 +23,7 @@ from viser import (
 )
 
 from s2c2a.errors import S2C2AError
+from s2c2a.live.browsers import Browsers
 from s2c2a.live.recorder import Recorder
 from s2c2a.live.request import (
     MAX_OBSTACLES,
@@ -35,7 +36,6 @@ from s2c2a.live.request import (
     fault_sliders,
     point,
 )
-from s2c2a.live.session import DrivingSession
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
 from s2c2a.spaces import AXIS, POSITION
@@ -78,7 +78,7 @@ class Panel:
         self,
         client: ClientHandle,
         control: Control,
-        session: DrivingSession,
+        browsers: Browsers,
         recorder: Recorder,
         notify: Callable[[str], None],
     ):
@@ -87,7 +87,7 @@ class Panel:
         Args:
             client: the browser.
             control: moves the arm.
-            session: which browser drives.
+            browsers: which browser drives.
             recorder: of the page.
             notify: shows a message in all browsers.
         """
@@ -95,7 +95,7 @@ class Panel:
         self._client = client.client_id
         self._gui = client.gui
         self._control = control
-        self._session = session
+        self._browsers = browsers
         self._recorder = recorder
         self._notify = notify
         self._role: tuple | None = None
@@ -104,7 +104,7 @@ class Panel:
 
     def refresh(self) -> None:
         """Rebuild the panel if the role of this browser changed."""
-        driver = self._session.driver
+        driver = self._browsers.driver
         role = (driver == self._client, driver is None)
         with self._building:
             if role == self._role:
@@ -127,7 +127,7 @@ class Panel:
 
                 @button.on_click
                 async def _(_event: GuiEvent) -> None:
-                    self._session.take(self._client)
+                    self._browsers.take(self._client)
 
         self.follow()
 
@@ -384,10 +384,10 @@ class Panel:
 
     def _build_more(self) -> None:
         recorder = self._recorder
-        view = self._session.view
+        view = self._browsers.view
         record = self._button("Record", self._record, slow=True)
         self._button("Reset arm", self._control.reset)
-        self._button("Let others drive", lambda: self._session.release(self._client))
+        self._button("Let others drive", lambda: self._browsers.release(self._client))
         for label, visible in view.items():
             checkbox = self._gui.add_checkbox(label, visible)
             self._on_change(checkbox, partial(view.__setitem__, label))
@@ -457,7 +457,7 @@ class Panel:
 
         def act(event: Any) -> None:
             try:
-                if self._session.drives(self._client):
+                if self._browsers.drives(self._client):
                     action(event)
             except S2C2AError as error:
                 self._notify(str(error))

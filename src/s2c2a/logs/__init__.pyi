@@ -1,20 +1,20 @@
 from .log_map import LogMap, load_map, map_from_toml
 from .pipeline import (
     Imported,
-    ImportedSession,
+    ImportedTake,
     arm_file_of,
     import_logs,
-    import_session,
+    import_take,
     save_imported,
 )
 
 __all__ = [
     "Imported",
-    "ImportedSession",
+    "ImportedTake",
     "LogMap",
     "arm_file_of",
     "import_logs",
-    "import_session",
+    "import_take",
     "load_map",
     "map_from_toml",
     "save_imported",

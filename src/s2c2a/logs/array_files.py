@@ -35,7 +35,7 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
 
 
 def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
-    """Read the requested columns of a MAT file of version 5, named as in `read_npz`.
+    """Read the requested columns of a MAT file up to version 7, named as in `read_npz`.
 
     Raises:
         LogError: the file does not exist, is damaged, of version 7.3 (HDF5), or too

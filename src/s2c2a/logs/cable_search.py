@@ -79,7 +79,7 @@ def identify_cables(
     """Fit the cable model, and find the modules, signs, and coupling not in the map.
 
     Args:
-        observations: rows of all sessions.
+        observations: rows of all takes.
         start: registered frame and lengths; its angles and gains are not used.
         log_map: the map.
         max_rows: number of rows that are fitted, evenly spread.

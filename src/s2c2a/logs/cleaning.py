@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from s2c2a.data.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.session import LogSession, effective_drives
+from s2c2a.logs.take import LogTake, effective_drives
+from s2c2a.measurements.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
 
 SHOWN = 3  # rows that the summary names
 
@@ -42,12 +42,12 @@ class Excluded:
 
 
 def exclude_outliers(
-    sessions: Sequence[LogSession], log_map: LogMap
-) -> tuple[list[LogSession], Excluded]:
+    takes: Sequence[LogTake], log_map: LogMap
+) -> tuple[list[LogTake], Excluded]:
     """Replace poses that cannot be true by NaN; the drives stay.
 
     Args:
-        sessions: rows of all logs, as they were recorded.
+        takes: rows of all logs, as they were recorded.
         log_map: the map.
 
     Raises:
@@ -55,28 +55,28 @@ def exclude_outliers(
     """
     order = np.argsort(log_map.end_modules)
     modules = tuple(np.array(log_map.end_modules)[order].tolist())
-    lengths = [len(session) for session in sessions]
-    drives = [effective_drives(session, log_map) for session in sessions]
-    positions = [session.positions[:, order] for session in sessions]
-    axes = [session.axes[:, order] for session in sessions]
+    lengths = [len(take) for take in takes]
+    drives = [effective_drives(take, log_map) for take in takes]
+    positions = [take.positions[:, order] for take in takes]
+    axes = [take.axes[:, order] for take in takes]
     ends = MeasuredEnds(
         np.concatenate(drives),
         np.concatenate(positions),
         np.concatenate(axes),
-        np.repeat(np.arange(len(sessions)), lengths),
+        np.repeat(np.arange(len(takes)), lengths),
     )
     if log_map.rows.outliers == "keep":
-        return list(sessions), Excluded(ends, modules)
+        return list(takes), Excluded(ends, modules)
     found = find_outliers(ends, _reaches(log_map, order))
-    rows = _describe_rows(found, sessions, log_map)
+    rows = _describe_rows(found, takes, log_map)
     if found.is_excessive:
         raise LogError(_describe_excess(found, modules, rows))
     is_excluded = np.empty_like(found.all)
     is_excluded[:, order] = found.all
-    borders = np.cumsum([len(session) for session in sessions])[:-1]
+    borders = np.cumsum([len(take) for take in takes])[:-1]
     parts = np.split(is_excluded, borders)
-    pairs = zip(sessions, parts, strict=True)
-    return [_without(session, part) for session, part in pairs], Excluded(
+    pairs = zip(takes, parts, strict=True)
+    return [_without(take, part) for take, part in pairs], Excluded(
         ends, modules, found, rows
     )
 
@@ -93,24 +93,22 @@ def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
     return [None, *np.diff(heights)]
 
 
-def _without(session: LogSession, is_excluded: np.ndarray) -> LogSession:
+def _without(take: LogTake, is_excluded: np.ndarray) -> LogTake:
     masked = is_excluded[..., None]
     return replace(
-        session,
-        positions=np.where(masked, np.nan, session.positions),
-        axes=np.where(masked, np.nan, session.axes),
+        take,
+        positions=np.where(masked, np.nan, take.positions),
+        axes=np.where(masked, np.nan, take.axes),
     )
 
 
-def _describe_rows(
-    found: Outliers, sessions: Sequence[LogSession], log_map: LogMap
-) -> str:
+def _describe_rows(found: Outliers, takes: Sequence[LogTake], log_map: LogMap) -> str:
     """The first rows with an outlier, with the number of their log if there are more."""
     rows = np.flatnonzero(found.all.any(axis=1))[:SHOWN]
-    starts = np.cumsum([0, *(len(session) for session in sessions)])
+    starts = np.cumsum([0, *(len(take) for take in takes)])
     logs = np.searchsorted(starts, rows, side="right") - 1
     numbers = rows - starts[logs] + log_map.rows.first_row
-    if len(sessions) == 1:
+    if len(takes) == 1:
         return ", ".join(str(number) for number in numbers)
     pairs = zip(numbers, logs, strict=True)
     return ", ".join(f"{number} of log {log + 1}" for number, log in pairs)

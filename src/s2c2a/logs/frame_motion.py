@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.session import LogSession, effective_drives
+from s2c2a.logs.take import LogTake, effective_drives
 
 EXPLAINED = 0.07
 """Share of all differences of similar rows that a motion of the frame must explain.
@@ -62,16 +62,16 @@ class FrameMotion(NamedTuple):
 
 
 def find_frame_motions(
-    sessions: Sequence[LogSession], log_map: LogMap
+    takes: Sequence[LogTake], log_map: LogMap
 ) -> tuple[FrameMotion, ...]:
     """Find jumps and drifts of the frame within logs; the largest of each log."""
     motions = []
-    for number, session in enumerate(sessions):
+    for number, take in enumerate(takes):
         motion = find_frame_motion(
-            effective_drives(session, log_map), session.positions, session.time
+            effective_drives(take, log_map), take.positions, take.time
         )
         if motion is not None:
-            log = f"log {number + 1}: " if len(sessions) > 1 else ""
+            log = f"log {number + 1}: " if len(takes) > 1 else ""
             motions.append(motion._replace(text=log + motion.text, log=number))
     return tuple(motions)
 

@@ -82,7 +82,7 @@ class Source(MapTable):
     """Origin of a log; the recording keeps it.
 
     Attributes:
-        name: robot and session.
+        name: robot and take.
         address: where the log is published.
         commit: version of the published log.
         license: license of the log.
@@ -153,13 +153,13 @@ class Rows(MapTable):
 
 
 class Join(MapTable):
-    """Files that form one session, with rows matched by a key or by time.
+    """Files that form one take, with rows matched by a key or by time.
 
     Attributes:
         by: "key": rows with equal keys; "row": rows with equal numbers; "time": later
             files are interpolated at the times of the first one.
         key: column that every file has.
-        files: number of files in a session, in the order of the command line.
+        files: number of files in a take, in the order of the command line.
         times: time column of each file; `rows.time` by default.
         units: unit of each file's time; `rows.unit` by default.
         offset: time of the first file's clock minus that of each later file [s];
@@ -427,7 +427,7 @@ class LogMap(MapTable):
     Attributes:
         source: origin of the log.
         rows: timing of rows, and where episodes end.
-        join: files that form one session; each file is one by default.
+        join: files that form one take; each file is one by default.
         arm: known properties of the arm.
         drives: motors.
         ends: tracked ends of modules.

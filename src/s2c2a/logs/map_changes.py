@@ -13,7 +13,7 @@ from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
 from s2c2a.logs.priors import without_turn
-from s2c2a.logs.session import unit_vector
+from s2c2a.logs.take import unit_vector
 
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
 # which frames and cables are confused

@@ -28,7 +28,7 @@ from s2c2a.logs.map_changes import (
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.priors import first_guess, prior_std
 from s2c2a.logs.registration import estimate_registration
-from s2c2a.logs.session import LogSession, effective_drives
+from s2c2a.logs.take import LogTake, effective_drives
 from s2c2a.logs.unit_checks import drive_unit_change, end_unit_change
 from s2c2a.spaces import POSITION
 
@@ -87,22 +87,22 @@ class _KnownRows(NamedTuple):
 
 
 @contextmanager
-def explained_errors(sessions: Sequence[LogSession], log_map: LogMap) -> Iterator[None]:
+def explained_errors(takes: Sequence[LogTake], log_map: LogMap) -> Iterator[None]:
     """Add a diagnosis of the map to errors of an import."""
     try:
         yield
     except S2C2AError as error:
-        sentence = _diagnose(sessions, log_map, None)
+        sentence = _diagnose(takes, log_map, None)
         if not sentence:
             raise
         raise LogError(f"{error}\n{sentence}") from error
 
 
-def diagnose_map(sessions: Sequence[LogSession], log_map: LogMap, given: Given) -> str:
+def diagnose_map(takes: Sequence[LogTake], log_map: LogMap, given: Given) -> str:
     """Sentence that names the change of the map under which the log fits clearly.
 
     Args:
-        sessions: the log.
+        takes: the log.
         log_map: the map.
         given: fit of the map as given.
 
@@ -119,14 +119,12 @@ def diagnose_map(sessions: Sequence[LogSession], log_map: LogMap, given: Given) 
         and not drive_unit_change(float(np.exp(parameters.gain)), length, log_map)
     ):
         return ""
-    return _diagnose(sessions, log_map, given)
+    return _diagnose(takes, log_map, given)
 
 
-def _diagnose(
-    sessions: Sequence[LogSession], log_map: LogMap, given: Given | None
-) -> str:
+def _diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> str:
     try:
-        free = _fit_freely(sessions, log_map)
+        free = _fit_freely(takes, log_map)
     except S2C2AError:
         return ""
     found = free.found
@@ -162,9 +160,9 @@ def _diagnose(
     )
 
 
-def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
+def _fit_freely(takes: Sequence[LogTake], log_map: LogMap) -> _FreeFit:
     """Fit half of the stretches with free frame, ends, drives, and sizes."""
-    rows = _rows(sessions, log_map)
+    rows = _rows(takes, log_map)
     place = np.arange(len(rows.columns)) * STRETCHES / len(rows.columns)
     is_middle = np.abs(place % 1 - 0.5) < 0.25
     is_fitted = rows.stretches % 2 == 0
@@ -206,11 +204,11 @@ def _fit_freely(sessions: Sequence[LogSession], log_map: LogMap) -> _FreeFit:
     return _FreeFit(found, errors, held_out)
 
 
-def _rows(sessions: Sequence[LogSession], log_map: LogMap) -> _KnownRows:
-    drives = [effective_drives(each, log_map) for each in sessions]
+def _rows(takes: Sequence[LogTake], log_map: LogMap) -> _KnownRows:
+    drives = [effective_drives(each, log_map) for each in takes]
     columns = np.concatenate(drives)
-    positions = np.concatenate([each.positions for each in sessions])
-    axes = np.concatenate([each.axes for each in sessions])
+    positions = np.concatenate([each.positions for each in takes])
+    axes = np.concatenate([each.axes for each in takes])
     states = np.concatenate([positions, axes], axis=-1)
     known = np.isfinite(columns).all(axis=1)
     known &= np.isfinite(states[..., 0]).all(axis=1)

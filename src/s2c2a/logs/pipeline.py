@@ -37,10 +37,10 @@ from s2c2a.logs.rig import (
     find_similar_rows,
     transform_states,
 )
-from s2c2a.logs.session import LogSession, build_session, effective_drives
-from s2c2a.logs.session_change import SessionChange, find_change
 from s2c2a.logs.stated_values import describe_contradictions
 from s2c2a.logs.tables import ColumnRequest
+from s2c2a.logs.take import LogTake, build_take, effective_drives
+from s2c2a.logs.take_change import TakeChange, find_change
 from s2c2a.spaces import POSITION
 
 MAX_FITTED = 200  # rows that are fitted, evenly spread
@@ -50,18 +50,18 @@ MAX_REACH = 10.0
 
 @dataclass(frozen=True)
 class Segments:
-    """What was read of logs: segments of all sessions.
+    """What was read of logs: segments of all takes.
 
     Attributes:
-        sessions: one session for each segment.
+        takes: one take for each segment.
         rows: number of rows that were read.
         broken_rows: number of unreadable rows among them.
         excluded: poses that are excluded.
         frame_motions: jumps and drifts of the frame.
-        clocks: clocks of later files of each session, if files are joined by time.
+        clocks: clocks of later files of each take, if files are joined by time.
     """
 
-    sessions: list[LogSession]
+    takes: list[LogTake]
     rows: int
     broken_rows: int
     excluded: Excluded
@@ -114,7 +114,7 @@ def import_logs(
     """Read logs and identify the base frame and the cables.
 
     Args:
-        paths: log files; each is a session, or as many as the map joins.
+        paths: log files; each is a take, or as many as the map joins.
         log_map: the map.
         arm: arm to use instead of the identified one; its cables are matched with the
             identified ones.
@@ -125,20 +125,20 @@ def import_logs(
     """
     if arm is not None:
         check_arm(arm, log_map)
-    read = _read_sessions(paths, log_map)
+    read = _read_takes(paths, log_map)
     rests = estimate_rests(read, log_map)
-    read = [from_rests(session, rests) for session in read]
+    read = [from_rests(take, rests) for take in read]
     with explained_errors(read, log_map):
         return _identify(read, rests, log_map, arm)
 
 
 def _identify(
-    read: list[LogSession], rests: np.ndarray, log_map: LogMap, arm: ArmSpec | None
+    read: list[LogTake], rests: np.ndarray, log_map: LogMap, arm: ArmSpec | None
 ) -> Imported:
-    """Identify the arm from sessions whose drives count from their rests."""
+    """Identify the arm from takes whose drives count from their rests."""
     segments = _build_segments(read, log_map)
-    registration = _register(segments.sessions, log_map)
-    observations = _observe(segments.sessions, registration, log_map)
+    registration = _register(segments.takes, log_map)
+    observations = _observe(segments.takes, registration, log_map)
     start = first_guess(registration, log_map)
     fit, assignment, ambiguities = identify_cables(
         observations, start, log_map, MAX_FITTED
@@ -152,7 +152,7 @@ def _identify(
     errors = states - transform_states(observations.states, base, axes)
     squares = np.sum(errors[..., POSITION] ** 2, axis=-1)
     residual = float(np.sqrt(np.nanmean(squares)))
-    commands = [layout.cables(session.commands) for session in segments.sessions]
+    commands = [layout.cables(take.commands) for take in segments.takes]
     cables = layout.cables(observations.columns)
     text = format_arm(
         fit, assignment, layout, log_map, bends, commands, cables, residual
@@ -168,13 +168,11 @@ def _identify(
     diagnosis = diagnose_map(read, log_map, given)
     poor_fit = ""
     if not diagnosis:
-        poor_fit = describe_poor_fit(
-            segments.sessions, log_map, given, start, MAX_FITTED
-        )
+        poor_fit = describe_poor_fit(segments.takes, log_map, given, start, MAX_FITTED)
     return Imported(
         arm,
         text,
-        _build_episodes(segments.sessions, observations.states, arm, rig, log_map),
+        _build_episodes(segments.takes, observations.states, arm, rig, log_map),
         rig,
         layout,
         fit,
@@ -190,14 +188,14 @@ def _identify(
 
 
 @dataclass(frozen=True)
-class ImportedSession:
-    """Another session of an arm, imported with the rig of the first one.
+class ImportedTake:
+    """Another take of an arm, imported with the rig of the first one.
 
     Attributes:
         episodes: episodes, base frame.
-        rig: rig of the first session.
-        similar: rows whose cables are most similar to those of the first session.
-        change: what explains the difference from the first session; None if too few
+        rig: rig of the first take.
+        similar: rows whose cables are most similar to those of the first take.
+        change: what explains the difference from the first take; None if too few
             rows can be compared.
         at_rest: whether every row is a pose at rest.
         segments: what was read.
@@ -206,18 +204,18 @@ class ImportedSession:
     episodes: tuple[Episode, ...]
     rig: Rig
     similar: SimilarRows
-    change: SessionChange | None
+    change: TakeChange | None
     at_rest: bool
     segments: Segments
 
 
-def import_session(
+def import_take(
     paths: Sequence[str | os.PathLike], log_map: LogMap, first: Recording
-) -> ImportedSession:
-    """Read logs of another session, with cameras and motors as in the first import.
+) -> ImportedTake:
+    """Read logs of another take, with cameras and motors as in the first import.
 
     Args:
-        paths: log files; each is a session, or as many as the map joins.
+        paths: log files; each is a take, or as many as the map joins.
         log_map: the map, with the same drives.
         first: recording of the first import.
 
@@ -226,13 +224,11 @@ def import_session(
             the map describes another arm.
     """
     rig = Rig.of(first, log_map)
-    read = _read_sessions(paths, log_map)
+    read = _read_takes(paths, log_map)
     rests = np.array(rig.rests or np.zeros(len(rig.names)))
-    segments = _build_segments(
-        [from_rests(session, rests) for session in read], log_map
-    )
-    states = _measured_states(segments.sessions, log_map)
-    episodes = _build_episodes(segments.sessions, states, first.arm, rig, log_map)
+    segments = _build_segments([from_rests(take, rests) for take in read], log_map)
+    states = _measured_states(segments.takes, log_map)
+    episodes = _build_episodes(segments.takes, states, first.arm, rig, log_map)
     _check_reach(episodes, first.arm)
     cables, positions = _cables_and_ends(episodes)
     first_cables, first_positions = _cables_and_ends(first.episodes)
@@ -240,7 +236,7 @@ def import_session(
         cables, positions[:, -1], first_cables, first_positions[:, -1]
     )
     change = find_change(cables, positions, first_cables, first_positions, first.arm)
-    return ImportedSession(
+    return ImportedTake(
         episodes,
         rig,
         similar,
@@ -270,7 +266,7 @@ def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
 
 
 def save_imported(
-    imported: Imported | ImportedSession,
+    imported: Imported | ImportedTake,
     path: str | os.PathLike,
     options: dict[str, Any],
 ) -> Path | None:
@@ -291,7 +287,7 @@ def save_imported(
     }
     if clocks := imported.segments.clocks:
         options["clocks"] = [[clock.summary() for clock in each] for each in clocks]
-    if isinstance(imported, ImportedSession):
+    if isinstance(imported, ImportedTake):
         save_episodes(imported.episodes, path, options)
         return None
     options["residual_mm"] = round(1e3 * imported.residual, 2)
@@ -304,33 +300,31 @@ def arm_file_of(path: str | os.PathLike) -> Path:
     return Path(path).with_suffix(".arm.toml")
 
 
-def _build_segments(read: list[LogSession], log_map: LogMap) -> Segments:
-    """Exclude outliers, and split the sessions into segments."""
-    sessions, excluded = exclude_outliers(read, log_map)
+def _build_segments(read: list[LogTake], log_map: LogMap) -> Segments:
+    """Exclude outliers, and split the takes into segments."""
+    takes, excluded = exclude_outliers(read, log_map)
     period = 1 / log_map.arm.control_rate
     segments = []
-    for session in sessions:
-        segments += split_segments(session, log_map.rows, period)
+    for take in takes:
+        segments += split_segments(take, log_map.rows, period)
     if not segments:
         raise LogError(
-            f"no episode is left of {sum(map(len, sessions))} rows: nowhere do "
+            f"no episode is left of {sum(map(len, takes))} rows: nowhere do "
             f"{log_map.rows.shortest} steps follow each other; give a longer log, or "
             "check rows.longest_gap and rows.label"
         )
-    rows = sum(len(session) for session in sessions)
-    broken_rows = sum(session.broken_rows for session in sessions)
-    motions = find_frame_motions(sessions, log_map)
-    clocks = tuple(session.clocks for session in sessions if session.clocks)
+    rows = sum(len(take) for take in takes)
+    broken_rows = sum(take.broken_rows for take in takes)
+    motions = find_frame_motions(takes, log_map)
+    clocks = tuple(take.clocks for take in takes if take.clocks)
     return Segments(segments, rows, broken_rows, excluded, motions, clocks)
 
 
-def _read_sessions(
-    paths: Sequence[str | os.PathLike], log_map: LogMap
-) -> list[LogSession]:
+def _read_takes(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[LogTake]:
     count = log_map.join.files if log_map.join else 1
     if not paths or len(paths) % count:
         raise LogError(
-            f"{len(paths)} files are given, and the map joins {count} to a session; "
+            f"{len(paths)} files are given, and the map joins {count} to a take; "
             "give a multiple of that"
         )
     tables = [
@@ -338,13 +332,13 @@ def _read_sessions(
         for index, path in enumerate(paths)
     ]
     return [
-        build_session(tables[begin : begin + count], log_map)
+        build_take(tables[begin : begin + count], log_map)
         for begin in range(0, len(tables), count)
     ]
 
 
 def _request(log_map: LogMap, place: int) -> ColumnRequest:
-    """Columns to read of the file at this place among those of a session."""
+    """Columns to read of the file at this place among those of a take."""
     skipped = log_map.rows.skip_lines
     topic = log_map.rows.topic
     return ColumnRequest(
@@ -357,7 +351,7 @@ def _request(log_map: LogMap, place: int) -> ColumnRequest:
     )
 
 
-def _register(segments: Sequence[LogSession], log_map: LogMap) -> Registration:
+def _register(segments: Sequence[LogTake], log_map: LogMap) -> Registration:
     """Estimate the base frame, and check the drives against the arm's length."""
     positions = np.concatenate([segment.positions for segment in segments])
     registration = estimate_registration(positions, log_map)
@@ -384,7 +378,7 @@ def _check_travel(
 
 
 def _observe(
-    segments: Sequence[LogSession], registration: Registration, log_map: LogMap
+    segments: Sequence[LogTake], registration: Registration, log_map: LogMap
 ) -> Observations:
     return Observations(
         np.concatenate([effective_drives(segment, log_map) for segment in segments]),
@@ -398,7 +392,7 @@ def _observe(
 
 
 def _measured_states(
-    segments: Sequence[LogSession], log_map: LogMap
+    segments: Sequence[LogTake], log_map: LogMap
 ) -> Float[np.ndarray, "rows modules 6"]:
     """States [m, 1] in the frame of the log; NaN: not measured."""
     ends = np.concatenate(
@@ -424,7 +418,7 @@ def _is_at_rest(log_map: LogMap) -> bool:
 
 
 def _build_episodes(
-    segments: Sequence[LogSession],
+    segments: Sequence[LogTake],
     states: np.ndarray,
     arm: ArmSpec,
     rig: Rig,
@@ -441,7 +435,7 @@ def _build_episodes(
 
 
 def _build_episode(
-    segment: LogSession, states: np.ndarray, arm: ArmSpec, rig: Rig, log_map: LogMap
+    segment: LogTake, states: np.ndarray, arm: ArmSpec, rig: Rig, log_map: LogMap
 ) -> Episode:
     """Episode of one segment, with states in the base frame.
 

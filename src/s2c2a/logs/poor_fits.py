@@ -10,14 +10,14 @@ from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import identify_cables
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_diagnosis import CLEARLY, POOR, Given, missed_shares, rms_motion
-from s2c2a.logs.session import LogSession, effective_drives
+from s2c2a.logs.take import LogTake, effective_drives
 from s2c2a.spaces import POSITION
 
 OTHER = {True: "sent", False: "settled"}  # `rows.commands` by whether rows are settled
 
 
 def describe_poor_fit(
-    sessions: Sequence[LogSession],
+    takes: Sequence[LogTake],
     log_map: LogMap,
     given: Given,
     start: CableParameters,
@@ -26,7 +26,7 @@ def describe_poor_fit(
     """Sentence on what the model misses and what to check; empty for a good fit.
 
     Args:
-        sessions: sessions of the rows that the fit explains.
+        takes: takes of the rows that the fit explains.
         log_map: the map.
         given: fit of the map as given.
         start: first guess, from which another fit begins.
@@ -38,7 +38,7 @@ def describe_poor_fit(
         return ""
     missed = f"the model misses {100 * share:.0f} % of the motion"
     other = OTHER[log_map.rows.settled]
-    other_share = _share_of_other_commands(sessions, log_map, given, start, max_rows)
+    other_share = _share_of_other_commands(takes, log_map, given, start, max_rows)
     if other_share < CLEARLY * share:
         return (
             f'{missed}; with rows.commands = "{other}" in the map it misses '
@@ -55,7 +55,7 @@ def describe_poor_fit(
 
 
 def _share_of_other_commands(
-    sessions: Sequence[LogSession],
+    takes: Sequence[LogTake],
     log_map: LogMap,
     given: Given,
     start: CableParameters,
@@ -64,7 +64,7 @@ def _share_of_other_commands(
     """Share of the motion that a fit misses with commands shifted by a row."""
     rows = log_map.rows.model_copy(update={"commands": OTHER[log_map.rows.settled]})
     shifted = log_map.model_copy(update={"rows": rows})
-    columns = np.concatenate([effective_drives(each, shifted) for each in sessions])
+    columns = np.concatenate([effective_drives(each, shifted) for each in takes])
     if np.array_equal(columns, given.observations.columns):
         return np.inf  # drives are measured
     observations = replace(given.observations, columns=columns)

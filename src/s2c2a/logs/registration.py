@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.session import unit_vector
+from s2c2a.logs.take import unit_vector
 
 # share of the rows that show the arm straight: those with the tip furthest along it
 STRAIGHT_SHARE = 0.03

@@ -1,4 +1,4 @@
-"""Segments: stretches of a session without gaps, at the control rate."""
+"""Segments: stretches of a take without gaps, at the control rate."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -9,42 +9,42 @@ import numpy as np
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate
 from s2c2a.logs.log_map import Rows
-from s2c2a.logs.session import LogSession
+from s2c2a.logs.take import LogTake
 
 # default longest gap, in median row intervals or control periods
 DEFAULT_GAP = 4.0
 SIGNALS = ("commanded", "measured", "positions", "axes")
 
 
-def longest_gap(session: LogSession, rows: Rows, period: float) -> float:
+def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
     """Longest interval within a segment [s]: as stated, or a few row intervals."""
     if rows.longest_gap is not None:
         return rows.longest_gap
     if rows.kind == "steps":
         return np.inf
-    intervals = np.diff(session.time[np.isfinite(session.time)])
+    intervals = np.diff(take.time[np.isfinite(take.time)])
     intervals = intervals[intervals > 0]
     median = float(np.median(intervals)) if len(intervals) else period
     return DEFAULT_GAP * max(median, period)
 
 
-def split_segments(session: LogSession, rows: Rows, period: float) -> list[LogSession]:
-    """Split a session at gaps, unknown commands, and changes of the label.
+def split_segments(take: LogTake, rows: Rows, period: float) -> list[LogTake]:
+    """Split a take at gaps, unknown commands, and changes of the label.
 
     Timed rows are resampled to the control period.
 
     Args:
-        session: the session.
+        take: the take.
         rows: timing of its rows.
         period: control period [s].
 
     Raises:
         LogError: times decrease.
     """
-    limit = longest_gap(session, rows, period)
-    valid = np.isfinite(session.time) & np.isfinite(session.commands).all(axis=1)
+    limit = longest_gap(take, rows, period)
+    valid = np.isfinite(take.time) & np.isfinite(take.commands).all(axis=1)
     kept = np.flatnonzero(valid)
-    times = session.time[kept]
+    times = take.time[kept]
     falls = np.flatnonzero(np.diff(times) < 0)
     if len(falls):
         row = falls[0]
@@ -54,8 +54,8 @@ def split_segments(session: LogSession, rows: Rows, period: float) -> list[LogSe
             "was set back"
         )
     # of rows with the same time, the first counts
-    kept = kept[np.diff(session.time[kept], prepend=-np.inf) > 0]
-    known = select_rows(session, kept)
+    kept = kept[np.diff(take.time[kept], prepend=-np.inf) > 0]
+    known = select_rows(take, kept)
     invalid_count = np.cumsum(~valid)[kept]
     is_border = np.diff(known.time) > limit
     is_border |= known.labels[1:] != known.labels[:-1]
@@ -71,13 +71,13 @@ def split_segments(session: LogSession, rows: Rows, period: float) -> list[LogSe
     return segments
 
 
-def select_rows(session: LogSession, rows: np.ndarray | slice) -> LogSession:
-    """Session of some rows."""
+def select_rows(take: LogTake, rows: np.ndarray | slice) -> LogTake:
+    """Take of some rows."""
     names = ("time", *SIGNALS, "labels")
-    return replace(session, **{name: getattr(session, name)[rows] for name in names})
+    return replace(take, **{name: getattr(take, name)[rows] for name in names})
 
 
-def _resample(segment: LogSession, period: float, limit: float) -> LogSession:
+def _resample(segment: LogTake, period: float, limit: float) -> LogTake:
     times = segment.time
     count = int((times[-1] - times[0]) / period + 1e-6) + 1
     samples = times[0] + period * np.arange(count)

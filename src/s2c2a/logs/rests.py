@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.registration import straight_rows
-from s2c2a.logs.session import LogSession, effective_drives
+from s2c2a.logs.take import LogTake, effective_drives
 
 FAR = 0.5
 """Distance of zero from the values of a drive, over their range, from which zero is no
@@ -16,7 +16,7 @@ rest: cables that only pull begin near theirs."""
 
 
 def estimate_rests(
-    sessions: Sequence[LogSession], log_map: LogMap
+    takes: Sequence[LogTake], log_map: LogMap
 ) -> Float[np.ndarray, " drives"]:
     """Value of each drive where the arm is straightest, where zero cannot be its rest.
 
@@ -25,9 +25,7 @@ def estimate_rests(
     Raises:
         LogError: the outermost end is measured in too few rows.
     """
-    values = np.concatenate(
-        [effective_drives(session, log_map) for session in sessions]
-    )
+    values = np.concatenate([effective_drives(take, log_map) for take in takes])
     low = np.nanmin(values, axis=0)
     high = np.nanmax(values, axis=0)
     travel = high - low
@@ -37,15 +35,15 @@ def estimate_rests(
         is_far[index] &= "offset" not in drive.model_fields_set
     if log_map.by_force or not is_far.any():
         return np.zeros(len(log_map.drives))
-    positions = np.concatenate([session.positions for session in sessions])
+    positions = np.concatenate([take.positions for take in takes])
     is_straight = straight_rows(positions, log_map)
     return np.where(is_far, np.nanmedian(values[is_straight], axis=0), 0.0)
 
 
-def from_rests(session: LogSession, rests: Float[np.ndarray, " drives"]) -> LogSession:
-    """Session whose drives count from their rest."""
+def from_rests(take: LogTake, rests: Float[np.ndarray, " drives"]) -> LogTake:
+    """Take whose drives count from their rest."""
     return replace(
-        session,
-        commanded=session.commanded - rests,
-        measured=session.measured - rests,
+        take,
+        commanded=take.commanded - rests,
+        measured=take.measured - rests,
     )

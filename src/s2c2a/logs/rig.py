@@ -1,6 +1,6 @@
 """Rig: placement of cameras and motors relative to an arm.
 
-An import identifies the rig and stores it in its recording; another session of the same
+An import identifies the rig and stores it in its recording; another take of the same
 arm is converted with the same rig.
 """
 
@@ -15,11 +15,11 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import MAX_CABLES, Column, LogMap, MapTable, Vector
-from s2c2a.logs.session import drive_scale
 from s2c2a.logs.tables import list_names
+from s2c2a.logs.take import drive_scale
 
 KEY = "rig"
-# share of the rows that are compared with another session: those with the most similar
+# share of the rows that are compared with another take: those with the most similar
 # cables
 NEAREST_SHARE = 0.1
 DriveIndex = Annotated[int, Field(ge=0, lt=MAX_CABLES)]
@@ -155,10 +155,10 @@ def _check_equal(name: str, in_map: object, in_arm: object) -> None:
 
 
 class SimilarRows(NamedTuple):
-    """Rows of a session whose cables are most similar to those of the first session.
+    """Rows of a take whose cables are most similar to those of the first take.
 
     Attributes:
-        displacement: displacement of the tip from the first session [m], base frame,
+        displacement: displacement of the tip from the first take [m], base frame,
             shape (rows, 3).
         cables: rms difference of the cables' displacements [m] or tensions [N], shape
             (rows,).
@@ -174,7 +174,7 @@ def find_similar_rows(
     first_cables: Float[np.ndarray, "others modules cables"],
     first_tips: Float[np.ndarray, "others 3"],
 ) -> SimilarRows:
-    """Compare a session with the first one; empty if one of them has no tip."""
+    """Compare a take with the first one; empty if one of them has no tip."""
     cables, tips = _complete_rows(cables, tips)
     first_cables, first_tips = _complete_rows(first_cables, first_tips)
     if not len(cables) or not len(first_cables):

@@ -6,9 +6,9 @@ import numpy as np
 
 from s2c2a.episodes import Episode
 from s2c2a.logs.command_range import describe_range
-from s2c2a.logs.pipeline import Imported, ImportedSession
+from s2c2a.logs.pipeline import Imported, ImportedTake
 from s2c2a.logs.rig import Rig, SimilarRows
-from s2c2a.logs.session_change import describe_change
+from s2c2a.logs.take_change import describe_change
 
 SHOWN_UNITS = {
     "displacement": ("mm", 1e3),
@@ -54,14 +54,14 @@ def summary(imported: Imported) -> list[str]:
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
 
-def session_summary(session: ImportedSession) -> list[str]:
-    """Lines: the same for another session, and the tip's offset from the first one."""
+def take_summary(take: ImportedTake) -> list[str]:
+    """Lines: the same for another take, and the tip's offset from the first one."""
     return [
-        *_describe_episodes(session),
-        *describe_range(session.episodes),
+        *_describe_episodes(take),
+        *describe_range(take.episodes),
         "frame and cables: as in the first recording",
-        _describe_offset(session.similar, session.episodes[0].arm.actuation),
-        *([describe_change(session.change)] if session.change else []),
+        _describe_offset(take.similar, take.episodes[0].arm.actuation),
+        *([describe_change(take.change)] if take.change else []),
     ]
 
 
@@ -69,7 +69,7 @@ def _describe_offset(similar: SimilarRows, actuation: str) -> str:
     count = len(similar.displacement)
     if not count:
         return (
-            "offset of the tip: unknown, because the two sessions do not both measure "
+            "offset of the tip: unknown, because the two takes do not both measure "
             "the tip; whether a camera or motor has moved cannot be checked"
         )
     unit, scale = SHOWN_UNITS[actuation]
@@ -83,7 +83,7 @@ def _describe_offset(similar: SimilarRows, actuation: str) -> str:
     )
 
 
-def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
+def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
     lengths = [len(episode) for episode in imported.episodes]
     shortest = min(lengths)
     longest = max(lengths)
@@ -100,9 +100,9 @@ def _describe_episodes(imported: Imported | ImportedSession) -> list[str]:
         f"measured: {_describe_ends(imported.episodes)}",
     ]
     for number, clocks in enumerate(read.clocks, 1):
-        session = f"session {number}, " if len(read.clocks) > 1 else ""
+        take = f"take {number}, " if len(read.clocks) > 1 else ""
         for file, clock in enumerate(clocks, 2):
-            lines.append(f"clock of {session}file {file}: {clock}")
+            lines.append(f"clock of {take}file {file}: {clock}")
     if excluded := str(read.excluded):
         lines.append(excluded)
     lines += _describe_rests(imported.rig)

@@ -1,4 +1,4 @@
-"""Files of one session with clocks of their own, joined at the times of the first."""
+"""Files of one take with clocks of their own, joined at the times of the first."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ def join_by_time(
     """Interpolate later files at the times of the first one.
 
     Args:
-        tables: files of a session.
+        tables: files of a take.
         log_map: the map, which joins by time.
 
     Returns:

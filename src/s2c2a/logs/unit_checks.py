@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from s2c2a.files.tables import METERS
 from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
-from s2c2a.logs.session import drive_scale
+from s2c2a.logs.take import drive_scale
 
 # units differ by 2.5 or more; identified sizes, and stated ones, are rarely that wrong
 SIZE_RATIO = 2.2

@@ -11,7 +11,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
-    from s2c2a.logs import Imported, ImportedSession
+    from s2c2a.logs import Imported, ImportedTake
 
 READING = "reading the logs"
 ArmFile = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
@@ -34,7 +34,7 @@ def import_(
     Args:
         logs: files of measurements: text, JSON lines, NPZ, MAT, XLSX, Parquet, bags,
             folders of LeRobotDatasets, or exports of motion capture. Each is one
-            session, unless the map joins several.
+            take, unless the map joins several.
         map: description of the columns (TOML).
         out: the recording, such as mine.episodes.
         arm: use this arm, and match its cables with those of the logs, instead of
@@ -48,7 +48,7 @@ def import_(
         from s2c2a.data import load_recording
         from s2c2a.logs import (
             import_logs,
-            import_session,
+            import_take,
             load_map,
             save_imported,
             summary,
@@ -57,7 +57,7 @@ def import_(
         _check_arguments(logs, out, arm, like, overwrite)
         log_map = load_map(map)
         if like:
-            repeated = import_session(logs, log_map, load_recording(like))
+            repeated = import_take(logs, log_map, load_recording(like))
         else:
             imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
         progress(READING, 1, 1)
@@ -68,7 +68,7 @@ def import_(
     }
     if like:
         save_imported(repeated, out, options)
-        print("\n".join([*summary.session_summary(repeated), f"recording: {out}"]))
+        print("\n".join([*summary.take_summary(repeated), f"recording: {out}"]))
         _draw_ends(repeated, out)
         _draw_coverage(out)
         return
@@ -79,7 +79,7 @@ def import_(
     _draw_coverage(out)
 
 
-def _draw_ends(imported: "Imported | ImportedSession", out: Path) -> None:
+def _draw_ends(imported: "Imported | ImportedTake", out: Path) -> None:
     """Draw the measured ends, what is excluded, and motions of the frame."""
     from s2c2a.logs.measured_ends import RowMark, measured_ends_figure
 

@@ -109,7 +109,7 @@ def build_problem(
     Raises:
         RecordingError: no state is measured.
     """
-    excluded = held_out(episodes, options.replay.one_session)
+    excluded = held_out(episodes, options.replay.one_take)
     measured = tuple(
         np.where(rows[:, None, None], np.nan, episode.sensor("states"))
         for rows, episode in zip(excluded, episodes, strict=True)
@@ -122,29 +122,25 @@ def build_problem(
     return FitProblem(arm, tuple(unknowns), tuple(episodes), measured, options)
 
 
-def held_out(
-    episodes: Sequence[Episode], one_session: bool = False
-) -> list[np.ndarray]:
+def held_out(episodes: Sequence[Episode], one_take: bool = False) -> list[np.ndarray]:
     """Rows that are held out from the fit: every fifth block of 25 in all episodes.
 
-    The first row of every episode (in one session: of the first one) is held out too,
+    The first row of every episode (in one take: of the first one) is held out too,
     because its history is unknown. Shapes (rows,).
     """
     ends = np.cumsum([len(episode) for episode in episodes])
     blocks = np.arange(ends[-1]) // BLOCK
     excluded = np.split(blocks % HELD_OUT == HELD_OUT - 1, ends[:-1])
-    first = first_rows(episodes, one_session)
+    first = first_rows(episodes, one_take)
     return [rows | unknown for rows, unknown in zip(excluded, first, strict=True)]
 
 
-def first_rows(
-    episodes: Sequence[Episode], one_session: bool = False
-) -> list[np.ndarray]:
+def first_rows(episodes: Sequence[Episode], one_take: bool = False) -> list[np.ndarray]:
     """Rows with an unknown history, which are not evaluated; shapes (rows,)."""
     masks = []
     for number, episode in enumerate(episodes):
         mask = np.zeros(len(episode), bool)
-        mask[:1] = number == 0 or not one_session
+        mask[:1] = number == 0 or not one_take
         masks.append(mask)
     return masks
 

@@ -23,13 +23,13 @@ class Replay:
     Attributes:
         settling: time to hold each action if rows are poses at rest [s]; None: as
             recorded.
-        one_session: whether an episode continues the last one, instead of starting at
+        one_take: whether an episode continues the last one, instead of starting at
             rest.
         fidelity: fidelity of the simulation.
     """
 
     settling: float | None = None
-    one_session: bool = False
+    one_take: bool = False
     fidelity: str = "fast"
 
 
@@ -44,7 +44,7 @@ def replayed(
     results: list[States] = []
     with SimulatedRobot(_widen_travel(arm, episodes), options.fidelity) as robot:
         for episode in episodes:
-            if results and not options.one_session:
+            if results and not options.one_take:
                 robot.open()
             results.append(_replay_episode(robot, episode, options))
     return results

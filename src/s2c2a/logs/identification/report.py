@@ -79,10 +79,10 @@ def errors_of(
     First rows with an unknown history are not evaluated.
     """
     episodes = fit.problem.episodes
-    one_session = fit.problem.options.replay.one_session
+    one_take = fit.problem.options.replay.one_take
     predicted = fit.predicted(episodes)
-    excluded = held_out(episodes, one_session)
-    first = first_rows(episodes, one_session)
+    excluded = held_out(episodes, one_take)
+    first = first_rows(episodes, one_take)
     fitted_rows = [~mask for mask in excluded]
     held_out_rows = [a & ~b for a, b in zip(excluded, first, strict=True)]
     errors = {
@@ -90,7 +90,7 @@ def errors_of(
         "held-out rows": tip_errors(predicted, episodes, held_out_rows),
     }
     for name, other in others.items():
-        rows = [~mask for mask in first_rows(other, one_session)]
+        rows = [~mask for mask in first_rows(other, one_take)]
         errors[name] = tip_errors(fit.predicted(other), other, rows)
     return {name: value for name, value in errors.items() if value}
 

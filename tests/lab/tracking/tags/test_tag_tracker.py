@@ -12,7 +12,6 @@ from s2c2a.lab.tracking import ModuleEnds, TrackingError, receiving
 from s2c2a.lab.tracking.tags import (
     TagDropReason,
     TagTracker,
-    decoder,
     save_camera,
     tag_tracker,
 )
@@ -185,6 +184,13 @@ sys.stdout.flush()
 """
 
 
+def replace_decoder(monkeypatch, program):
+    monkeypatch.setattr(
+        "s2c2a.lab.tracking.tags.decoding.child_command",
+        lambda *_: [sys.executable, str(program)],
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "end", ["os.abort()", "sys.stdout.buffer.write(HEADER.pack(0.0, 10**9, 1, 1))"]
@@ -192,7 +198,7 @@ sys.stdout.flush()
 def test_a_video_that_ends_its_decoder_is_an_error_here(tmp_path, monkeypatch, end):
     (tmp_path / "dying.py").write_text(DYING.format(end=end))
     (tmp_path / "arm.avi").touch()
-    monkeypatch.setattr(decoder, "__file__", str(tmp_path / "dying.py"))
+    replace_decoder(monkeypatch, tmp_path / "dying.py")
     source = open_device(str(tmp_path / "arm.avi"))
     with pytest.raises(TrackingError, match=r"arm\.avi is no video"):
         source.read()
@@ -202,7 +208,7 @@ def test_a_video_that_ends_its_decoder_is_an_error_here(tmp_path, monkeypatch, e
 def test_a_decoder_that_does_not_answer_is_ended(tmp_path, monkeypatch):
     (tmp_path / "endless.py").write_text("while True: pass")
     (tmp_path / "arm.avi").touch()
-    monkeypatch.setattr(decoder, "__file__", str(tmp_path / "endless.py"))
+    replace_decoder(monkeypatch, tmp_path / "endless.py")
     monkeypatch.setattr("s2c2a.lab.tracking.tags.decoding.PATIENCE", 0.1)
     with pytest.raises(TrackingError, match=r"arm\.avi is no video"):
         open_device(str(tmp_path / "arm.avi"))

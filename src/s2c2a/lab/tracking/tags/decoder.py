@@ -1,14 +1,14 @@
 """Program that decodes pictures or a video with OpenCV, and writes them to its output.
 
 `decoding` runs it: a damaged file may end a process that decodes it in native code, or
-fill the memory. It runs without the package, since it starts in a quarter of a second
-so. Each image is a header (`HEADER`) and its bytes; one of height 0 is the end.
+fill the memory. Each image is a header (`HEADER`) and its bytes; one of height 0 is the end.
 """
 
 import os
 import struct
 import sys
-from contextlib import suppress
+
+from s2c2a.execution.child import limit_memory
 
 MAX_MEMORY = 6_000_000_000  # bytes; OpenCV with its threads reserves 2
 HEADER = struct.Struct("<dIII")
@@ -20,11 +20,7 @@ def main(kind: str, *paths: str) -> None:
     """Write the images of a video, or one image for each picture."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no image
-    with suppress(ImportError, ValueError, OSError):  # not on every system
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limit_memory(MAX_MEMORY)
     if kind == "video":
         _write_video(output, paths[0])
     else:

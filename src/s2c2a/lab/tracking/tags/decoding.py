@@ -1,7 +1,6 @@
 """Pictures and videos from files, decoded in a process of their own (`decoder`)."""
 
 import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from threading import Timer
@@ -9,6 +8,7 @@ from typing import IO, NamedTuple
 
 import numpy as np
 
+from s2c2a.execution.child import child_command
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tags import decoder
 from s2c2a.lab.tracking.tags.camera import MAX_SIDE
@@ -38,10 +38,9 @@ class DecodingProcess:
             kind: "video" or "pictures".
             paths: of one video, or of pictures.
         """
-        # -P: no module is imported from the current folder or that of the program
-        program = [sys.executable, "-P", decoder.__file__, kind]
+        files = [str(path.absolute()) for path in paths]
         self._process = subprocess.Popen(
-            [*program, *(str(path.absolute()) for path in paths)],
+            child_command(decoder.__name__, kind, *files),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,

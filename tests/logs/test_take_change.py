@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from s2c2a.kinematics.chain import states_from_bends
-from s2c2a.logs.session_change import describe_change, find_change
+from s2c2a.logs.take_change import describe_change, find_change
 
 from marks import slow_after
 
@@ -17,7 +17,7 @@ def hanging(make_arm):
     return make_arm(2).model_copy(update={"gravity_direction": (0.0, 0.0, 1.0)})
 
 
-def session(arm, seed, size=1.0, payload=0.0):
+def take(arm, seed, size=1.0, payload=0.0):
     """Cables in proportion to the bend, and two ends; a payload straightens them."""
     random = np.random.default_rng(seed)
     bends = size * random.uniform(-0.6, 0.6, (ROWS, 2))
@@ -31,8 +31,8 @@ def session(arm, seed, size=1.0, payload=0.0):
     return cables, positions + random.normal(0, 2e-3, positions.shape)
 
 
-def test_an_unchanged_session_is_no_alarm(hanging):
-    change = find_change(*session(hanging, 1), *session(hanging, 0), hanging)
+def test_an_unchanged_take_is_no_alarm(hanging):
+    change = find_change(*take(hanging, 1), *take(hanging, 0), hanging)
     assert not change.is_moved
     assert not change.is_payload
     assert "no camera has moved" in describe_change(change)
@@ -41,8 +41,8 @@ def test_an_unchanged_session_is_no_alarm(hanging):
 @pytest.mark.parametrize("tip_only", slow_after(1, [True, False]))
 @pytest.mark.parametrize("axis", slow_after(1, ["x", "z"]))
 def test_a_moved_camera_is_reported(hanging, axis, tip_only):
-    cables, positions = session(hanging, 1)
-    first_cables, first_positions = session(hanging, 0)
+    cables, positions = take(hanging, 1)
+    first_cables, first_positions = take(hanging, 0)
     turn = Rotation.from_euler(axis, 2.5, degrees=True).as_matrix()
     shift = np.array([0.0, 0.01, 0.0])
     for moved in (positions + shift, positions @ turn.T):
@@ -55,23 +55,23 @@ def test_a_moved_camera_is_reported(hanging, axis, tip_only):
 
 
 def test_a_payload_is_no_moved_camera(hanging):
-    loaded = session(hanging, 1, payload=0.25)
-    change = find_change(*loaded, *session(hanging, 0), hanging)
+    loaded = take(hanging, 1, payload=0.25)
+    change = find_change(*loaded, *take(hanging, 0), hanging)
     assert not change.is_moved
     assert change.is_payload
     assert "consistent with a payload" in describe_change(change)
 
 
 def test_larger_pulls_are_extrapolation(hanging):
-    larger = session(hanging, 1, size=2.0)
-    change = find_change(*larger, *session(hanging, 0), hanging)
+    larger = take(hanging, 1, size=2.0)
+    change = find_change(*larger, *take(hanging, 0), hanging)
     assert not change.is_moved
     assert change.extrapolated > 0.4
     assert "extrapolates" in describe_change(change)
 
 
 def test_too_few_rows_say_nothing(hanging):
-    cables, positions = session(hanging, 0)
+    cables, positions = take(hanging, 0)
     unknown = np.full_like(positions, np.nan)
     assert find_change(cables, unknown, cables, positions, hanging) is None
 

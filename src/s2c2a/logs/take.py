@@ -1,4 +1,4 @@
-"""Sessions: the contents of a log in SI units, in the frame of the log."""
+"""Takes: the contents of a log in SI units, in the frame of the log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
 
 
 @dataclass(frozen=True)
-class LogSession:
+class LogTake:
     """Rows of one log.
 
     Attributes:
@@ -56,8 +56,8 @@ class LogSession:
         return np.where(known, self.commanded, self.measured)
 
 
-def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
-    """Convert the tables of one session, joined if there are several.
+def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
+    """Convert the tables of one take, joined if there are several.
 
     Raises:
         LogError: a column is missing, or the files have no rows in common.
@@ -82,7 +82,7 @@ def build_session(tables: Sequence[Table], log_map: LogMap) -> LogSession:
         for end in log_map.ends
     ]
     label = log_map.rows.label
-    return LogSession(
+    return LogTake(
         _time(table, log_map),
         _drive_values(table, log_map, "commanded"),
         _drive_values(table, log_map, "measured"),
@@ -131,7 +131,7 @@ def _select_rows(table: Table, log_map: LogMap) -> Table:
 def _join(
     tables: Sequence[Table], log_map: LogMap
 ) -> tuple[Table, tuple[LogClock, ...]]:
-    """Table of all files of a session, and the clocks of those joined by time."""
+    """Table of all files of a take, and the clocks of those joined by time."""
     if log_map.join is None:
         return tables[0], ()
     if log_map.join.by == "time":
@@ -210,13 +210,13 @@ def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:
 
 
 def effective_drives(
-    session: LogSession, log_map: LogMap
+    take: LogTake, log_map: LogMap
 ) -> Float[np.ndarray, "rows drives"]:
     """Values of the drives while each row was measured."""
-    commands = session.commands
+    commands = take.commands
     if not log_map.rows.settled:
         commands = np.concatenate([commands[:1], commands[:-1]])
-    return np.where(np.isfinite(session.measured), session.measured, commands)
+    return np.where(np.isfinite(take.measured), take.measured, commands)
 
 
 def drive_scale(drive: Drive, log_map: LogMap) -> float:

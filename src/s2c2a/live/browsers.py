@@ -8,10 +8,10 @@ TRAILS = "Trails"
 CLOUD = "Workspace"
 
 
-class DrivingSession:
+class Browsers:
     """The connected browsers and the one that drives.
 
-    Only viser's thread changes a session; every thread may read it.
+    Only viser's thread changes them; every thread may read it.
 
     Attributes:
         driver: client number of the browser that drives, or None.

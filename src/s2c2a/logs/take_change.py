@@ -1,4 +1,4 @@
-r"""Cause of the difference between two sessions: camera, homing, payload, larger pulls.
+r"""Cause of the difference between two takes: camera, homing, payload, larger pulls.
 
 In rows with similar cables, the displacement of an end at p is fitted as
 
@@ -10,7 +10,7 @@ ends along gravity (e).
 
 Motors that were homed anew, or cables that slipped, are constant offsets \(o\) of the
 cables: they displace the ends by \(J(u)\,o\) instead of \(t + w \times p\), with the
-derivative of a smooth map of the first session from cables u to ends. The model that leaves
+derivative of a smooth map of the first take from cables u to ends. The model that leaves
 less of the displacements names the cause; if both leave as much, the data cannot tell.
 """
 
@@ -29,25 +29,25 @@ MOVED_SHARE = 0.01  # of the arm's length, by which a camera has moved
 MOVED_ANGLE = np.deg2rad(1.7)
 CLEARLY = 0.9
 """Ratio of the displacements that two models leave, below which one is the cause. In the
-sessions of `tests/logs/test_session_change.py`, the true cause has 0.33 to 0.86; where
+takes of `tests/logs/test_take_change.py`, the true cause has 0.33 to 0.86; where
 both explain the difference, the ratio is 0.97 to 1."""
 SAG = 0.1  # least coefficient e of a payload, at the outermost end
-EXTRAPOLATED = 3.0  # usual distances of neighboring cables in the first session
+EXTRAPOLATED = 3.0  # usual distances of neighboring cables in the first take
 _ITERATIONS = 15
 _RIGID = 6
 _RCOND = 1e-6
 _LEAST = 1e-9  # m
 
 
-class SessionChange(NamedTuple):
-    """Difference of a session from the first one, in the base frame.
+class TakeChange(NamedTuple):
+    """Difference of a take from the first one, in the base frame.
 
     Attributes:
         shift: of all ends [m], shape (3,).
         rotation: vector of a small rotation of all ends [rad], shape (3,).
         sag: coefficient e of the outermost end, positive along gravity; zero if gravity
             is across the straight arm.
-        extrapolated: share of the steps with cables unlike any of the first session.
+        extrapolated: share of the steps with cables unlike any of the first take.
         length: of the arm [m].
         offset: largest constant offset of a cable that explains the difference
             instead [m or N].
@@ -101,16 +101,16 @@ def find_change(
     first_cables: Float[np.ndarray, "others modules cables"],
     first_positions: Float[np.ndarray, "others modules 3"],
     arm: ArmSpec,
-) -> SessionChange | None:
-    """Compare a session with the first one, in rows with similar cables.
+) -> TakeChange | None:
+    """Compare a take with the first one, in rows with similar cables.
 
     None if too few rows can be compared.
 
     Args:
         cables: displacements [m] or tensions [N].
         positions: of the ends [m], base frame; NaN: not measured.
-        first_cables: the same of the first session.
-        first_positions: the same of the first session.
+        first_cables: the same of the first take.
+        first_positions: the same of the first take.
         arm: gives the length, and the direction of gravity.
     """
     flat = cables.reshape(len(cables), -1)
@@ -146,7 +146,7 @@ def _explain(
     displacements: Float[np.ndarray, "rows modules 3"],
     extrapolated: float,
     arm: ArmSpec,
-) -> SessionChange:
+) -> TakeChange:
     """Fit a moved camera, and offsets of the cables, each beside a payload."""
     known = np.isfinite(displacements).all(axis=-1)
     drives = derivatives.shape[-1]
@@ -156,7 +156,7 @@ def _explain(
     offsets, offset_error = _fit(with_offsets[known], displacements[known])
     motions = np.linalg.norm(derivatives @ offsets[:drives], axis=-1)
     motion = np.sqrt((np.where(known, motions, 0.0) ** 2).mean(axis=0)).max()
-    return SessionChange(
+    return TakeChange(
         weights[:3],
         weights[3:_RIGID],
         float(np.sign(arm.gravity_direction[2]) * weights[-1]),
@@ -193,7 +193,7 @@ def _derivatives(
 ) -> Callable[
     [Float[np.ndarray, "others drives"]], Float[np.ndarray, "others modules 3 drives"]
 ]:
-    """Derivative of the ends by the cables, from a quadratic regression of a session."""
+    """Derivative of the ends by the cables, from a quadratic regression of a take."""
     middle = cables.mean(axis=0)
     scale = cables.std(axis=0) + _LEAST
     first, second = np.triu_indices(cables.shape[1])
@@ -240,13 +240,13 @@ def _features(
     return features
 
 
-def describe_change(change: SessionChange) -> str:
+def describe_change(change: TakeChange) -> str:
     """Describe what explains the difference, and what to do."""
     angle = np.rad2deg(np.linalg.norm(change.rotation))
     shift = 1e3 * np.linalg.norm(change.shift)
     rigid = f"all ends are shifted by {shift:.1f} mm and rotated by {angle:.1f} deg"
     if change.is_moved or change.may_be_homing:
-        text = f"{_describe_cause(change, rigid)}; import this session without --like"
+        text = f"{_describe_cause(change, rigid)}; import this take without --like"
     elif change.is_payload:
         text = (
             "consistent with a payload: bent ends sag along gravity, and near rest "
@@ -262,7 +262,7 @@ def describe_change(change: SessionChange) -> str:
     return text
 
 
-def _describe_cause(change: SessionChange, rigid: str) -> str:
+def _describe_cause(change: TakeChange, rigid: str) -> str:
     moved = 1e3 * change.offset_motion
     camera = f"a camera or the base has moved: {rigid}, also near rest"
     homing = (

@@ -1,4 +1,4 @@
-"""Sessions: units, offsets, rotations, and joined files."""
+"""Takes: units, offsets, rotations, and joined files."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.session import build_session, unit_vector
 from s2c2a.logs.tables import Table
+from s2c2a.logs.take import build_take, unit_vector
 
 ARM = """[arm]
 name = "a"
@@ -50,18 +50,16 @@ def make_map(
 )
 def test_columns_are_converted_to_meters_or_newtons(unit, factor):
     log_map = make_map(f'commanded = "m"\nunit = "{unit}"\noffset = 100.0\n')
-    session = build_session(
-        [Table("t", TIP | {"m": np.array([100.0, 350.0])}, {})], log_map
-    )
-    np.testing.assert_allclose(session.commanded[:, 0], [0, 250 * factor])
+    take = build_take([Table("t", TIP | {"m": np.array([100.0, 350.0])}, {})], log_map)
+    np.testing.assert_allclose(take.commanded[:, 0], [0, 250 * factor])
 
 
 def test_positions_are_converted_to_meters_and_missing_ones_stay_nan():
-    session = build_session([Table("t", TIP | {"m": np.zeros(2)}, {})], make_map())
+    take = build_take([Table("t", TIP | {"m": np.zeros(2)}, {})], make_map())
     np.testing.assert_allclose(
-        session.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]]
+        take.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]]
     )
-    assert np.isnan(session.axes).all()
+    assert np.isnan(take.axes).all()
 
 
 TURN = Rotation.from_euler("XYZ", [20, -35, 50], degrees=True)
@@ -96,7 +94,7 @@ def test_every_rotation_format_gives_the_same_axis(keys, values, along):
         for name, value in zip("abcd", values, strict=False)
     }
     log_map = make_map(ends=f'{POSITION}{keys}\nalong = "{along}"\n')
-    axes = build_session(
+    axes = build_take(
         [Table("t", TIP | columns | {"m": np.zeros(2)}, {})], log_map
     ).axes[:, 0]
     np.testing.assert_allclose(axes[0], TURN.apply(unit_vector(along)), atol=1e-12)
@@ -110,7 +108,7 @@ def test_vectors_are_normalized_and_missing_ones_stay_nan():
         "c": np.array([4.0, 0.0]),
     }
     log_map = make_map(ends=f'{POSITION}axis = ["a", "b", "c"]\n')
-    axes = build_session(
+    axes = build_take(
         [Table("t", TIP | columns | {"m": np.zeros(2)}, {})], log_map
     ).axes[:, 0]
     np.testing.assert_allclose(axes, [[0, 0.6, 0.8], [np.nan] * 3])
@@ -126,9 +124,9 @@ def test_files_are_joined_by_their_key_in_any_order():
         {"ID": np.array([2.0, 3.0, 9.0]), **{name: np.arange(3.0) for name in "xyz"}},
         {},
     )
-    session = build_session([commands, seen], log_map)
-    np.testing.assert_allclose(session.commanded[:, 0], [0.020, 0.030])
-    np.testing.assert_allclose(session.positions[:, 0, 0], [0, 0.001])
+    take = build_take([commands, seen], log_map)
+    np.testing.assert_allclose(take.commanded[:, 0], [0.020, 0.030])
+    np.testing.assert_allclose(take.positions[:, 0, 0], [0, 0.001])
 
 
 def test_files_without_common_keys_or_with_duplicates_are_refused():
@@ -140,7 +138,7 @@ def test_files_without_common_keys_or_with_duplicates_are_refused():
     )
     for keys, message in (([1.0, 2.0], "in common"), ([7.0, 7.0], "duplicate")):
         with pytest.raises(LogError, match=message):
-            build_session(
+            build_take(
                 [Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen],
                 log_map,
             )
@@ -148,7 +146,7 @@ def test_files_without_common_keys_or_with_duplicates_are_refused():
 
 def test_a_missing_column_is_named():
     with pytest.raises(LogError, match="names: m"):
-        build_session([Table("t", TIP, {})], make_map())
+        build_take([Table("t", TIP, {})], make_map())
 
 
 COLUMNS = tuple(f"r{index}" for index in range(9))
@@ -165,15 +163,15 @@ def test_a_matrix_is_read_row_by_row_and_a_mirror_is_refused(is_mirror):
     tables = [Table("t", TIP | rows | {"m": np.zeros(2)}, {})]
     if is_mirror:
         with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 rows"):
-            build_session(tables, make_map(ends=MATRIX))
+            build_take(tables, make_map(ends=MATRIX))
         return
-    session = build_session(tables, make_map(ends=MATRIX))
-    np.testing.assert_allclose(session.axes[:, 0], values[:, :, 2], atol=1e-12)
+    take = build_take(tables, make_map(ends=MATRIX))
+    np.testing.assert_allclose(take.axes[:, 0], values[:, :, 2], atol=1e-12)
 
 
 def test_scales_of_drives_and_ends_are_factors_to_their_units():
     ends = POSITION + "scale = 2.0\n"
     log_map = make_map('commanded = "m"\nunit = "mm"\nscale = 0.5\noffset = 4\n', ends)
-    session = build_session([Table("t", TIP | {"m": np.array([4, 8])}, {})], log_map)
-    np.testing.assert_allclose(session.commanded[:, 0], [0, 0.002])
-    np.testing.assert_allclose(session.positions[0, 0], [0.002, 0, 0.4])
+    take = build_take([Table("t", TIP | {"m": np.array([4, 8])}, {})], log_map)
+    np.testing.assert_allclose(take.commanded[:, 0], [0, 0.002])
+    np.testing.assert_allclose(take.positions[0, 0], [0.002, 0, 0.4])
