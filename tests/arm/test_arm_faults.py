@@ -6,7 +6,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml, load_arm
-from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.errors import ArmError
 
 TWIN = tomllib.loads(arm_to_toml(load_arm("twin_arm")))
 SIMULATED = tomllib.loads(arm_to_toml(load_arm("simulated_arm")))
@@ -35,11 +35,6 @@ def fault_in(text: str) -> str:
     with pytest.raises(ArmError) as caught:
         arm_from_toml(text, source="my_arm.toml")
     return str(caught.value)
-
-
-def test_the_unchanged_descriptions_are_arms():
-    assert arm_from_toml(tomli_w.dumps(TWIN)) == load_arm("twin_arm")
-    assert arm_from_toml(tomli_w.dumps(SIMULATED)) == load_arm("simulated_arm")
 
 
 @pytest.mark.parametrize(
@@ -80,14 +75,6 @@ def test_a_value_off_by_a_thousand_is_refused_with_its_path_and_a_hint(path, val
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -0.2, 0.0])
 def test_a_length_that_is_no_positive_number_is_refused(value):
     assert "modules.0.length" in fault_in(with_value(TWIN, "modules.0.length", value))
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
-    fault = fault_in(
-        with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0])
-    )
-    assert "modules.1.cable_angles_deg.1: write a finite number" in fault
 
 
 @pytest.mark.parametrize(
@@ -176,31 +163,12 @@ def test_a_tension_arm_has_neither_backlash_nor_creep(key, value):
     assert "modules.2.cable has backlash or creep" in fault
 
 
-def test_a_tension_arm_may_have_friction():
-    arm = arm_from_toml(with_value(SIMULATED, "modules.2.cable", {"friction": 0.1}))
-    assert arm.modules[2].cable.friction == 0.1
-
-
 @pytest.mark.parametrize(
     "direction", [[0.0, 0.0, -9.81], [1.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
 )
 def test_a_gravity_direction_that_is_not_a_unit_vector_is_refused(direction):
     assert "give a unit vector" in fault_in(
         with_value(TWIN, "gravity_direction", direction)
-    )
-
-
-@pytest.mark.parametrize(
-    "direction", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-)
-def test_an_arm_may_hang_lie_or_float(direction):
-    assert (
-        list(
-            arm_from_toml(
-                with_value(TWIN, "gravity_direction", direction)
-            ).gravity_direction
-        )
-        == direction
     )
 
 
@@ -243,10 +211,6 @@ def test_every_fault_is_listed_at_once():
     assert "2 fault(s)" in fault
     assert "modules.0.mass" in fault
     assert "modules.0.lenth" in fault
-
-
-def test_an_arm_error_is_an_error_of_the_package():
-    assert issubclass(ArmError, S2C2AError)
 
 
 @pytest.mark.parametrize(

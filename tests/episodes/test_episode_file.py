@@ -118,26 +118,6 @@ def test_values_of_every_type_survive_a_file(twin, tmp_path, values):
     assert found.tobytes() == values.astype(found.dtype).tobytes()
 
 
-def test_columns_that_are_views_survive_a_file(twin, tmp_path):
-    grid = np.arange(2.0 * STEPS * 9).reshape(9, STEPS * 2)
-    columns = {
-        "time": np.arange(STEPS) * 0.1,
-        "actions": grid[:, ::2].T.reshape(STEPS, 3, 3),
-        "sensor.own": grid.T[::-2],
-    }
-    episode = Episode(twin, columns)
-    save_episodes([episode], tmp_path / "one.episodes")
-    np.testing.assert_array_equal(
-        load_episodes(tmp_path / "one.episodes")[0][0].sensor("own"), grid.T[::-2]
-    )
-
-
-def test_an_episode_of_any_length_survives_a_file(twin, tmp_path):
-    for steps in (0, 1, 500):
-        save_episodes([random_episode(twin, steps=steps)], tmp_path / "one.episodes")
-        assert len(load_episodes(tmp_path / "one.episodes")[0][0]) == steps
-
-
 @pytest.mark.parametrize(
     "value", [float("nan"), float("inf"), {"deep": [float("-inf")]}]
 )

@@ -46,13 +46,6 @@ def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
     assert coverage.opposed_share(0) == 0.5
 
 
-@pytest.mark.slow
-def test_straight_arms_have_no_share_of_s_shapes(recorded):
-    coverage = Coverage.of([recorded(np.zeros((5, 3, 2)))])
-    np.testing.assert_array_equal(coverage.neighboring_bends(1), 0.0)
-    assert np.isnan(coverage.opposed_share(1))
-
-
 def test_speeds_are_those_of_the_fastest_module_within_each_episode(recorded):
     bends = np.zeros((3, 2, 2))
     bends[1:, 1, 0] = 0.1

@@ -152,10 +152,6 @@ def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run, t
     assert score_run(run, task, "paper")[0].value == 0.0
 
 
-def test_times_are_those_after_the_action(run):
-    np.testing.assert_allclose(run.times(), [0.1, 0.2, 0.3, 0.4, 0.5])
-
-
 def test_diagnostics_are_those_of_the_step(run):
     np.testing.assert_array_equal(run.ran("sensed")[:, 0, 0], [201, 202, 203, 204, 205])
     np.testing.assert_array_equal(
@@ -197,10 +193,6 @@ def test_actions_are_the_sent_ones_within_the_step_limit(run, robot, script, twi
     )
     assert turns.max() == pytest.approx(twin.step_limit_deg)
     np.testing.assert_array_equal(script.limited, [run.ran("actions")[4]])
-
-
-def test_every_step_has_a_positive_tick_time(run):
-    assert np.all(run.ran("tick_time") > 0)
 
 
 def test_the_return_to_rest_is_in_the_episode_within_the_step_limit(run, robot, twin):

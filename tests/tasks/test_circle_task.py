@@ -12,10 +12,6 @@ def tip_path(arm):
     return circle(arm).desired_positions()[:, -1]
 
 
-def with_rate(rate):
-    return TWIN.model_copy(update={"control_rate": rate})
-
-
 def arc_angle(reach):
     """Bend f of an arm of 0.6 m with this reach: 0.6 (1 - cos f) / f, by bisection."""
     low, high = 1e-9, 2.0
@@ -24,10 +20,6 @@ def arc_angle(reach):
         short = 0.6 * (1 - np.cos(middle)) / middle < reach
         low, high = (middle, high) if short else (low, middle)
     return low
-
-
-def test_the_circle_has_two_hundred_steps_at_ten_hertz():
-    assert len(circle(TWIN).goals) == 200
 
 
 def arc_height(reach):
@@ -78,32 +70,6 @@ def test_the_target_never_jumps():
         np.diff(np.concatenate([start, tip_path(TWIN)]), axis=0), axis=-1
     )
     assert steps.max() < 0.01
-
-
-def test_lengths_scale_with_the_arm():
-    short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
-    np.testing.assert_allclose(tip_path(short), tip_path(TWIN) * 0.4 / 0.6, atol=1e-6)
-
-
-def test_the_number_of_modules_does_not_matter_at_one_length():
-    halves = tuple(
-        module.model_copy(update={"length": 0.1}) for module in TWIN.modules * 2
-    )
-    fine = TWIN.model_copy(update={"modules": halves})
-    np.testing.assert_allclose(tip_path(fine), tip_path(TWIN), atol=1e-6)
-
-
-@pytest.mark.parametrize(("rate", "every"), [(20.0, 2), (50.0, 5)])
-def test_a_faster_control_keeps_the_times(rate, every):
-    path = tip_path(with_rate(rate))
-    assert len(path) == 20 * rate
-    np.testing.assert_allclose(path[every - 1 :: every], tip_path(TWIN), atol=1e-6)
-
-
-def test_a_slower_control_keeps_the_times():
-    np.testing.assert_allclose(
-        tip_path(with_rate(5.0)), tip_path(TWIN)[1::2], atol=1e-6
-    )
 
 
 def test_the_circle_has_a_target_for_the_tip_position_only():

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import METRICS
 from s2c2a.planning import reach_gaps
-from s2c2a.tasks import TASKS, load_task
+from s2c2a.tasks import TASKS, Task, load_task
 
 from marks import slow_after
 
@@ -23,6 +23,14 @@ ARM = TWIN.model_copy(
     }
 )
 """Three modules of 0.2 m that bend by at most 50 deg."""
+DOUBLE = TWIN.model_copy(
+    update={
+        "modules": tuple(
+            module.model_copy(update={"length": 0.4}) for module in TWIN.modules
+        )
+    }
+)
+FAST = TWIN.model_copy(update={"control_rate": 20.0})
 PAPER = [
     "circle",
     "tilt-40",
@@ -45,6 +53,10 @@ PAPER = [
 ]
 OURS = ["square", "eight", "helix", "star"]
 WITH_TARGET = [name for name in PAPER if name != "flee"] + OURS
+STEPS = {"circle": 200, "tilt": 200, "hold": 200, "reach": 240, "risk": 240} | {
+    "flee": 114,  # 1 + 3.4 + 2 + 3 + 2 s
+    "follow": 698,
+}
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
 
 
@@ -56,10 +68,26 @@ def test_the_tasks_are_those_of_the_protocol():
 def test_a_task_has_its_name_and_scores_that_exist(name):
     task = load_task(name, TWIN)
     assert task.name == name
+    assert name in OURS or len(task.goals) == STEPS[name.split("-")[0]]
     assert {score.metric for score in task.scores} <= set(METRICS)
     assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
         len(task.goals)
     }
+
+
+@pytest.mark.parametrize("name", PAPER + OURS)
+def test_lengths_and_thresholds_scale_with_the_arm_and_angles_do_not(name):
+    once, twice = load_task(name, TWIN), load_task(name, DOUBLE)
+    for part in (Task.desired_positions, lambda task: task.obstacles()[..., :4]):
+        np.testing.assert_allclose(part(twice), 2 * part(once), atol=2e-6)
+    np.testing.assert_allclose(twice.desired_axes(), once.desired_axes(), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", [*MORE_THAN_A_POSITION, "circle", "flee"])
+def test_a_faster_control_keeps_the_times(name):
+    fast, task = load_task(name, FAST), load_task(name, TWIN)
+    for part in (Task.desired_positions, Task.desired_axes, Task.obstacles):
+        np.testing.assert_allclose(part(fast)[1::2], part(task), atol=1e-6)
 
 
 @pytest.mark.slow

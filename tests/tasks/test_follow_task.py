@@ -11,11 +11,6 @@ from s2c2a.arm import load_arm
 from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
-DOUBLE = TWIN.model_copy(
-    update={
-        "modules": tuple(m.model_copy(update={"length": 0.4}) for m in TWIN.modules)
-    }
-)
 FAST = TWIN.model_copy(update={"control_rate": 20.0})
 BEGIN = [0.18, 0.0, 0.58 - 1.2 * 0.18**2]
 
@@ -128,15 +123,6 @@ def test_position_is_scored_within_reach_except_approach_and_recovery(task, insi
     expected[:50] = False
     expected[back : back + 15] = False
     np.testing.assert_array_equal(task.scores[0].steps, expected)
-
-
-@pytest.mark.slow
-def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
-    path, inside
-):
-    double = load_task("follow", DOUBLE)
-    np.testing.assert_allclose(double.desired_positions()[:, -1], 2 * path, atol=1e-6)
-    np.testing.assert_array_equal(double.scores[1].steps, inside)
 
 
 def test_a_faster_control_keeps_the_times(path, monkeypatch):

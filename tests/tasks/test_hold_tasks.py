@@ -8,7 +8,6 @@ from s2c2a.errors import TargetError
 from s2c2a.tasks import Score, load_task
 
 TWIN = load_arm("twin_arm")
-HOLDS = ["hold-base", "hold-middle", "hold-end"]
 TURNING = [("hold-middle", 1, 0.4, 0.396, 20), ("hold-end", 2, 0.6, 0.565, 40)]
 
 
@@ -20,13 +19,6 @@ def desired(name, module, arm=TWIN):
     """Positions and axes of a module's end."""
     task = load_task(name, arm)
     return task.desired_positions()[:, module], task.desired_axes()[:, module]
-
-
-@pytest.mark.parametrize("name", HOLDS)
-def test_a_hold_lasts_two_hundred_steps(name):
-    task = load_task(name, TWIN)
-    assert (task.name, len(task.goals)) == (name, 200)
-    assert task.obstacles()[..., :4].shape == (200, 0, 4)
 
 
 def test_the_base_module_stays_where_it_is_at_rest():
@@ -140,31 +132,6 @@ def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
     positions = load_task("hold-middle", arm_of(modules)).desired_positions()
     assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
     assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
-
-
-def test_lengths_scale_with_the_arm_and_angles_do_not():
-    half = TWIN.model_copy(
-        update={
-            "modules": tuple(m.model_copy(update={"length": 0.1}) for m in TWIN.modules)
-        }
-    )
-    for name in HOLDS:
-        long, short = load_task(name, TWIN), load_task(name, half)
-        np.testing.assert_allclose(
-            short.desired_positions(), long.desired_positions() / 2, atol=1e-6
-        )
-        np.testing.assert_array_equal(short.desired_axes(), long.desired_axes())
-
-
-def test_a_faster_control_keeps_the_times():
-    for name in HOLDS:
-        fast = load_task(name, TWIN.model_copy(update={"control_rate": 20.0}))
-        assert len(fast.goals) == 400
-        np.testing.assert_allclose(
-            fast.desired_positions()[1::2],
-            load_task(name, TWIN).desired_positions(),
-            atol=1e-6,
-        )
 
 
 def test_a_module_of_another_length_is_held_where_it_ends():

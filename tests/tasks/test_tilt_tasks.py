@@ -122,13 +122,3 @@ def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
     assert plain == [Score("position"), Score("tilt")]
     assert (azimuth.metric, azimuth.module) == ("azimuth", -1)
     np.testing.assert_array_equal(azimuth.steps, [False] * 40 + [True] * 160)
-
-
-@pytest.mark.parametrize("name", TILTS)
-def test_orientations_depend_on_neither_arm_length_nor_control_rate(
-    name,
-):
-    short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
-    fast = TWIN.model_copy(update={"control_rate": 20.0})
-    np.testing.assert_array_equal(tip_axes(name, short), tip_axes(name))
-    np.testing.assert_allclose(tip_axes(name, fast)[1::2], tip_axes(name), atol=1e-6)

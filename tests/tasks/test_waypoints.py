@@ -90,10 +90,6 @@ def test_tables_as_programs_write_them_say_the_same(table, text):
     )
 
 
-def test_a_path_may_be_text(table):
-    assert len(load_waypoints(str(table(SLOPE)))) == 1
-
-
 def test_between_waypoints_the_target_goes_straight_at_the_arms_rate(table):
     path = tip_path(load_waypoints(table(SLOPE)))
     assert len(path) == 30
@@ -105,12 +101,6 @@ def test_between_waypoints_the_target_goes_straight_at_the_arms_rate(table):
         (30, [0.1, 0.2, 0.54]),
     ]:
         np.testing.assert_allclose(path[step - 1], point, atol=1e-7)
-
-
-def test_a_faster_control_makes_more_steps_of_the_same_path(table):
-    tracks = load_waypoints(table(SLOPE))
-    fast = tip_path(tracks, TWIN.model_copy(update={"control_rate": 20.0}))
-    np.testing.assert_allclose(fast[1::2], tip_path(tracks), atol=1e-7)
 
 
 def test_the_first_waypoint_holds_before_it_and_the_last_after_it(
@@ -135,11 +125,6 @@ def test_a_last_time_between_two_steps_ends_with_the_step_before(table):
     )
 
 
-def test_one_waypoint_is_held_until_its_time(table):
-    path = tip_path(load_waypoints(table("time,x,y,z\n2,0.1,0,0.58\n")))
-    np.testing.assert_allclose(path, np.tile([0.1, 0, 0.58], (20, 1)), atol=1e-7)
-
-
 def test_axes_turn_from_one_waypoint_to_the_next(table):
     """Half-way between (0, 0, 1) and (0.6, 0, 0.8)."""
     axes = waypoints_task("mine", load_waypoints(table(POINTED)), TWIN).desired_axes()[
@@ -161,12 +146,6 @@ def test_every_track_is_scored_by_its_targets(table):
     assert pointed.scores == (Score("position"), Score("orientation"))
     two = waypoints_task("mine", load_waypoints(table(TWO)), TWIN)
     assert two.scores == (Score("position", 0), Score("position", 2))
-
-
-def test_lengths_do_not_scale_with_the_arm(table):
-    half = TWIN.model_copy(update={"modules": TWIN.modules[:1]})
-    tracks = load_waypoints(table(SLOPE))
-    np.testing.assert_array_equal(tip_path(tracks, half), tip_path(tracks))
 
 
 def test_a_file_is_a_task_by_its_name(table):
@@ -319,11 +298,6 @@ def test_a_last_time_that_makes_no_step_or_too_many_is_rejected(table, time):
         waypoints_task("mine", tracks, TWIN)
 
 
-def test_no_tracks_are_rejected():
-    with pytest.raises(TargetError, match="end at 0 s"):
-        waypoints_task("mine", [], TWIN)
-
-
 @pytest.mark.slow
 def test_waypoints_out_of_reach_have_module_time_and_gap(table):
     """The arm is 0.6 m long, its base module 0.2 m."""
@@ -340,14 +314,6 @@ def test_waypoints_out_of_reach_have_module_time_and_gap(table):
 def test_gaps_below_a_hundredth_of_the_arm_are_ignored(table):
     tracks = load_waypoints(table("time,x,y,z\n1,0,0,0.605\n2,0,0,0.607\n"))
     assert [far.time for far in unreachable_waypoints(tracks, TWIN)] == [2.0]
-
-
-def test_waypoints_need_no_file():
-    track = Waypoints(
-        -1, np.array([0.5, 1.0]), np.array([[0.1, 0.0, 0.58], [0.0, 0.1, 0.58]]), None
-    )
-    assert len(tip_path([track])) == 10
-    assert unreachable_waypoints([track], TWIN) == []
 
 
 def test_positions_in_millimeters_are_refused(twin):

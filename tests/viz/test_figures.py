@@ -32,10 +32,6 @@ def is_png(path) -> bool:
     return content.startswith(PNG) and len(content) > 10_000
 
 
-def test_a_run_figure_shows_several_strategies(traces, arm, tmp_path):
-    assert is_png(run_figure(traces, arm, tmp_path / "run.png"))
-
-
 def test_a_run_without_goals_is_drawn(make_trace, arm, tmp_path, drawn):
     states = make_trace().states
     trace = drawn("$recorded_", np.arange(200.0), states)
@@ -207,11 +203,3 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     above = drawn_figures[-1].axes[-1]
     assert len(above.patches) == 1
     assert "from 0.5 s" in [text.get_text() for text in above.texts]
-
-
-def test_labels_of_a_log_axis_tell_small_numbers_apart():
-    axes = charts.new_axes(charts.new_figure(4.0, 3.0), 111, "error", "share")
-    charts.label_log_axis(axes)
-    axes.set_xlim(0.01, 200.0)
-    labels = [axes.xaxis.get_major_formatter()(place) for place in (0.02, 0.05, 100.0)]
-    assert labels == ["0.02", "0.05", "100"]

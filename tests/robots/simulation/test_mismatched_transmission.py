@@ -36,19 +36,6 @@ def test_every_cable_has_its_own_backlash(make_arm):
     np.testing.assert_allclose(felt[0, 0], [5e-3, 4e-3, 3e-3])
 
 
-@pytest.mark.slow
-def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_arm):
-    arm = make_arm(motor=Motor(homing_error=3e-4, noise_ticks=0), modules=3)
-    robots = [SimulatedRobot(arm, seed=seed) for seed in range(60)]
-    errors, said = [], []
-    for robot in robots:
-        said.append(robot.open()["cables"])
-        errors.append(robot.transmission.transmitted)
-    assert np.std(errors) == pytest.approx(3e-4, rel=0.1)
-    assert abs(np.mean(errors)) < 5e-5
-    assert np.abs(said).max() <= arm.motor.tick_length
-
-
 def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):
     robot = SimulatedRobot(
         make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS), seed=5

@@ -49,15 +49,6 @@ def test_a_path_in_two_parts_has_the_same_end(motor):
     )
 
 
-@pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
-def test_motor_paths_are_monotone(motor):
-    gaps = (COMMANDS - compute_motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
-        COMMANDS - STARTS
-    )
-    assert gaps.min() >= -1e-15
-    assert np.diff(gaps, axis=0).max() <= 1e-15
-
-
 def test_after_one_time_constant_the_error_is_one_over_e():
     position = compute_motor_path(
         np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)

@@ -114,37 +114,6 @@ def test_readings_contain_true_configurations_in_module_frames(make_arm):
     )
 
 
-def test_backlash_leaves_a_bend_after_a_round_trip(make_arm):
-    bends = []
-    for backlash in (0.0, 0.001):
-        arm = make_arm(
-            1,
-            3,
-            {"cable": Cable(stiffness=1e4, backlash=backlash)},
-            gravity_direction=(0, 0, 0),
-        )
-        with SimulatedRobot(arm) as robot:
-            for action in [[-0.015, 0.0075, 0.0075], [0.0, 0.0, 0.0]]:
-                for _ in range(30):
-                    robot.step([action])
-            bends.append(robot.configurations()[0, 0])
-    assert bends[0] == pytest.approx(0, abs=1e-4)
-    assert bends[1] > 0.01
-
-
-def test_creep_reduces_a_held_bend(make_arm):
-    arm = make_arm(
-        1, 3, {"cable": Cable(creep=0.3, creep_time=1.0)}, gravity_direction=(0, 0, 0)
-    )
-    with SimulatedRobot(arm) as robot:
-        bends = []
-        for _ in range(60):
-            robot.step([[-0.015, 0.0075, 0.0075]])
-            bends.append(np.arcsin(robot.configurations()[0, 0]))
-    assert bends[-1] == pytest.approx(0.7 * 0.015 / 0.027, rel=0.02)
-    assert bends[9] > bends[19] > bends[59]
-
-
 @pytest.mark.parametrize("payload", [np.nan, np.inf, -0.1, 51.0])
 def test_an_invalid_payload_is_rejected(twin, payload):
     with pytest.raises(S2C2AError, match="payload"):
