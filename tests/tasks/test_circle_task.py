@@ -64,32 +64,12 @@ def test_a_quarter_of_the_round_is_on_the_left():
     np.testing.assert_allclose(tip_path(TWIN)[39 + 40], [0.0, 0.22, 0.54], atol=1e-6)
 
 
-def test_the_target_never_jumps():
-    start = np.array([[0.0, 0.0, 0.6]])
-    steps = np.linalg.norm(
-        np.diff(np.concatenate([start, tip_path(TWIN)]), axis=0), axis=-1
-    )
-    assert steps.max() < 0.01
-
-
 def test_the_circle_has_a_target_for_the_tip_position_only():
     task = circle(TWIN)
     assert np.isnan(task.desired_positions()[:, :2]).all()
     assert np.isfinite(task.desired_positions()[:, 2]).all()
     assert np.isnan(task.desired_axes()).all()
     assert task.obstacles()[..., :4].shape == (200, 0, 4)
-
-
-def test_the_weights_are_the_protocol_s():
-    goals = circle(TWIN).goals
-    assert all(goal.position_weights.tolist() == [0, 0, 1] for goal in goals)
-    assert all(float(goal.change_weight) == 0.5 for goal in goals)
-
-
-def test_tasks_are_found_by_their_names():
-    task = load_task("circle", TWIN)
-    assert task.name == "circle"
-    np.testing.assert_array_equal(task.desired_positions()[:, -1], tip_path(TWIN))
 
 
 def test_an_unknown_task_lists_the_known_ones():

@@ -57,6 +57,21 @@ STEPS = {"circle": 200, "tilt": 200, "hold": 200, "reach": 240, "risk": 240} | {
     "flee": 114,  # 1 + 3.4 + 2 + 3 + 2 s
     "follow": 698,
 }
+CLEARANCES = ["clearance", "clearance at steps", "clearance of the arm"]
+TIP, NONE = (0, 0, 1), (0, 0, 0)
+TARGETS = {
+    "circle": (TIP, NONE, ["position"]),
+    "tilt": (TIP, (0, 0, 2), ["position", "tilt"]),
+    "hold-base": ((4, 0, 1), NONE, ["constraint 0", "position"]),
+    "hold-middle": ((0, 1, 0), (0, 1, 0), ["constraint 1", "orientation 1"]),
+    "hold-end": (TIP, TIP, ["constraint 2", "orientation 2"]),
+    "reach-0": (TIP, NONE, ["end distance", "reached", "path length"]),
+    "reach": (TIP, NONE, ["end distance", "reached", *CLEARANCES, "path length"]),
+    "risk": (TIP, NONE, ["end distance", "reached", *CLEARANCES, "path length"]),
+    "flee": (NONE, NONE, [*CLEARANCES, "stillness", "path length"]),
+    "follow": (TIP, NONE, ["position", "recovery"]),
+}
+"""Weights of positions and axes of the modules, and scores, by (beginning of) name."""
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
 
 
@@ -73,6 +88,27 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
     assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
         len(task.goals)
     }
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_weights_and_scores_are_those_of_the_protocol(name):
+    task = load_task(name, TWIN)
+    key = name if name in TARGETS else name.split("-")[0]
+    positions, axes, scores = TARGETS[key]
+    for goal in task.goals:
+        assert tuple(goal.position_weights) == positions
+        assert tuple(goal.axis_weights) == axes
+        assert float(goal.change_weight) == 0.5
+        assert float(goal.obstacle_weight) == 1.0
+    asked = np.isfinite(task.desired_positions()).all(axis=(0, 2))
+    np.testing.assert_array_equal(asked, np.array(positions) > 0)
+    asked = np.isfinite(task.desired_axes()).all(axis=(0, 2))
+    np.testing.assert_array_equal(asked, np.array(axes) > 0)
+    found = [
+        f"{score.metric} {score.module}" if score.module >= 0 else score.metric
+        for score in task.scores
+    ]
+    assert found == scores + ["azimuth"] * (name in ("tilt-50-a20", "tilt-50-c20"))
 
 
 @pytest.mark.parametrize("name", PAPER + OURS)

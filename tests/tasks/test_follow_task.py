@@ -87,20 +87,6 @@ def test_it_is_never_faster_than_eight_centimeters_a_second(path):
     np.testing.assert_allclose(moves[530:584], 0.008, rtol=0.01)
 
 
-def test_the_tip_counts_once_and_change_half(task):
-    assert {tuple(goal.position_weights) for goal in task.goals} == {(0, 0, 1)}
-    assert {float(goal.change_weight) for goal in task.goals} == {0.5}
-    assert np.isnan(task.desired_axes()).all()
-    assert task.obstacles()[..., :4].shape == (698, 0, 4)
-
-
-def test_position_and_recovery_are_scored_of_the_tip(task):
-    assert [(score.metric, score.module) for score in task.scores] == [
-        ("position", -1),
-        ("recovery", -1),
-    ]
-
-
 def test_the_target_is_out_of_reach_once_about_its_time_outside(inside):
     left, back = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
     assert inside[:left].all()

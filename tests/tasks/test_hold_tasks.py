@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import Score, load_task
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
 TURNING = [("hold-middle", 1, 0.4, 0.396, 20), ("hold-end", 2, 0.6, 0.565, 40)]
@@ -45,13 +45,6 @@ def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
     assert 0.595 < tip[0, 2] < 0.6
 
 
-def test_a_held_base_counts_four_times_and_the_tip_once():
-    goals = load_task("hold-base", TWIN).goals
-    assert {tuple(goal.position_weights) for goal in goals} == {(4, 0, 1)}
-    assert not any(goal.axis_weights.any() for goal in goals)
-    assert {float(goal.change_weight) for goal in goals} == {0.5}
-
-
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
 def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(
     name, module, rest, height, tilt
@@ -86,31 +79,6 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
         np.cos(angle),
     ]
     np.testing.assert_allclose(desired(name, module)[1][step - 1], expected, atol=1e-6)
-
-
-@pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_other_modules_than_the_held_one_have_no_target(
-    name, module, rest, height, tilt
-):
-    goals, only = (
-        load_task(name, TWIN).goals,
-        tuple(float(number == module) for number in range(3)),
-    )
-    assert {tuple(goal.position_weights) for goal in goals} == {only}
-    assert {tuple(goal.axis_weights) for goal in goals} == {only}
-    assert {float(goal.change_weight) for goal in goals} == {0.5}
-
-
-@pytest.mark.parametrize(
-    ("name", "scores"),
-    [
-        ("hold-base", (Score("constraint", 0), Score("position"))),
-        ("hold-middle", (Score("constraint", 1), Score("orientation", 1))),
-        ("hold-end", (Score("constraint", 2), Score("orientation", 2))),
-    ],
-)
-def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
-    assert load_task(name, TWIN).scores == scores
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.planning import Goal
-from s2c2a.tasks import Score, Task, load_task
+from s2c2a.tasks import Task, load_task
 
 TWIN = load_arm("twin_arm")
 OBSTACLES = {
@@ -56,57 +56,12 @@ def test_obstacles_stand_still_where_the_protocol_puts_them(name, obstacles):
     )
 
 
-@pytest.mark.parametrize("name", OBSTACLES)
-def test_target_and_obstacles_count_once_and_change_half(name):
-    goals = load_task(name, TWIN).goals
-    assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
-    assert {
-        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in goals
-    } == {(1.0, 0.5)}
-    assert not any(goal.axis_weights.any() for goal in goals)
-
-
-CLEARANCES = [
-    Score("clearance"),
-    Score("clearance at steps"),
-    Score("clearance of the arm"),
-]
-
-
-def test_without_an_obstacle_only_the_end_and_the_way_are_scored():
-    assert list(load_task("reach-0", TWIN).scores) == [
-        Score("end distance"),
-        Score("reached"),
-        Score("path length"),
-    ]
-
-
-@pytest.mark.parametrize("name", list(OBSTACLES)[1:])
-def test_with_obstacles_clearances_are_scored_as_well(name):
-    expected = [
-        Score("end distance"),
-        Score("reached"),
-        *CLEARANCES,
-        Score("path length"),
-    ]
-    assert list(load_task(name, TWIN).scores) == expected
-
-
 def test_a_faster_control_keeps_the_speed_and_the_time():
     fast = tips(load_task("reach-0", FAST))
     assert len(fast) == 480
     np.testing.assert_allclose(
         fast[1:128:2], tips(load_task("reach-0", TWIN))[:64], atol=1e-6
     )
-
-
-def test_flee_has_no_target():
-    task = load_task("flee", TWIN)
-    assert np.isnan(task.desired_positions()).all()
-    assert np.isnan(task.desired_axes()).all()
-    assert {
-        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in task.goals
-    } == {(1.0, 0.5)}
 
 
 @pytest.mark.parametrize(
@@ -141,14 +96,6 @@ def test_the_obstacle_moves_at_five_centimeters_a_second_or_stands():
     moving = speeds > 1e-6
     np.testing.assert_allclose(speeds[moving], 0.05, atol=1e-5)
     assert moving.sum() == 34 + 30
-
-
-def test_fleeing_is_scored_by_clearances_stillness_and_the_way():
-    assert list(load_task("flee", TWIN).scores) == [
-        *CLEARANCES,
-        Score("stillness"),
-        Score("path length"),
-    ]
 
 
 def test_an_obstacle_that_comes_later_is_listed_with_no_threshold_until_it_is_there():
