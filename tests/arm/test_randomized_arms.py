@@ -96,10 +96,6 @@ def test_the_arm_depends_on_the_seed_only():
     assert not randomized_arm(TWIN, 8, 0.7).same_mechanics(randomized_arm(TWIN, 9, 0.7))
 
 
-def test_strength_zero_gives_the_base():
-    assert randomized_arm(TWIN, 5, 0.0).same_mechanics(TWIN)
-
-
 @pytest.mark.parametrize(
     ("seed", "strength"), [(-1, 1.0), (0, -0.1), (0, 2.1), (0, float("nan"))]
 )

@@ -70,11 +70,6 @@ def test_more_random_shapes_reach_more(recorded, make_arm):
     assert few.reached_bends(single) > few.reached_bends()
 
 
-def test_every_shape_is_reached_by_itself(recorded, make_arm):
-    limits = ArmGeometry.of(make_arm(2)).planned_bends
-    assert Coverage.of([recorded(random_bends(limits))]).reached_bends() == 1.0
-
-
 def test_without_tracking_the_bends_are_known_and_the_workspace_is_not(recorded):
     coverage = Coverage.of([recorded(np.full((4, 2, 2), 0.1), states=False)])
     assert len(coverage.bends) == 4

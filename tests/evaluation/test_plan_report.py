@@ -105,8 +105,3 @@ def test_a_jump_of_all_module_ends_is_reported():
     text = describe_tracking(knocked)
     assert text.startswith("step 26 (2.5 s): all tracked ends jump by 5.")
     assert "episode 2, step 26" in describe_jumps_of_frame([still, knocked])
-
-
-def test_a_run_that_ended_before_its_task_lacks_no_module_ends():
-    columns = {"stage": np.zeros(4), "sensor.states": np.zeros((4, 3, 6))}
-    assert describe_tracking(make_episode(**columns)) == ""

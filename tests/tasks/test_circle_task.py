@@ -45,12 +45,6 @@ def test_the_approach_is_within_a_millimeter_of_the_protocol_as_printed():
     np.testing.assert_allclose(tip_path(TWIN)[:40, 2], printed, atol=1e-3)
 
 
-def test_the_round_ends_where_the_approach_ended():
-    path = tip_path(TWIN)
-    np.testing.assert_allclose(path[39], [0.22, 0.0, 0.54], atol=1e-6)
-    np.testing.assert_allclose(path[199], [0.22, 0.0, 0.54], atol=1e-6)
-
-
 def test_the_round_goes_once_counterclockwise_at_one_radius_and_height():
     x, y, z = tip_path(TWIN)[39:].T
     turned = np.unwrap(np.arctan2(y, x))
@@ -58,10 +52,6 @@ def test_the_round_goes_once_counterclockwise_at_one_radius_and_height():
     np.testing.assert_allclose(z, 0.54, atol=1e-6)
     np.testing.assert_allclose(np.diff(turned), 2 * np.pi / 160, atol=1e-5)
     assert turned[-1] - turned[0] == pytest.approx(2 * np.pi, abs=1e-5)
-
-
-def test_a_quarter_of_the_round_is_on_the_left():
-    np.testing.assert_allclose(tip_path(TWIN)[39 + 40], [0.0, 0.22, 0.54], atol=1e-6)
 
 
 def test_the_circle_has_a_target_for_the_tip_position_only():

@@ -37,14 +37,6 @@ def test_over_a_held_base_the_tip_goes_once_around_counterclockwise(step, point)
     )
 
 
-def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
-    tip = desired("hold-base", -1)[0][:40]
-    np.testing.assert_allclose(tip[:, 0], 0.15 * np.arange(1, 41) / 40, atol=1e-7)
-    np.testing.assert_array_equal(tip[:, 1], 0)
-    assert np.all(np.diff(tip[:, 2]) < 0)
-    assert 0.595 < tip[0, 2] < 0.6
-
-
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
 def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(
     name, module, rest, height, tilt

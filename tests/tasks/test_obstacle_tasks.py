@@ -33,14 +33,6 @@ def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
     np.testing.assert_allclose(np.linalg.norm(moves[:64], axis=-1), 0.005, rtol=0.01)
 
 
-def test_then_it_stays_at_the_target():
-    np.testing.assert_allclose(
-        tips(load_task("reach-0", TWIN))[63:],
-        np.tile([0.30, 0, 0.49], (177, 1)),
-        atol=1e-6,
-    )
-
-
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_the_reference_is_the_same_with_any_obstacles(name):
     np.testing.assert_array_equal(
@@ -84,18 +76,6 @@ def test_the_obstacle_waits_approaches_waits_and_passes(step, x):
         [[x, 0.02, 0.58, 0.10]],
         atol=1e-6,
     )
-
-
-def test_the_obstacle_moves_at_five_centimeters_a_second_or_stands():
-    speeds = (
-        np.linalg.norm(
-            np.diff(load_task("flee", TWIN).obstacles()[..., :4][:, 0], axis=0), axis=-1
-        )
-        * TWIN.control_rate
-    )
-    moving = speeds > 1e-6
-    np.testing.assert_allclose(speeds[moving], 0.05, atol=1e-5)
-    assert moving.sum() == 34 + 30
 
 
 def test_an_obstacle_that_comes_later_is_listed_with_no_threshold_until_it_is_there():

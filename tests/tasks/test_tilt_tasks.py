@@ -52,15 +52,6 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
     )
 
 
-@pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
-def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
-    axes, tips = tip_axes(name), load_task(name, TWIN).desired_positions()[:, -1]
-    across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
-    outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
-    np.testing.assert_allclose(across, 0, atol=1e-6)
-    assert outward.min() > 0
-
-
 @pytest.mark.parametrize(("name", "turn"), [("tilt-50", 0), *TURNS.items()])
 @pytest.mark.parametrize(
     ("step", "tilt", "azimuth"),

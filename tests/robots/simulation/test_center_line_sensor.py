@@ -44,11 +44,6 @@ def test_recording_the_center_line_changes_nothing(both):
         np.testing.assert_array_equal(one["states"], other["states"])
 
 
-def test_a_robot_without_recording_has_no_center_line(both):
-    _, (_, readings) = both
-    assert [reading.get("center_line") for reading in readings] == [None] * (STEPS + 1)
-
-
 def test_the_center_line_has_five_points_a_module_at_every_physics_step(both):
     """At the start of every physics step, and at the end of the last."""
     (robot, readings), _ = both

@@ -25,8 +25,7 @@ def declare_sensors(
     max_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
     noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
     scale = np.abs(geometry.action_scale)[:, None]
-    bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
-    rate = scale / geometry.action_bends[:, None] * bend_rate
+    rate = scale / geometry.action_bends[:, None] * max_rate
     margin = 0.25 * scale + noise
     # a quarter of the range plus noise beyond the limits is still plausible
     cables = Sensor(
