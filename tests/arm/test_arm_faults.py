@@ -92,10 +92,6 @@ def test_a_number_without_a_range_of_its_own_is_finite_in_single_precision(path,
     assert f"  {path}" in fault_in(with_value(TWIN, path, value))
 
 
-def test_an_empty_source_of_poses_is_refused():
-    assert "tracking.source" in fault_in(with_value(TWIN, "tracking.source", ""))
-
-
 @pytest.mark.parametrize(
     "path",
     [

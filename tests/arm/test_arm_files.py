@@ -102,11 +102,6 @@ def test_a_preset_written_and_read_again_is_the_same_arm(name):
     assert arm_from_toml(arm_to_toml(arm)) == arm
 
 
-@pytest.mark.parametrize("name", preset_names())
-def test_a_preset_is_named_after_its_file(name):
-    assert load_arm(name).name == name
-
-
 @settings(deadline=None, max_examples=60)
 @given(arms())
 def test_any_arm_written_and_read_again_is_the_same_arm(arm):
@@ -135,11 +130,6 @@ def test_a_missing_file_lists_the_presets(tmp_path):
     with pytest.raises(ArmError, match=r"nowhere\.toml") as caught:
         load_arm(tmp_path / "nowhere.toml")
     assert all(name in str(caught.value) for name in preset_names())
-
-
-def test_a_folder_is_no_arm(tmp_path):
-    with pytest.raises(ArmError, match="neither a preset"):
-        load_arm(tmp_path)
 
 
 def test_broken_toml_is_named_with_file_and_line(tmp_path):

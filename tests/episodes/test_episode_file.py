@@ -300,17 +300,8 @@ def test_a_full_disk_leaves_earlier_episodes_intact(grown, three, monkeypatch):
     assert len(load_episodes(grown)[0]) == 4
 
 
-def test_a_file_of_version_0_1_is_rejected_with_advice(tmp_path):
-    (tmp_path / "old.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
-    with pytest.raises(
-        DamagedRecordingError,
-        match=r"written by version 0\.1; collect it again with `s2c2a collect`",
-    ):
-        load_episodes(tmp_path / "old.h5")
-
-
 @pytest.mark.parametrize(
-    "content", [b"", b"S2C2A", b"name = 'arm'", bytes(5000), b"PK\x03\x04"]
+    "content", [b"", b"S2C2A", b"name = 'arm'", bytes(5000), b"\x89HDF\r\n\x1a\n"]
 )
 def test_a_file_of_another_kind_is_refused(tmp_path, content):
     (tmp_path / "other").write_bytes(content)

@@ -32,7 +32,7 @@ def make_episode(**columns):
             "the planner stood still short of its goal in 2 of 4 steps",
         ),
         (
-            {"outcome": np.array([1, 5, 6, 6])},  # 1 is of version 0.3
+            {"outcome": np.array([0, 5, 6, 6])},
             "the planner stood still short of its goal in 1 of 4 steps, "
             "the planner found its goal out of reach in 2 of 4 steps",
         ),

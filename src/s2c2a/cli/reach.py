@@ -226,16 +226,13 @@ def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
         print(f"clearance of the center line from the obstacles: {clearance}")
     agreeing = round(STARTS * reached.agreeing[0])
     print(f"{agreeing} of {STARTS} starts of the search end as near")
-    rows = [_shape_cells(*row) for row in enumerate(reached.bends[0], start=1)]
+    rows = []
+    for number, bend in enumerate(reached.bends[0], start=1):
+        size = np.rad2deg(np.hypot(*bend))
+        direction = np.rad2deg(np.arctan2(bend[1], bend[0]))
+        rows.append((str(number), f"{size:.1f}", f"{direction:.0f}"))
     print_table("Shape, base first", ("module", "bend deg", "toward deg"), rows)
     print("toward: from the x axis of the module's frame to its y axis")
-
-
-def _shape_cells(module: int, bend: np.ndarray) -> tuple[str, str, str]:
-    """Number, size and direction of a module's bend."""
-    size = np.rad2deg(np.hypot(*bend))
-    direction = np.rad2deg(np.arctan2(bend[1], bend[0]))
-    return str(module), f"{size:.1f}", f"{direction:.0f}"
 
 
 def _print_path(path: "Moments", reached: "Reached", arm: "ArmSpec") -> None:

@@ -92,16 +92,6 @@ def test_encoder_noise_has_the_stated_size(make_arm):
     assert readings.mean() == pytest.approx(0.0, abs=0.6)
 
 
-def test_encoders_measure_the_lagging_motors_and_not_the_command(make_arm):
-    motor = Motor(time_constant=0.1, noise_ticks=0.0, ticks_per_turn=2**20)
-    action = 0.01 * np.array([[-1, 0.5, 0.5]])
-    with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:
-        robot.step(action)
-        np.testing.assert_allclose(
-            robot.read()["cables"], action * (1 - np.exp(-1)), atol=1e-7
-        )
-
-
 def test_tension_sensors_have_their_own_noise(make_arm):
     noisy = make_arm(
         modules=6,

@@ -345,7 +345,15 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             along = sum(arm.modules[number].length for number in routing)
             rest_length = along + float(steps.sum())
         else:
-            _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
+            # a constant lever arm about every hinge and slide that it passes
+            for number, share in cable_routing(arm, owner).items():
+                levers = share * modules[owner].cable_levers(modules[number].axes)
+                about_x, about_y = map(float, levers[cable, :2])
+                for segment in range(fidelity.segments):
+                    tendon.wrap_joint(joint_name(number, segment, "y"), about_y)
+                    tendon.wrap_joint(joint_name(number, segment, "x"), about_x)
+                if arm.modules[number].mismatch.axial_stiffness is not None:
+                    tendon.wrap_joint(slide_name(number), 1.0)
         parameters = arm.modules[owner].cable
         # add an actuator that pulls with the commanded tension less viscous friction
         actuator = spec.add_actuator(
@@ -369,16 +377,3 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             actuator.gainprm[0] = stiffness
             actuator.biasprm[0] = stiffness * rest_length - pretension
             actuator.biasprm[1] = -stiffness
-
-
-def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
-    """Give a cable a constant lever arm about every hinge and slide that it passes."""
-    owner_module = MismatchedModule.of(arm.modules[owner])
-    for number, share in cable_routing(arm, owner).items():
-        axes = MismatchedModule.of(arm.modules[number]).axes
-        levers = share * owner_module.cable_levers(axes)[cable]
-        for segment in range(segments):
-            tendon.wrap_joint(joint_name(number, segment, "y"), float(levers[1]))
-            tendon.wrap_joint(joint_name(number, segment, "x"), float(levers[0]))
-        if arm.modules[number].mismatch.axial_stiffness is not None:
-            tendon.wrap_joint(slide_name(number), 1.0)
