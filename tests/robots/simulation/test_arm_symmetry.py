@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from held_arm import action_for
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -17,13 +18,6 @@ def held(arm, action, fidelity="fast", steps=30) -> np.ndarray:
         for _ in range(steps):
             robot.step(action)
         return robot.states()
-
-
-def action_for(arm, shares) -> np.ndarray:
-    """The action that asks for shares of the full bend, shape (modules, cables)."""
-    geometry = ArmGeometry.of(arm)
-    pulls = np.einsum("mck,mk->mc", geometry.cable_matrices, np.array(shares))
-    return geometry.action_neutral + geometry.action_scale[:, None] * pulls
 
 
 def turned(vectors: np.ndarray, angle: float) -> np.ndarray:

@@ -3,17 +3,12 @@
 import numpy as np
 import pytest
 
+from held_arm import bends
 from s2c2a.arm import ArmGeometry, Mismatch
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
 EI, LENGTH, RADIUS, CABLES = 0.16, 0.2, 0.027, 4
 PULL = {"actuation": "tension", "gravity_direction": (0.0, 0.0, 0.0), "cables": CABLES}
-
-
-@pytest.fixture(params=FIDELITIES)
-def fidelity(request):
-    """Each fidelity by name."""
-    return request.param
 
 
 @pytest.fixture
@@ -39,16 +34,6 @@ def settled(arm, tensions, fidelity="fast", seconds=4.0, **options) -> Simulated
     for _ in range(round(seconds * arm.control_rate)):
         robot.step(np.array(tensions))
     return robot
-
-
-def bends(robot) -> np.ndarray:
-    """Bend vectors [rad] of all modules, shape (modules, 2)."""
-    axes = robot.configurations()
-    across = np.linalg.norm(axes[:, :2], axis=-1)
-    return (
-        axes[:, :2]
-        * (np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-12))[:, None]
-    )
 
 
 def bend_of(tension: float, stiffness: float = EI, radius: float = RADIUS) -> float:

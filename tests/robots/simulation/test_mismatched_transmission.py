@@ -5,17 +5,11 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, Cable, Mismatch, Motor
 from s2c2a.errors import S2C2AError
-from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.transmission import CableTransmission
 
 WEIGHTLESS = {"gravity_direction": (0.0, 0.0, 0.0), "modules": 1}
 NOTHING, STRAIGHT = np.zeros((1, 3)), np.zeros(1)
-
-
-@pytest.fixture(params=FIDELITIES)
-def fidelity(request):
-    """Each fidelity by name."""
-    return request.param
 
 
 def held(arm, action, steps=60, fidelity="fast", **options) -> SimulatedRobot:
