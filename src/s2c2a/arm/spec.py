@@ -186,7 +186,16 @@ class Module(Frozen):
     @model_validator(mode="after")
     def _validate(self):
         if len(self.cable_angles_deg) and not self.is_planar:
-            self._check_gap()
+            gap = largest_gap_deg(self.cable_angles_deg)
+            if gap >= MAX_GAP_DEG:
+                raise ValueError(
+                    f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
+                    f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
+                    f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
+                    "deg, or give two opposed cables, such as [0, 180], for bends in one "
+                    "plane, or none, [], for a passive module; a spring in place of the "
+                    "second cable is not described"
+                )
         if self.cable_radius > self.length:
             raise ValueError(
                 f"cable_radius {self.cable_radius} m exceeds length {self.length} m; "
@@ -194,18 +203,6 @@ class Module(Frozen):
             )
         self._check_cables()
         return self
-
-    def _check_gap(self):
-        gap = largest_gap_deg(self.cable_angles_deg)
-        if gap >= MAX_GAP_DEG:
-            raise ValueError(
-                f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
-                f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
-                f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
-                "deg, or give two opposed cables, such as [0, 180], for bends in one "
-                "plane, or none, [], for a passive module; a spring in place of the "
-                "second cable is not described"
-            )
 
     def _check_cables(self):
         count = len(self.cable_angles_deg)
@@ -387,7 +384,12 @@ class ArmSpec(Frozen):
                 f"{len(self.modules)} modules"
             )
         self._check_servos()
-        self._check_tracking()
+        ends = None if self.tracking is None else self.tracking.ends
+        if ends is not None and len(ends) != len(self.modules):
+            raise ValueError(
+                f"tracking.ends has {len(ends)} names; give one for each of the "
+                f"{len(self.modules)} modules, empty where none is tracked"
+            )
         if self.actuation != "displacement":
             self._check_force_arm()
         fastest = FASTEST[self.actuation]
@@ -419,16 +421,6 @@ class ArmSpec(Frozen):
             raise ValueError(
                 "servos wind cables by displacement; "
                 'write actuation = "displacement", or leave out [servos]'
-            )
-
-    def _check_tracking(self):
-        if self.tracking is None or self.tracking.ends is None:
-            return
-        count = len(self.tracking.ends)
-        if count != len(self.modules):
-            raise ValueError(
-                f"tracking.ends has {count} names; give one for each of the "
-                f"{len(self.modules)} modules, empty where none is tracked"
             )
 
     def _check_force_arm(self):
