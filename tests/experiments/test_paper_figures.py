@@ -78,15 +78,6 @@ def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(
     assert is_sensible_png(path)
 
 
-@pytest.mark.slow
-@every_figure
-def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(
-    draw, make_trace, tmp_path, drawn
-):
-    trace = drawn("$recorded_", TIMES, make_trace().states[:50])
-    assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
-
-
 @every_figure
 @pytest.mark.parametrize(
     "unseen", [slice(0, 20), pytest.param(slice(None), marks=pytest.mark.slow)]
@@ -98,22 +89,6 @@ def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(
     states[unseen] = np.nan
     assert is_sensible_png(
         draw({"task": make_trace(states=states)}, tmp_path / "figure.png")
-    )
-
-
-@pytest.mark.slow
-@every_figure
-def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
-    trace = drawn("one", [0.0], make_trace().states[:1])
-    assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
-
-
-@pytest.mark.slow
-@every_figure_of_obstacles
-def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_path):
-    absent = np.tile([[np.nan, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0]], (200, 1, 1))
-    assert is_sensible_png(
-        draw({"task": make_trace(obstacles=absent)}, tmp_path / "figure.png")
     )
 
 

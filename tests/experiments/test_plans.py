@@ -1,19 +1,15 @@
 """Plans compared with a long multi-start search."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, Horizon, LeastSquares, Solver
 from s2c2a.strategies import shipped_networks
 from s2c2a_experiments import plans as studied
 from s2c2a_experiments.plans import (
     KINDS,
     Comparison,
-    compare_with_long_search,
     sample_problems,
 )
 
@@ -60,28 +56,6 @@ def test_a_plan_is_optimal_near_the_long_search_or_at_the_step_limit():
     )
     assert comparison.optimal.tolist() == [True, False, True, False]
     assert comparison.stuck.tolist() == [False, True, False, False]
-
-
-def compared(solver: Solver):
-    """Plans of this solver, after one step and settled, beside the long search."""
-    options = replace(BEST, solver=solver, guides=())
-    comparisons = compare_with_long_search(TWIN, MODEL, options, 8)
-    assert all(
-        np.isfinite(comparisons[when].cost).all() for when in ("one step", "settled")
-    )
-    return comparisons
-
-
-@pytest.mark.slow
-def test_most_plans_are_optimal():
-    comparisons = compared(Horizon())
-    assert comparisons["settled"].optimal.mean() > 0.8
-
-
-@pytest.mark.slow
-def test_few_plans_with_one_iteration_are_optimal():
-    comparisons = compared(LeastSquares(1))
-    assert comparisons["settled"].optimal.mean() < 0.8
 
 
 def test_rows_of_finished_networks_are_kept_when_the_next_ones_fail(monkeypatch):

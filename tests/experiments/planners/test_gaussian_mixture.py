@@ -93,18 +93,6 @@ def test_saved_and_loaded_it_plans_the_same(twin, trained, tmp_path):
     np.testing.assert_array_equal(before, after)
 
 
-@pytest.mark.slow
-def test_planar_and_other_arms_come_near():
-    arm = load_arm("planar_finger")
-    options = GaussianMixture(components=8)
-    trained = options.train(synthetic(arm), RECIPE, 0)
-    driver = options.build(arm, RECIPE, trained, RunOptions())
-    target = np.array([0.3, 0.0, 0.9]) * arm.length
-    goal = Goal.of(arm.module_count).with_position(target)
-    _, states = drive_ideal(driver, arm, [goal] * 40)
-    assert np.linalg.norm(states[-1, -1, :3] - target) < 0.05 * arm.length
-
-
 def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, trained):
     with pytest.raises(
         RecordingError, match=r"12 components need 120 samples .* has 50"
