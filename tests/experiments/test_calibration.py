@@ -7,14 +7,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a_experiments import calibration
-from s2c2a_experiments.calibration import (
-    C2S_ERROR,
-    ESTIMATION,
-    PCC_CIRCLE,
-    WORKSPACE,
-    claims_for,
-    measure,
-)
+from s2c2a_experiments.calibration import ESTIMATION, PCC_CIRCLE, WORKSPACE, measure
 
 SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
 
@@ -28,11 +21,6 @@ def record(monkeypatch):
         monkeypatch.setattr(calibration, "CollectOptions", smaller)
 
     return set_size
-
-
-def test_only_the_twin_has_claims_about_networks_and_pcc():
-    assert {PCC_CIRCLE, C2S_ERROR} <= set(claims_for(load_arm("twin_arm")))
-    assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
 
 
 @pytest.mark.slow

@@ -98,14 +98,3 @@ WRONG = {
 def test_metadata_that_cannot_be_are_refused(rewrite, metadata, message):
     with pytest.raises(StrategyError, match=message):
         load_networks(rewrite(metadata))
-
-
-@pytest.mark.slow
-def test_what_follows_from_the_arm_is_not_taken_from_the_file(rewrite, trained):
-    loaded = load_networks(
-        rewrite(**{"LSTM.sum_and_range.high": np.full((3, 3), 9.0, np.float32)})
-    )
-    np.testing.assert_array_equal(
-        loaded.networks["LSTM"].sum_and_range.high,
-        trained.networks["LSTM"].sum_and_range.high,
-    )

@@ -11,7 +11,6 @@ from s2c2a.obstacles import HALF_SPACE
 from s2c2a.viz import Trace
 from s2c2a.viz.charts import legend, new_axes, new_figure
 from s2c2a_experiments.figures.space import (
-    _evenly_spread,
     _held_position,
     obstacles_figure,
     plan_view_figure,
@@ -184,15 +183,6 @@ def test_the_held_end_is_the_one_that_should_move_least_and_little(make_trace):
     desired[:, 0] = [0.0, 0.0, 0.2]
     np.testing.assert_array_equal(_held_position(desired, 0.6), [0.0, 0.0, 0.2])
     assert _held_position(np.full_like(desired, np.nan), 0.6) is None
-
-
-def test_moments_are_spread_evenly_over_the_steps_that_are_there():
-    there = np.ones(21, dtype=bool)
-    assert _evenly_spread(there, 5).tolist() == [0, 5, 10, 15, 20]
-    there[:10] = False
-    assert _evenly_spread(there, 3).tolist() == [10, 15, 20]
-    assert _evenly_spread(there[:3], 5).size == 0
-    assert _evenly_spread(there[10:12], 5).tolist() == [0, 1]
 
 
 def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):

@@ -111,10 +111,7 @@ def test_goals_are_moved_within_reach_from_a_strength_on(strength):
         (one.count, one.unreachable_waypoints)
         for one in requested
         if hasattr(one, "count")
-    ] == [
-        (7, False),
-        (20, True),
-    ]
+    ] == [(7, False), (20, True)]
 
 
 @pytest.mark.slow

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from s2c2a_experiments.planners.multiple_solutions import (
-    best_sequence,
-)
+from s2c2a_experiments.planners.multiple_solutions import best_sequence
 
 
 def test_the_best_sequence_pays_now_for_what_is_cheap_later():
