@@ -5,12 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import s2c2a
-from s2c2a.tasks import (
-    Score,
-    load_waypoints,
-    unreachable_waypoints,
-    waypoints_task,
-)
+from s2c2a.tasks import Score, load_waypoints, unreachable_waypoints, waypoints_task
 
 
 def figure_of_eight(arm, seconds=16.0, width=0.3, depth=0.15):

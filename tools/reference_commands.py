@@ -19,15 +19,7 @@ COLUMNS = ("option", "values", "default", "meaning")
 GROUPS = {
     "Data": ("collect", "import", "export"),
     "Training": ("train", "pretrain", "identify"),
-    "Control": (
-        "demo",
-        "reach",
-        "session",
-        "run",
-        "live",
-        "ros",
-        "view",
-    ),
+    "Control": ("demo", "reach", "session", "run", "live", "ros", "view"),
     "Arms": ("arm", "robot"),
     "Real arms": ("motors", "tracking", "emulate"),
     "Results and installation": (

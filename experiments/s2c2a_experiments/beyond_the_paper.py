@@ -102,27 +102,25 @@ def _randomized_arms(
 
 
 def _sensors(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> None:
-    """Networks are trained without payload, once for all sets except `flex`."""
+    """Networks are trained without payload, once for all sets except `flex`.
+
+    The payloads are unknown; encoders alone that know them are compared.
+    """
     from s2c2a_experiments import sensors as study
 
     compared = study.SensorStudy(load_arm(arm), seeds=_seeds(seeds))
-    options = asdict(compared) | {"arm": arm}
-    title = f"sensors, {seeds} seeds"
-    with _study(study.EXPERIMENT, options, work, title) as results:
-        results.keep(study.sensor_rows(compared, results.make))
+    _make(
+        study.EXPERIMENT, compared, study.sensor_rows, work, f"sensors, {seeds} seeds"
+    )
 
 
 def _stability(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
-    """The payloads are unknown; encoders alone that know them are compared."""
     from s2c2a_experiments import stability as study
 
     base = load_arm(arm)
     arms = (base, randomized_arm(base, 0, 0.5))
     compared = study.StabilityStudy(arms, seeds=_seeds(seeds))
-    options = asdict(compared) | {"arms": [one.name for one in arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        rows = study.stability_rows(compared, results.make)
-        results.keep(rows)
+    rows = _make(study.EXPERIMENT, compared, study.stability_rows, work)
     vibrating = study.vibrating(rows)
     print(f"{len(vibrating)} of {len(rows) // 2} runs move too much")
 
@@ -131,41 +129,33 @@ def _motion(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> No
     from s2c2a_experiments import motion as study
 
     moved = study.MotionStudy((load_arm(arm),), seeds=_seeds(seeds))
-    options = asdict(moved) | {"arms": [one.name for one in moved.arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.motion_rows(moved, results.make))
+    _make(study.EXPERIMENT, moved, study.motion_rows, work)
 
 
 def _randomized_motion(
     arm: str = "twin_arm", seeds: int = 2, work: Work = ALL_CORES
 ) -> None:
+    """Randomized arms carry no payload."""
     from s2c2a_experiments import motion as study
 
     arms = tuple(randomized_arm(load_arm(arm), seed, 0.5) for seed in range(2))
     moved = study.MotionStudy(arms, seeds=_seeds(seeds), payload=0.0)
-    options = asdict(moved) | {"arms": [one.name for one in moved.arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.motion_rows(moved, results.make))
+    _make(study.EXPERIMENT, moved, study.motion_rows, work)
 
 
 def _scenes(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import scenes as study
 
     passed = study.SceneStudy(load_arm(arm), seeds=_seeds(seeds))
-    options = asdict(passed) | {"arm": passed.arm.name}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.scene_rows(passed, results.make))
+    _make(study.EXPERIMENT, passed, study.scene_rows, work)
 
 
 def _reach(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import reach as study
 
     base = load_arm(arm)
-    arms = (base, randomized_arm(base, 0, 0.5))
-    searched = study.ReachStudy(arms)
-    options = asdict(searched) | {"arms": [one.name for one in arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.reach_rows(searched, results.make))
+    searched = study.ReachStudy((base, randomized_arm(base, 0, 0.5)))
+    _make(study.EXPERIMENT, searched, study.reach_rows, work)
 
 
 def _shapes(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
@@ -173,9 +163,7 @@ def _shapes(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> No
 
     base = load_arm(arm)
     taken = study.ShapeStudy((base, randomized_arm(base, 0, 0.5)), seeds=_seeds(seeds))
-    options = asdict(taken) | {"arms": [one.name for one in taken.arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.shape_rows(taken, results.make))
+    _make(study.EXPERIMENT, taken, study.shape_rows, work)
 
 
 def _repetition(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -> None:
@@ -183,9 +171,16 @@ def _repetition(arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES) -
 
     arms = tuple(randomized_arm(load_arm(arm), seed, 1.0) for seed in range(3))
     repeated = study.RepetitionStudy(arms, seeds=_seeds(seeds))
-    options = asdict(repeated) | {"arms": [one.name for one in arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.repetition_rows(repeated, results.make))
+    _make(study.EXPERIMENT, repeated, study.repetition_rows, work)
+
+
+def _sensor_faults(
+    arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES
+) -> None:
+    from s2c2a_experiments import sensor_faults as study
+
+    compared = study.SensorFaultStudy(load_arm(arm), seeds=_seeds(seeds))
+    _make(study.EXPERIMENT, compared, study.sensor_fault_rows, work)
 
 
 def _data(
@@ -202,10 +197,8 @@ def _data(
     arms = [base, load_arm("simulated_arm"), *map(load_arm, files)]
     arms += [randomized_arm(base, *pair) for pair in drawn]
     compared = study.DataStudy(tuple(arms), seeds=_seeds(seeds))
-    options = asdict(compared) | {"arms": [one.name for one in compared.arms]}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.data_rows(compared, results.make))
-    print(f"chosen: {study.choice(results.rows, compared.kinds)}")
+    rows = _make(study.EXPERIMENT, compared, study.data_rows, work)
+    print(f"chosen: {study.choice(rows, compared.kinds)}")
 
 
 def _session(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
@@ -218,18 +211,6 @@ def _session(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     with _study(study.EXPERIMENT, options, work) as results:
         changed = study.SessionStudy(arms, "circle", 0, results.directory)
         results.keep(study.session_rows(changed, results.make))
-
-
-def _sensor_faults(
-    arm: str = "twin_arm", seeds: int = 1, work: Work = ALL_CORES
-) -> None:
-    """Every fault begins at 8 s, and is also kept to the end of the run."""
-    from s2c2a_experiments import sensor_faults as study
-
-    compared = study.SensorFaultStudy(load_arm(arm), seeds=_seeds(seeds))
-    options = asdict(compared) | {"arm": arm}
-    with _study(study.EXPERIMENT, options, work) as results:
-        results.keep(study.sensor_fault_rows(compared, results.make))
 
 
 def _real(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None:
@@ -430,6 +411,24 @@ def _study(
     print_results(title or name, averages or rows, [], directory)
     if as_table:
         print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
+
+
+def _make(
+    name: str,
+    compared: Any,
+    rows_of: "Callable[[Any, Make], Sequence[Row]]",
+    work: Work,
+    title: str = "",
+) -> "Sequence[Row]":
+    """Make the rows of a study; its settings are recorded, its arms by their names."""
+    options = asdict(compared)
+    if "arms" in options:
+        options["arms"] = [arm.name for arm in compared.arms]
+    else:
+        options["arm"] = compared.arm.name
+    with _study(name, options, work, title) as results:
+        results.keep(rows_of(compared, results.make))
+    return results.rows
 
 
 def _seeds(count: int) -> tuple[int, ...]:

@@ -97,19 +97,17 @@ class _Case:
         """Of the simulated robot."""
         events = []
         for value in VALUES[self.sensors]:
-            events.append(f"{START} {self.fault} {value.name} {self._amount(value)}")
+            amounts = {
+                "drift": value.drift,
+                "noise": value.noise,
+                "offset": value.offset,
+                "latency": LATENCY,
+            }
+            amount = str(amounts.get(self.fault, ""))
+            events.append(f"{START} {self.fault} {value.name} {amount}")
             if np.isfinite(self.duration):
                 events.append(f"{START + self.duration} repaired {value.name}")
         return "" if self.fault == HEALTHY else "; ".join(events)
-
-    def _amount(self, value: SensedValue) -> str:
-        amounts = {
-            "drift": value.drift,
-            "noise": value.noise,
-            "offset": value.offset,
-            "latency": LATENCY,
-        }
-        return str(amounts.get(self.fault, ""))
 
     def __str__(self) -> str:
         if self.fault == HEALTHY:

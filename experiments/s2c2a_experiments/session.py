@@ -134,7 +134,14 @@ def _arm_rows(
             name = f"{change}, {label} session"
             yield from labeled(jobs.score_rows(EXPERIMENT, [run]), name)
             heading = jobs.Heading.of(EXPERIMENT, [run])
-            error = 1000 * _tip_error(used, tested)
+            # mean distance of the tip from the model's [m]
+            options = used.recipe.c2s
+            known = strategies.training_data(tested, used.recipe)
+            # that of the base class: options of the recipe would look for the chain within
+            predicted = ForwardOptions.predictions(options, used.c2s, known)
+            errors = (predicted - known.states)[:, :, -1, POSITION]
+            tip_error = float(np.linalg.norm(errors, axis=-1).mean())
+            error = 1000 * tip_error
             yield heading.row("babbling", name, "model error", "mm", [error])
             warned = float(bool(describe_disagreement(run.episode)))
             yield heading.row(study.task, name, "warns", "of runs", [warned])
@@ -163,21 +170,18 @@ def _robot(study: SessionStudy, arm: ArmSpec, change: str) -> RobotFactory:
         options |= {"homing": HOMING}
     if change == "stiffness":
         twin = study.folder / f"{arm.name}.toml"
-        save_arm(_stiffer(arm), twin)
+        # an arm with more stiffness and more backlash
+        described = arm.model_dump()
+        for module in described["modules"]:
+            mismatch = module["mismatch"]
+            stiffness = 1.0 + mismatch["stiffness_error"]
+            mismatch["stiffness_error"] = stiffness * (1.0 + OTHER) - 1.0
+            backlash = np.asarray(module["cable"]["backlash"]) * (1.0 + OTHER)
+            module["cable"]["backlash"] = backlash.tolist()
+        stiffer = ArmSpec.model_validate(described)
+        save_arm(stiffer, twin)
         options |= {"twin": str(twin)}
     return RobotFactory("s2c2a_experiments.session:OtherDay", tuple(options.items()))
-
-
-def _stiffer(arm: ArmSpec) -> ArmSpec:
-    """An arm with more stiffness and more backlash."""
-    described = arm.model_dump()
-    for module in described["modules"]:
-        mismatch = module["mismatch"]
-        stiffness = 1.0 + mismatch["stiffness_error"]
-        mismatch["stiffness_error"] = stiffness * (1.0 + OTHER) - 1.0
-        backlash = np.asarray(module["cable"]["backlash"]) * (1.0 + OTHER)
-        module["cable"]["backlash"] = backlash.tolist()
-    return ArmSpec.model_validate(described)
 
 
 def _recording(
@@ -197,13 +201,3 @@ def _recording(
     path = study.folder / f"{arm.name}-{change}-{episodes}.episodes"
     make_robot = partial(robot.seeded, arm)
     return data.collect(path, arm, make_robot, options, threads=1, overwrite=True)
-
-
-def _tip_error(networks: TrainedNetworks, recording: data.Recording) -> float:
-    """Mean distance of the tip from the model's [m]."""
-    options = networks.recipe.c2s
-    known = strategies.training_data(recording, networks.recipe)
-    # that of the base class: options of the recipe would look for the chain within
-    predicted = ForwardOptions.predictions(options, networks.c2s, known)
-    errors = (predicted - known.states)[:, :, -1, POSITION]
-    return float(np.linalg.norm(errors, axis=-1).mean())

@@ -44,14 +44,9 @@ def test_every_map_is_valid_and_names_source_and_license(path):
 @pytest.mark.slow
 def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
     out = tmp_path / "opencr.episodes"
-    command = [
-        "import",
-        str(DATA / "opencr_v4" / "train.csv.gz"),
-        "--map",
-        str(short_map),
-        "--out",
-        str(out),
-    ]
+    command = (
+        f"import {DATA / 'opencr_v4' / 'train.csv.gz'} --map {short_map} --out {out}"
+    ).split()
     main(command)
     output = capsys.readouterr().out
     assert "1 episodes of 300 steps" in output
@@ -78,9 +73,7 @@ def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsy
         "import",
         str(DATA / "opencr_v4" / "val.csv.gz"),
         *command[2:4],
-        "--like",
-        str(out),
-        "--overwrite",
+        *f"--like {out} --overwrite".split(),
     ]
     for _ in range(2):
         main([*repeated, "--out", str(other)])

@@ -8,10 +8,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-QUICK = {
-    "01_your_own_arm.py": "module 2 ends at",
-    "04_own_task.py": "out of reach",
-}
+QUICK = {"01_your_own_arm.py": "module 2 ends at", "04_own_task.py": "out of reach"}
 SLOW = {
     "03_a_target_that_moves.py": "its target was at",
     "05_plan_many.py": "one target from 16 starts: 0.",

@@ -40,19 +40,7 @@ def recipe(tmp_path_factory) -> Path:
 def strategy(recipe) -> Path:
     """Strategy file of a recording and a training with this model."""
     data, file = recipe.with_name("data.episodes"), recipe.with_name("own.safetensors")
-    main(
-        [
-            "collect",
-            "--episodes",
-            "2",
-            "--samples",
-            "60",
-            "--recipe",
-            str(recipe),
-            "--out",
-            str(data),
-        ]
-    )
+    main(f"collect --episodes 2 --samples 60 --recipe {recipe} --out {data}".split())
     main(["train", str(data), "--recipe", str(recipe), "--out", str(file)])
     return file
 
@@ -66,16 +54,10 @@ def waypoints(folder: Path) -> Path:
 def test_a_custom_model_runs_a_task(strategy, tmp_path, capsys):
     out = tmp_path / "run"
     main(
-        [
-            "run",
-            str(waypoints(tmp_path)),
-            "--weights",
-            str(strategy),
-            "--trust",
-            MODEL,
-            "--out",
-            str(out),
-        ]
+        (
+            f"run {waypoints(tmp_path)} --weights {strategy} --trust {MODEL} "
+            f"--out {out}"
+        ).split()
     )
     assert "of the arm's length" in capsys.readouterr().out
     assert (out / "results.json").exists()

@@ -45,18 +45,7 @@ def test_an_example_runs_from_the_command_line(example, name, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     waypoints, recipe = tmp_path / "short.csv", EXTENDING / f"{example}.toml"
     waypoints.write_text("time,x,y,z\n0.5,0.05,0.0,0.59\n1.5,0.1,0.05,0.57\n")
-    main(
-        [
-            "run",
-            str(waypoints),
-            "--strategy",
-            "pcc",
-            "--recipe",
-            str(recipe),
-            "--out",
-            "out",
-        ]
-    )
+    main(f"run {waypoints} --strategy pcc --recipe {recipe} --out out".split())
     rows = json.loads(Path("out/results.json").read_text())
     assert rows[0]["mean"] < 6.0
     assert name in json.dumps(

@@ -50,14 +50,7 @@ def recorded(twin, recipe, tmp_path_factory):
         [
             "collect",
             *robot,
-            "--out",
-            str(recording),
-            "--episodes",
-            "3",
-            "--samples",
-            "80",
-            "--recipe",
-            recipe,
+            *f"--out {recording} --episodes 3 --samples 80 --recipe {recipe}".split(),
         ]
     )
     return arm, recording
@@ -75,16 +68,10 @@ def weights(recorded, recipe):
 def test_a_custom_robot_fulfills_the_interface_contract(capsys, twin, tmp_path):
     arm = arm_file(twin, tmp_path, control_rate=20.0)
     main(
-        [
-            "robot",
-            "check",
-            "--robot",
-            f"{ROBOT}:LaggingArm",
-            "--arm",
-            str(arm),
-            "--robot-option",
-            "lag=0.02",
-        ]
+        (
+            f"robot check --robot {ROBOT}:LaggingArm --arm {arm} --robot-option "
+            "lag=0.02"
+        ).split()
     )
     output = capsys.readouterr().out
     assert "ok: readings contain cables, states, as declared" in output
@@ -107,15 +94,10 @@ def test_a_custom_robot_is_run_and_scored(recorded, tmp_path):
     """A short lateral motion."""
     arm, _ = recorded
     (tmp_path / "aside.csv").write_text("time,x,y,z\n0,0,0,0.6\n1,0.05,0,0.59\n")
-    task = [
-        str(tmp_path / "aside.csv"),
-        "--arm",
-        str(arm),
-        "--robot",
-        f"{ROBOT}:LaggingArm",
-        "--strategy",
-        "pcc",
-    ]
+    task = (
+        f"{tmp_path / 'aside.csv'} --arm {arm} --robot {ROBOT}:LaggingArm "
+        "--strategy pcc"
+    ).split()
     main(["run", *task, "--out", str(tmp_path / "run")])
     (row,) = [
         row
@@ -148,16 +130,7 @@ def test_a_custom_robot_runs_on_the_live_page(weights):
 
 def test_an_invalid_option_of_a_custom_robot_is_reported(capsys):
     with pytest.raises(SystemExit) as caught:
-        main(
-            [
-                "robot",
-                "check",
-                "--robot",
-                f"{ROBOT}:LaggingArm",
-                "--robot-option",
-                "lag=long",
-            ]
-        )
+        main(f"robot check --robot {ROBOT}:LaggingArm --robot-option lag=long".split())
     assert caught.value.code == 2
     assert "option lag=long of LaggingArm" in capsys.readouterr().err
 
@@ -185,10 +158,7 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     task = [
         str(tmp_path / "aside.csv"),
         *robot,
-        "--strategy",
-        "s2c2a",
-        "--weights",
-        str(weights),
+        *f"--strategy s2c2a --weights {weights}".split(),
     ]
     main(["run", *task, "--out", str(tmp_path / "run")])
     rows = json.loads((tmp_path / "run" / "results.json").read_text())
@@ -199,29 +169,12 @@ def test_a_custom_sensor_is_checked_recorded_and_trained_on(
 def test_a_missing_sensor_of_the_robot_is_reported(twin, tmp_path, capsys):
     arm = str(arm_file(twin, tmp_path, sensing=f"{SENSOR}:FlexMap"))
     recording = str(tmp_path / "no_flex.episodes")
-    main(
-        [
-            "collect",
-            "--arm",
-            arm,
-            "--episodes",
-            "1",
-            "--samples",
-            "30",
-            "--out",
-            recording,
-        ]
-    )
+    main(f"collect --arm {arm} --episodes 1 --samples 30 --out {recording}".split())
     with pytest.raises(SystemExit):
         main(
-            [
-                "train",
-                recording,
-                "--arm",
-                arm,
-                "--out",
-                str(tmp_path / "none.safetensors"),
-            ]
+            (
+                f"train {recording} --arm {arm} --out {tmp_path / 'none.safetensors'}"
+            ).split()
         )
     assert "no 'flex'" in capsys.readouterr().err
 
@@ -259,18 +212,8 @@ class Blind(SimulatedRobot):
 def test_a_run_without_measured_states_is_saved_without_scores(tmp_path, capsys):
     (tmp_path / "blind.py").write_text(BLIND)
     (tmp_path / "path.csv").write_text("time,x,y,z\n0.5,0.05,0,0.58\n1,0.1,0,0.57\n")
-    robot = ["--robot", f"{tmp_path / 'blind.py'}:Blind"]
-    main(
-        [
-            "run",
-            str(tmp_path / "path.csv"),
-            "--strategy",
-            "pcc",
-            *robot,
-            "--out",
-            str(tmp_path / "run"),
-        ]
-    )
+    robot = f"--robot {tmp_path / 'blind.py'}:Blind --out {tmp_path / 'run'}"
+    main(f"run {tmp_path / 'path.csv'} --strategy pcc {robot}".split())
     assert "run directory:" in capsys.readouterr().out
     assert json.loads((tmp_path / "run" / "results.json").read_text()) == []
     (run,), _ = load_episodes(tmp_path / "run" / "twin_arm.episodes")

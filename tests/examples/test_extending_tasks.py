@@ -15,16 +15,7 @@ OWN = Path(__file__).parents[2] / "examples" / "extending" / "own_task.py"
 
 @pytest.mark.slow
 def test_a_custom_task_is_run_and_scored(tmp_path):
-    main(
-        [
-            "run",
-            f"{OWN}:figure_of_eight",
-            "--strategy",
-            "pcc",
-            "--out",
-            str(tmp_path / "run"),
-        ]
-    )
+    main(f"run {OWN}:figure_of_eight --strategy pcc --out {tmp_path / 'run'}".split())
     rows = json.loads((tmp_path / "run" / "results.json").read_text())
     assert [(row["task"], row["strategy"], row["metric"]) for row in rows] == [
         ("eight", "pcc", "position"),

@@ -36,6 +36,24 @@ def trained_as_the_paper(cache):
     return train_s2c2a(recording, recipe, seed=0)
 
 
+@pytest.fixture(scope="session")
+def asked():
+    """Jobs that a study asks for, instead of making them."""
+
+    class RequestedError(Exception):
+        pass
+
+    def make(jobs):
+        raise RequestedError(jobs)
+
+    def ask(rows_of_study, study) -> list:
+        with pytest.raises(RequestedError) as requested:
+            rows_of_study(study, make)
+        return requested.value.args[0]
+
+    return ask
+
+
 @pytest.fixture
 def make_trace(drawn):
     """Make runs around a circle, `lag` [rad] behind the target of the last module."""

@@ -52,14 +52,6 @@ def test_a_preset_is_timed_with_its_networks(few, tmp_path):
     )
 
 
-@pytest.mark.slow
-def test_another_arm_is_timed_with_pcc(few, make_arm):
-    arm = make_arm()
-    timings = [*bench.control_times(arm), *bench.simulation_times(arm)]
-    assert [timing.operation for timing in timings] == OPERATIONS[:4]
-    assert all(0 < timing.percentile(50) < 60 for timing in timings)
-
-
 def test_times_of_a_preset_are_compared_with_the_limits(
     stated, tmp_path, capsys, monkeypatch
 ):
@@ -100,12 +92,6 @@ def test_presets_use_the_networks_of_the_package_and_other_arms_use_pcc(
     assert isinstance(
         default_model_and_strategy(make_arm(modules=1))[0], PCCForwardModel
     )
-
-
-@pytest.mark.slow
-def test_a_later_start_is_timed_in_a_new_process():
-    (seconds,) = bench.start_times("twin_arm", starts=1)
-    assert 0.3 < seconds < 120
 
 
 def test_a_start_that_fails_is_reported():

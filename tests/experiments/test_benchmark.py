@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm, save_arm
+from s2c2a.cli.execution import ALL_CORES
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.execution.progress import quiet
 from s2c2a.goals import Goal
@@ -39,6 +40,8 @@ from s2c2a_experiments.figures import planners
 from s2c2a_experiments.figures.planners import pareto
 
 TWIN = load_arm("twin_arm")
+TWIN_ARM = protocol.BenchmarkArm(TWIN, "preset")
+PCC = entrant_of("pcc")
 OWN = '''
 from dataclasses import dataclass
 from s2c2a.strategies import StrategyOptions, pcc_strategy
@@ -71,9 +74,8 @@ def short(monkeypatch):
         return [replace(whole, goals=whole.goals[:12])]
 
     path = replace(protocol.TASKS["path"], goals=goals)
-    arms = [protocol.BenchmarkArm(TWIN, "preset")]
     monkeypatch.setattr(protocol, "TASKS", protocol.TASKS | {"path": path})
-    monkeypatch.setattr(protocol, "protocol_arms", lambda: arms)
+    monkeypatch.setattr(protocol, "protocol_arms", lambda: [TWIN_ARM])
 
 
 def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
@@ -81,7 +83,7 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
 ):
     monkeypatch.chdir(tmp_path)
     arguments = {"entry": (own,), "only": ("pcc",), "task": ("path", "obstacles")}
-    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
+    work = replace(ALL_CORES, out=tmp_path / "run", jobs=1)
     benchmark(**arguments, smoke=True, work=work)
     table = list(csv.reader((tmp_path / "run" / "planners.csv").open(encoding="utf-8")))
     assert {line[0] for line in table[1:]} == {"`mine`", "`pcc`"}
@@ -105,12 +107,6 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
         ("pcc", "obstacles", "1"),
         ("mine", "path", "1"),
     ]
-
-
-def protocol_work():
-    from s2c2a.cli.execution import ALL_CORES  # noqa: PLC0415  # a command's option
-
-    return ALL_CORES
 
 
 def test_the_smoke_version_has_one_entrant_of_each_file_and_the_users_own(own):
@@ -141,15 +137,13 @@ def test_arms_of_the_user_take_part_and_keep_their_names_apart(tmp_path):
         command.chosen_arms(("other.toml",), smoke=False)
 
 
-def test_an_arm_of_two_modules_has_no_middle_to_hold():
-    arm = protocol.BenchmarkArm(load_arm("planar_finger"), "yours")
-    (cell,) = all_cells([entrant_of("pcc")], [protocol.TASKS["constraint"]], [arm])
-    assert cell.dash == "is given no arm of 3 modules"
-
-
 def test_every_entrant_takes_part_in_what_it_does_not_ignore():
-    arms = [protocol.BenchmarkArm(TWIN, "preset")]
+    arms = [TWIN_ARM]
     cells = all_cells(entrants(), list(protocol.TASKS.values()), arms)
+    finger = protocol.BenchmarkArm(load_arm("planar_finger"), "yours")
+    assert Cell(PCC, protocol.TASKS["constraint"], finger).dash == (
+        "is given no arm of 3 modules"
+    )
     dashes = {(cell.entrant.name, cell.task.name): cell.dash for cell in cells}
     assert dashes["best", "known payload"] == ""
     for name in ("pcc", "paper"):
@@ -160,11 +154,10 @@ def test_every_entrant_takes_part_in_what_it_does_not_ignore():
 
 def test_a_cell_knows_the_payload_only_where_the_task_says_so():
     best = next(each for each in untuned() if each.name == "best")
-    arm = protocol.BenchmarkArm(TWIN, "preset")
     known = {}
     for name in ("payload", "known payload"):
         task = protocol.TASKS[name]
-        (job,) = Cell(best, task, arm).make_jobs(task.tasks(arm), (0,))
+        (job,) = Cell(best, task, TWIN_ARM).make_jobs(task.tasks(TWIN_ARM), (0,))
         known[name] = job.conditions.run.estimation.known_payload
         assert float(dict(job.conditions.robot.options)["payload"]) == pytest.approx(
             0.2 * 0.24
@@ -201,24 +194,30 @@ def test_the_arms_of_the_protocol_are_distinct():
     assert protocol.tuning_arm().arm.name not in {each.arm.name for each in arms}
 
 
-def result(entrant, task, arm, success, **metrics):
+def result(entrant, task, success, arm=TWIN_ARM, **metrics):
     cell = Cell(entrant, protocol.TASKS[task], arm)
     values = {"success": success, **metrics}
     return Result(cell, values, (), (1.0, 2.0), {"s2c2a": "0"})
 
 
+def compared(*results, seeds=1):
+    entrants = {each.cell.entrant.name: each.cell.entrant for each in results}
+    return PlannerComparison([*entrants.values()], results, [], range(seeds))
+
+
+def named_arm(name, group="preset"):
+    return protocol.BenchmarkArm(TWIN.model_copy(update={"name": name}), group)
+
+
 def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
-    one, other = entrant_of("pcc"), entrant_of("online-jacobian")
-    arms = [
-        protocol.BenchmarkArm(TWIN.model_copy(update={"name": name}), "preset")
-        for name in ("first", "second")
-    ]
-    results = [
-        result(one, "path", arms[0], [1.0, 1.0]),
-        result(one, "path", arms[1], [0.0, 1.0]),
-        result(other, "path", arms[0], [1.0, 1.0]),
-    ]
-    comparison = PlannerComparison([one, other], results, [], (0, 1))
+    other = entrant_of("online-jacobian")
+    first, second = named_arm("first"), named_arm("second")
+    comparison = compared(
+        result(PCC, "path", [1.0, 1.0], first),
+        result(PCC, "path", [0.0, 1.0], second),
+        result(other, "path", [1.0, 1.0], first),
+        seeds=2,
+    )
     names = comparison.arms(held_out=False)
     assert comparison.success("pcc", names).tolist() == [0.5, 1.0]
     assert comparison.success("online-jacobian", names).tolist() == [0.5, 0.5]
@@ -230,73 +229,88 @@ def test_an_arm_that_an_entrant_leaves_out_counts_as_no_success():
     )
 
 
+def test_main_arms_alone_count_in_times_unless_all_are_held_out():
+    first = result(PCC, "path", [1.0], named_arm("first"))
+    second = result(PCC, "path", [1.0], named_arm("second", "held out"))
+    second = replace(second, step=(9.0, 9.0))
+    assert compared(first, second).step_times("pcc") == (1.0, 2.0)
+    held_out = compared(second)
+    assert held_out.step_times("pcc") == (9.0, 9.0)
+    assert lines(held_out)[0][2:5] == ["-", "100 %", "100 %; -"]
+
+
+def test_equal_success_is_ranked_by_error():
+    other = entrant_of("online-jacobian")
+    worse = result(PCC, "path", [1.0], error=[2.0])
+    comparison = compared(worse, result(other, "path", [1.0], error=[1.0]))
+    assert [line[0] for line in lines(comparison)] == ["`online-jacobian`", "`pcc`"]
+
+
+def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
+    known = result(PCC, "known payload", [0.0])
+    both = compared(result(PCC, "path", [1.0]), known)
+    assert both.success("pcc", ["twin_arm"]) == 1.0
+    assert compared(known).success("pcc", ["twin_arm"]) == 0
+
+
+def test_touches_are_counted_and_a_failed_run_never_settles():
+    values = {"error": [1.0, 2.0], "clearance": [3.0, -3.0], "settling": [2.0, 15.0]}
+    runs = result(PCC, "obstacles", [1.0, 0.0, 0.0], **values)
+    comparison = compared(runs)
+    assert lines(comparison)[0][4] == "33 %; 1.5; 50 %"
+    assert comparison.settling("pcc") == 15.0
+    failed = replace(runs, metrics={"success": [0.0, 0.0, 0.0]})
+    assert np.isinf(compared(failed).settling("pcc"))
+
+
+def test_a_benchmark_in_which_every_run_fails_still_draws(tmp_path):
+    failed = replace(result(PCC, "path", [0.0]), step=None)
+    assert draw(compared(failed), tmp_path / "planners.png").is_file()
+
+
 @pytest.fixture
-def file(short, tmp_path):
+def file(tmp_path):
     """A file that says that `pcc` succeeds in a half of a task."""
-    (arm,) = protocol.protocol_arms()
-    pcc = next(each for each in entrants() if each.name == "pcc")
     path = tmp_path / "known.json"
-    save_results([result(pcc, "path", arm, [0.5])], (0,), path)
+    save_results([result(PCC, "path", [0.5])], (0,), path)
     return path
 
 
-@pytest.mark.slow
-def test_what_a_file_of_results_holds_is_not_run_again(own, file, tmp_path, capsys):
-    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
-    benchmark(
-        entry=(own,),
-        only=("pcc",),
-        task=("path",),
-        seeds=1,
-        results=(str(file),),
-        work=work,
-    )
-    saved = json.loads((tmp_path / "run" / "planners.json").read_text(encoding="utf-8"))
-    results = {each["entrant"]: each for each in saved["results"]}
-    assert results["pcc"]["metrics"] == {"success": [0.5]}
-    assert results["mine"]["metrics"]["error"]
-    assert saved["versions"][results["pcc"]["versions"]] == {"s2c2a": "0"}
-    assert "known.json: 1 results, made with s2c2a 0" in capsys.readouterr().out
-
-
-def test_results_count_for_the_same_options_and_arm_alone(own, file):
-    pcc = next(each for each in entrants() if each.name == "pcc")
-    other = pcc.with_values({"planner.solver.learning_rate": 0.02})
-    arms = protocol.protocol_arms()
-    slower = TWIN.model_copy(update={"control_rate": 5.0})
-    changed = [protocol.BenchmarkArm(slower, "preset")]
-    for entrant, its_arms, count in (
-        (pcc, arms, 1),
-        (other, arms, 0),
-        (pcc, changed, 0),
+def test_results_count_for_the_same_options_arm_task_and_group_alone(tmp_path):
+    kept = tmp_path / "known.json"
+    held_out = protocol.held_out()[0]
+    task = replace(protocol.TASKS["obstacles"], scenes=1)
+    tuned = next(each for each in entrants() if each.name == "pcc")
+    cell = Cell(tuned, task, held_out)
+    saved = replace(FAILED, cell=cell)
+    save_results([saved], (0,), kept)
+    assert load_results(kept, [cell], (0,)) == ([saved], 0)
+    slower = held_out.arm.model_copy(update={"control_rate": 5.0})
+    for other in (
+        replace(
+            cell, entrant=tuned.with_values({"planner.solver.learning_rate": 0.02})
+        ),
+        replace(cell, arm=replace(held_out, arm=slower)),
+        replace(cell, arm=replace(held_out, group="yours")),
+        replace(cell, task=protocol.TASKS["obstacles"]),
     ):
-        cells = all_cells([entrant], [protocol.TASKS["path"]], its_arms)
-        results, others = load_results(file, cells, (0,))
-        assert (len(results), others) == (count, 1 - count)
+        assert load_results(kept, [other], (0,)) == ([], 1)
+    save_results([replace(FAILED, cell=replace(cell, task=other.task))], (0,), kept)
+    with pytest.raises(S2C2AError, match=r"1 runs of pcc .* 3 a seed"):
+        load_results(kept, [other], (0,))
 
 
 def test_results_of_an_entry_belong_to_its_code_wherever_it_lies(tmp_path):
     code = tmp_path / "changing.py"
     code.write_text(OWN)
     kept = tmp_path / "known.json"
-    arm = protocol.BenchmarkArm(TWIN, "preset")
     one = entrant_of(f"{code}:Mine")
-    save_results([result(one, "path", arm, [0.5])], (0,), kept)
+    save_results([result(one, "path", [0.5])], (0,), kept)
     elsewhere = entrant_of(f"{tmp_path}/../{tmp_path.name}/changing.py:Mine")
-    cells = [Cell(elsewhere, protocol.TASKS["path"], arm)]
+    cells = [Cell(elsewhere, protocol.TASKS["path"], TWIN_ARM)]
     assert len(load_results(kept, cells, (0,))[0]) == 1
     code.write_text(OWN + "\nLATER = 1\n")
     assert load_results(kept, cells, (0,)) == ([], 1)
-
-
-def test_results_of_a_task_with_fewer_scenes_are_others(tmp_path):
-    kept = tmp_path / "known.json"
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    whole = Cell(entrant_of("pcc"), protocol.TASKS["obstacles"], arm)
-    short = replace(whole, task=replace(whole.task, scenes=1))
-    save_results([replace(FAILED, cell=short)], (0,), kept)
-    assert load_results(kept, [short], (0,)) == ([replace(FAILED, cell=short)], 0)
-    assert load_results(kept, [whole], (0,)) == ([], 1)
 
 
 FAILED = Result(
@@ -337,28 +351,12 @@ def test_files_of_other_results_are_refused(file, change, message):
 
 
 def test_messages_of_runs_are_one_line_that_a_terminal_shows_as_it_is():
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    cell = Cell(entrant_of("pcc"), protocol.TASKS["path"], arm)
+    cell = Cell(PCC, protocol.TASKS["path"], TWIN_ARM)
     (failed,) = run_cells(
         [cell], (0,), lambda runs: [S2C2AError("lost\n\x1b[2Jtip") for _ in runs]
     )
     assert failed.failures == ("lost [2Jtip",)
     assert (failed.metrics, failed.step) == ({"success": [0.0]}, None)
-
-
-def test_main_arms_alone_count_in_times_unless_all_are_held_out():
-    one = entrant_of("pcc")
-    arms = [
-        protocol.BenchmarkArm(TWIN.model_copy(update={"name": name}), group)
-        for name, group in (("first", "preset"), ("second", "held out"))
-    ]
-    first, second = (result(one, "path", arm, [1.0]) for arm in arms)
-    second = replace(second, step=(9.0, 9.0))
-    both = PlannerComparison([one], [first, second], [], (0,))
-    assert both.step_times("pcc") == (1.0, 2.0)
-    held_out = PlannerComparison([one], [second], [], (0,))
-    assert held_out.step_times("pcc") == (9.0, 9.0)
-    assert lines(held_out)[0][2:5] == ["-", "100 %", "100 %; -"]
 
 
 def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
@@ -380,53 +378,10 @@ def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
-@pytest.mark.slow
-def test_equal_success_is_ranked_by_error_and_the_users_own_is_in_color(
-    own, tmp_path, monkeypatch
-):
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    entered = [*(each for each in entrants() if each.name != "ppo"), entrant_of(own)]
-    results = [
-        result(each, "path", arm, [1.0], error=[1.0 + number])
-        for number, each in enumerate(entered)
-    ]
-    comparison = PlannerComparison(entered[::-1], results, [], (0,))
-    names = [each.name for each in entered]
-    assert [line[0] for line in lines(comparison)] == [f"`{name}`" for name in names]
-    figures = []
-    monkeypatch.setattr(
-        planners, "save_figure", lambda figure, _: figures.append(figure)
-    )
-    draw(comparison, tmp_path / "planners.png")
-    colored = {line.get_label() for line in figures[0].axes[0].lines}
-    assert {"mine", *names[:5], "others"} <= colored
-    assert not {*names[5:-1]} & colored
-
-
-def test_a_known_payload_is_no_part_of_success_where_other_tasks_are():
-    best = entrant_of("pcc")
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    known = result(best, "known payload", arm, [0.0])
-    both = [result(best, "path", arm, [1.0]), known]
-    assert PlannerComparison([best], both, [], (0,)).success("pcc", ["twin_arm"]) == 1.0
-    assert (
-        PlannerComparison([best], [known], [], (0,)).success("pcc", ["twin_arm"]) == 0
-    )
-
-
-def test_a_benchmark_in_which_every_run_fails_still_draws(tmp_path):
-    one = entrant_of("pcc")
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    failed = replace(result(one, "path", arm, [0.0]), step=None)
-    comparison = PlannerComparison([one], [failed], [], (0,))
-    assert draw(comparison, tmp_path / "planners.png").is_file()
-
-
 def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
-    arm = protocol.BenchmarkArm(TWIN, "preset")
     names = {}
     for name in ("constraint", "orientation"):
-        (task,) = protocol.TASKS[name].tasks(arm)
+        (task,) = protocol.TASKS[name].tasks(TWIN_ARM)
         names[name] = [score.metric for score in task.scores]
         for each in entrants():
             if each.name in ("paper", "best"):
@@ -478,30 +433,6 @@ def test_a_smoke_version_with_nothing_left_is_refused():
             benchmark(smoke=True, **arguments)
 
 
-FAULTY = (
-    OWN
-    + """
-class Sometimes(Mine):
-    def build(self, arm, recipe, trained, run):
-        raise ValueError("no\\nplan | for `this`")
-"""
-)
-
-
-@pytest.mark.slow
-def test_an_entry_that_cannot_be_built_fails_alone(short, tmp_path):
-    code = tmp_path / "faulty.py"
-    code.write_text(FAULTY)
-    work = replace(protocol_work(), out=tmp_path / "run", jobs=1)
-    benchmark(
-        entry=(f"{code}:Sometimes",), only=("pcc",), task=("path",), seeds=1, work=work
-    )
-    notes = (tmp_path / "run" / "planners.md").read_text(encoding="utf-8")
-    assert r"ValueError: no plan \| for 'this'" in notes
-    table = list(csv.reader((tmp_path / "run" / "planners.csv").open(encoding="utf-8")))
-    assert [line[0] for line in table[1:]] == ["`pcc`", "`mine`"]
-
-
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -517,36 +448,6 @@ def test_what_an_entry_states_about_itself_is_checked(tmp_path, line, message):
     file.write_text(f"{OWN}\n    {line}\n")
     with pytest.raises(StrategyError, match=message):
         entrant_of(f"{file}:Mine")
-
-
-def test_touches_are_counted_and_a_failed_run_never_settles():
-    one = entrant_of("pcc")
-    arm = protocol.BenchmarkArm(TWIN, "preset")
-    runs = result(
-        one,
-        "obstacles",
-        arm,
-        [1.0, 0.0, 0.0],
-        error=[1.0, 2.0],
-        clearance=[3.0, -3.0],
-        settling=[2.0, 15.0],
-    )
-    comparison = PlannerComparison([one], [runs], [], (0,))
-    assert lines(comparison)[0][4] == "33 %; 1.5; 50 %"
-    assert comparison.settling("pcc") == 15.0
-    failed = replace(runs, metrics={"success": [0.0, 0.0, 0.0]})
-    assert np.isinf(PlannerComparison([one], [failed], [], (0,)).settling("pcc"))
-
-
-def test_results_of_an_arm_of_the_protocol_are_not_those_of_a_users_copy(tmp_path):
-    kept = tmp_path / "known.json"
-    held_out = protocol.held_out()[0]
-    cell = Cell(entrant_of("pcc"), protocol.TASKS["obstacles"], held_out)
-    save_results([replace(FAILED, cell=cell)], (0,), kept)
-    copied = replace(cell, arm=replace(held_out, group="yours"))
-    assert load_results(kept, [copied], (0,)) == ([], 1)
-    with pytest.raises(S2C2AError, match=r"1 runs of pcc .* 3 a seed"):
-        load_results(kept, [cell], (0,))
 
 
 def test_success_is_graded_and_a_missing_figure_is_none():

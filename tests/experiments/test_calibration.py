@@ -7,15 +7,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.data import CollectOptions
 from s2c2a_experiments import calibration
-from s2c2a_experiments.calibration import (
-    C2S_ERROR,
-    ESTIMATION,
-    PCC_CIRCLE,
-    WORKSPACE,
-    Claim,
-    claims_for,
-    measure,
-)
+from s2c2a_experiments.calibration import ESTIMATION, PCC_CIRCLE, WORKSPACE, measure
 
 SIBLINGS = ["twin_capstan", "twin_creep", "twin_both"]
 
@@ -29,30 +21,6 @@ def record(monkeypatch):
         monkeypatch.setattr(calibration, "CollectOptions", smaller)
 
     return set_size
-
-
-def test_a_claim_holds_within_its_tolerance():
-    claim = Claim("length", paper=2.0, tolerance=0.25, unit="m")
-    assert claim.holds(2.5)
-    assert claim.holds(1.5)
-    assert not claim.holds(2.51)
-
-
-def test_only_the_twin_has_claims_about_networks_and_pcc():
-    assert {PCC_CIRCLE, C2S_ERROR} <= set(claims_for(load_arm("twin_arm")))
-    assert claims_for(load_arm("twin_creep")) == ESTIMATION + WORKSPACE
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SIBLINGS)
-def test_estimation_errors_and_workspace_of_every_sibling_match_the_paper(name, record):
-    record(episodes=6)
-    values = measure(load_arm(name), seed=0, with_pcc=False, with_network=False)
-    assert [
-        claim.quantity
-        for claim in ESTIMATION + WORKSPACE
-        if not claim.holds(values[claim.quantity])
-    ] == []
 
 
 @pytest.mark.slow

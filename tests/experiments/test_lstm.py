@@ -90,40 +90,6 @@ def test_a_batch_through_an_lstm_equals_single_calls(batch):
     np.testing.assert_allclose(together.reshape(-1, 5), alone, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("moment", range(5))
-def test_an_lstm_uses_every_time_step(moment):
-    network, inputs = an_lstm(), numbers(2, 5, 4)
-    other = inputs.copy()
-    other[moment] += 1.0
-    assert np.abs(run(network, other) - run(network, inputs)).max() > 1e-5
-
-
-def test_an_lstm_has_as_many_weights_as_its_formula_says():
-    """Each layer: 4 gates of h cells with inputs, h recurrent values and a bias."""
-    network = eqx.filter_eval_shape(
-        lambda: LSTM(18, 12, layers=3, hidden=64, key=jax.random.key(0))
-    )
-    gates = sum(4 * 64 * (inputs + 64 + 1) for inputs in (18, 64, 64))
-    assert sum(leaf.size for leaf in jax.tree.leaves(network)) == gates + 64 * 12 + 12
-
-
-def test_the_same_key_makes_the_same_lstm_and_another_key_or_layer_another():
-    one, same, other = (an_lstm(seed).layers for seed in (0, 0, 1))
-    np.testing.assert_array_equal(one[0].weight_input, same[0].weight_input)
-    assert (
-        np.abs(
-            np.asarray(one[0].weight_input) - np.asarray(other[0].weight_input)
-        ).max()
-        > 0.01
-    )
-    assert (
-        np.abs(
-            np.asarray(one[0].weight_hidden) - np.asarray(one[1].weight_hidden)
-        ).max()
-        > 0.01
-    )
-
-
 def equation_10(raw):
     squashed = np.tanh(raw)
     return (3 * squashed - squashed.sum(axis=-1, keepdims=True)) / 4
@@ -161,53 +127,6 @@ def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
     np.testing.assert_allclose(
         run(model, desired, history), expected, rtol=1e-5, atol=1e-6
     )
-
-
-@pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_a_tip_lstm_equals_single_calls(batch):
-    model = a_tip_lstm(TWIN)
-    desired = numbers(10, *batch, 3)
-    history = a_history(TWIN, *batch)
-    together = run(model, desired, history)
-    assert together.shape == (*batch, 3, 3)
-    members = zip(
-        desired.reshape(-1, 3),
-        history.positions.reshape(-1, 5, 3),
-        history.actions.reshape(-1, 5, 3, 3),
-        strict=True,
-    )
-    alone = [
-        run(model, one, TipHistory(positions, actions))
-        for one, positions, actions in members
-    ]
-    np.testing.assert_allclose(together.reshape(-1, 3, 3), alone, rtol=1e-5, atol=1e-6)
-
-
-@pytest.mark.parametrize(("modules", "cables"), [(1, 3), (2, 5), (6, 4)])
-def test_a_tip_lstm_takes_any_module_and_cable_count(make_arm, modules, cables):
-    arm = make_arm(modules, cables)
-    actions = run(a_tip_lstm(arm), numbers(11, 3), a_history(arm))
-    assert actions.shape == (modules, cables)
-    assert np.isfinite(actions).all()
-
-
-@pytest.mark.slow
-def test_large_outputs_of_a_tip_lstm_are_limited_to_the_range_of_the_arm():
-    model = a_tip_lstm(SIMULATED)
-    desired = numbers(12, 50, 3)
-    history = a_history(SIMULATED, 50)
-    loud = eqx.tree_at(
-        lambda m: m.network.weight_head, model, 100 * model.network.weight_head
-    )
-    layer = loud.sum_and_range
-    limited, unlimited = (
-        np.asarray(layer.actions(answer(desired, history)))
-        for answer in (loud, loud.unlimited)
-    )
-    assert limited.min() >= -1e-4
-    assert limited.max() <= 54 + 1e-4
-    assert unlimited.max() > 55
-    np.testing.assert_allclose(limited, np.clip(unlimited, 0, 54), atol=1e-4)
 
 
 def test_training_cannot_move_the_scalings_of_a_tip_lstm():

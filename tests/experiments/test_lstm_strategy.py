@@ -1,6 +1,5 @@
 """The LSTM strategy: training, limits, and compilation."""
 
-import logging
 from dataclasses import replace
 
 import equinox as eqx
@@ -11,7 +10,6 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.evaluation import position_errors, rollout
-from s2c2a.models.layers import SumAndRange
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
@@ -79,26 +77,6 @@ def bends_of(arm, actions) -> np.ndarray:
     return np.rad2deg(shares * geometry.bend_limits[:, None])
 
 
-@pytest.mark.slow
-def test_nothing_compiles_after_it_is_built(strategy, twin, caplog):
-    goals = [
-        TARGET,
-        Goal.of(3, 0.1)
-        .with_position([0.0, 0.1, 0.5])
-        .with_axis([0, 1, 1])
-        .with_obstacles([[0, 0, 1]], [0.1]),
-    ]
-    with caplog.at_level(logging.WARNING), jax.log_compiles(True):
-        jax.jit(lambda value: 5 * value - 2)(np.float32(2))
-        counted = sum(record.name.startswith("jax") for record in caplog.records)
-        live(strategy, twin, goals * 3)
-        assert strategy.diagnostics()["sensed"].shape == (3, 3)
-        assert counted > 0
-        assert (
-            sum(record.name.startswith("jax") for record in caplog.records) == counted
-        )
-
-
 def test_training_lowers_both_losses(trained):
     curve = trained.curves["LSTM"]
     np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
@@ -154,27 +132,6 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
     np.testing.assert_allclose(noisy.curves["LSTM"][:, 2], calm[1], rtol=1e-4)
 
 
-def test_the_same_seed_trains_the_same_lstm_and_another_seed_another(
-    trained, recording, options
-):
-    again, other = (train(recording, options, seed) for seed in (7, 8))
-    np.testing.assert_array_equal(again.curves["LSTM"], trained.curves["LSTM"])
-    assert other.curves["LSTM"][0, 2] != pytest.approx(
-        trained.curves["LSTM"][0, 2], rel=1e-3
-    )
-
-
-def test_training_leaves_the_scaling_as_the_data_set_it(trained, recording):
-    desired = recording.sensor("states")[:, 1:65, -1, :3].reshape(-1, 3)
-    scaling = trained.networks["LSTM"].position_scaling
-    np.testing.assert_allclose(
-        scaling.half_range, np.ptp(desired, axis=0) / 2, rtol=1e-4
-    )
-    np.testing.assert_allclose(
-        scaling.center, (desired.min(axis=0) + desired.max(axis=0)) / 2, atol=1e-6
-    )
-
-
 def test_training_without_true_states_is_refused(recording, options):
     def with_states(values):
         columns = {
@@ -195,12 +152,6 @@ def test_training_without_true_states_is_refused(recording, options):
         train(with_states(np.full((100, 3, 6), np.nan)), options, seed=0)
 
 
-def test_training_on_a_recording_cut_short_is_refused(recording, options):
-    short = replace(recording, options=recording.options | {"episodes": 18})
-    with pytest.raises(RecordingError, match="6 of 18 episodes"):
-        train(short, options, seed=0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("arm_name", ["twin", "simulated"])
 def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(
@@ -213,9 +164,7 @@ def test_what_it_remembers_at_work_is_what_the_windows_of_training_hold(
         np.random.default_rng(0).normal(0, 0.02, (60, 3)), axis=0
     ) + np.array([0.0, 0.0, 0.5])
     actions, tips = live(
-        at_work(quick),
-        arm,
-        [Goal.of(3).with_position(target) for target in targets],
+        at_work(quick), arm, [Goal.of(3).with_position(target) for target in targets]
     )
     samples = lstm_samples(
         tips[None], actions[None], ArmGeometry.of(arm).action_neutral
@@ -261,22 +210,6 @@ def test_an_arm_whose_cables_go_slack_is_led_within_its_limits_and_still_bends(
     assert actions[-1].max() > 6.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("modules", "cables"), [(1, 3), (2, 5), (4, 4)])
-def test_it_drives_an_arm_of_any_module_and_cable_count(make_arm, modules, cables):
-    arm = make_arm(modules, cables)
-    goals = [Goal.of(modules).with_position([0.02, 0.0, 0.15])] * 5
-    actions, _ = live(at_work(untrained(arm)), arm, goals)
-    assert actions.shape == (5, modules, cables)
-    assert np.isfinite(actions).all()
-
-
-def test_a_run_does_not_depend_on_the_runs_before_it(strategy, twin):
-    first, _ = live(strategy, twin, [TARGET] * 8)
-    live(strategy, twin, [Goal.of(3).with_position([-0.3, 0.0, 0.4])] * 5)
-    np.testing.assert_array_equal(live(strategy, twin, [TARGET] * 8)[0], first)
-
-
 def test_it_hears_the_desired_tip_and_nothing_else_of_a_goal(strategy, twin):
     reading = SimulatedRobot(twin).open()
     more = (
@@ -291,22 +224,6 @@ def test_it_hears_the_desired_tip_and_nothing_else_of_a_goal(strategy, twin):
         answers.append(strategy.step(reading, goal))
     np.testing.assert_array_equal(answers[0], answers[1])
     assert np.abs(answers[0] - answers[2]).max() > 1e-5
-
-
-def test_it_senses_what_is_true_and_plans_nothing(strategy, twin):
-    robot = SimulatedRobot(twin)
-    strategy.start(robot.open())
-    for _ in range(8):
-        robot.step(
-            -0.6 * np.array([[1, -0.5, -0.5]] * 3) * ArmGeometry.of(twin).action_high
-        )
-    reading = robot.read()
-    strategy.step(reading, TARGET)
-    sensed = strategy.diagnostics()["sensed"]
-    # states do not tell torsion
-    np.testing.assert_allclose(sensed, reading["configurations"], atol=3e-3)
-    assert np.abs(sensed[:, :2]).max() > 0.05
-    assert set(strategy.diagnostics()) == {"sensed"}
 
 
 def without_tip(reading: Reading) -> Reading:
@@ -368,13 +285,3 @@ def test_a_run_of_it_can_be_scored_and_even_a_little_training_leads_the_tip_towa
     assert (done.options["strategy"], done.ran("sensed").shape) == ("lstm", (40, 3, 3))
     assert done.get("planned") is None
     assert errors[-10:].mean() < 0.8 * errors[0]
-
-
-def test_layers_units_are_those_that_bends_are_counted_in(twin):
-    """A normalized action on one bend direction stands for the headroom times the full bend."""
-    layer, geometry = SumAndRange.of(twin), ArmGeometry.of(twin)
-    action = np.asarray(layer.actions(layer.matrices[..., 0]))
-    degrees = bends_of(twin, action[None])[0, :, 0]
-    np.testing.assert_allclose(
-        degrees, 1.25 * np.rad2deg(geometry.bend_limits), rtol=1e-5
-    )

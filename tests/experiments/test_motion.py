@@ -1,12 +1,10 @@
 """Metrics of motion on artificial runs, and the runs that the study asks for."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from s2c2a.episodes import Episode
-from s2c2a.jobs import Job
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a_experiments import motion
 from s2c2a_experiments.motion import (
@@ -19,18 +17,9 @@ from s2c2a_experiments.motion import (
 )
 
 
-class RequestedError(Exception):
-    """Holds the jobs that a study asks for."""
-
-
-def test_the_study_asks_for_turns_paths_and_jumps_with_and_without_payload(twin):
-    def make(jobs: list[Job]):
-        raise RequestedError(jobs)
-
+def test_the_study_asks_for_turns_paths_and_jumps_with_and_without_payload(twin, asked):
     study = MotionStudy((twin,), paths=("square",))
-    with pytest.raises(RequestedError) as requested:
-        motion_rows(study, make)
-    names = [job.task.name for job in requested.value.args[0]]
+    names = [job.task.name for job in asked(motion_rows, study)]
     turns = [f"circle, {time} s a turn" for time in (16, 8, 5, 3)]
     assert names == [*turns, "square", "steps", "circle", "steps"]
 
@@ -48,47 +37,14 @@ def test_jumps_come_unforeseen(twin):
     assert np.isnan(goals[0].preview).all()
 
 
-@dataclass
-class Made:
-    """A run of an episode that was made by hand."""
-
-    job: "MadeJob"
-    episode: Episode
-    task: str = "steps"
-
-
-@dataclass
-class MadeJob:
-    """Arm and task of it."""
-
-    arm: object
-    task: object
-
-
 def made(arm, task, tip, bends):
     states = np.zeros((len(tip) + 1, arm.module_count, 6))
     states[1:, -1, :3] = tip
     planned = np.asarray(configurations_from_bends(bends), np.float32)
-    columns = {
-        "states": states[:-1],
-        "planned": planned,
-        "time": np.arange(len(tip)) * arm.control_period,
-    }
-    return Made(MadeJob(arm, task), _Episode(columns, states[1:]), task.name)
-
-
-class _Episode:
-    """The two views of an episode that the metrics use."""
-
-    def __init__(self, columns, after):
-        self._columns = columns
-        self._after = after
-
-    def ran(self, name):
-        return self._columns[name]
-
-    def after(self, name):
-        return self._after
+    columns = {"states": states[:-1], "planned": planned}
+    episode = SimpleNamespace(ran=columns.get, after=lambda name: states[1:])
+    job = SimpleNamespace(arm=arm, task=task)
+    return SimpleNamespace(job=job, episode=episode, task=task.name)
 
 
 def test_a_jump_ends_where_the_tip_stays_near_and_its_overshoot_is_along_it(twin):

@@ -11,7 +11,6 @@ from s2c2a.obstacles import HALF_SPACE
 from s2c2a.viz import Trace
 from s2c2a.viz.charts import legend, new_axes, new_figure
 from s2c2a_experiments.figures.space import (
-    _evenly_spread,
     _held_position,
     obstacles_figure,
     plan_view_figure,
@@ -78,15 +77,6 @@ def test_a_run_of_any_number_of_modules_is_drawn_into_a_folder_that_is_made(
     assert is_sensible_png(path)
 
 
-@pytest.mark.slow
-@every_figure
-def test_a_run_of_which_nothing_is_asked_and_without_obstacles_is_drawn(
-    draw, make_trace, tmp_path, drawn
-):
-    trace = drawn("$recorded_", TIMES, make_trace().states[:50])
-    assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
-
-
 @every_figure
 @pytest.mark.parametrize(
     "unseen", [slice(0, 20), pytest.param(slice(None), marks=pytest.mark.slow)]
@@ -98,22 +88,6 @@ def test_a_run_that_was_not_seen_for_a_while_or_ever_is_drawn(
     states[unseen] = np.nan
     assert is_sensible_png(
         draw({"task": make_trace(states=states)}, tmp_path / "figure.png")
-    )
-
-
-@pytest.mark.slow
-@every_figure
-def test_a_run_of_one_step_is_drawn(draw, make_trace, tmp_path, drawn):
-    trace = drawn("one", [0.0], make_trace().states[:1])
-    assert is_sensible_png(draw({"task": trace}, tmp_path / "figure.png"))
-
-
-@pytest.mark.slow
-@every_figure_of_obstacles
-def test_an_obstacle_that_is_not_there_leaves_no_trace(draw, make_trace, tmp_path):
-    absent = np.tile([[np.nan, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, -1.0]], (200, 1, 1))
-    assert is_sensible_png(
-        draw({"task": make_trace(obstacles=absent)}, tmp_path / "figure.png")
     )
 
 
@@ -209,15 +183,6 @@ def test_the_held_end_is_the_one_that_should_move_least_and_little(make_trace):
     desired[:, 0] = [0.0, 0.0, 0.2]
     np.testing.assert_array_equal(_held_position(desired, 0.6), [0.0, 0.0, 0.2])
     assert _held_position(np.full_like(desired, np.nan), 0.6) is None
-
-
-def test_moments_are_spread_evenly_over_the_steps_that_are_there():
-    there = np.ones(21, dtype=bool)
-    assert _evenly_spread(there, 5).tolist() == [0, 5, 10, 15, 20]
-    there[:10] = False
-    assert _evenly_spread(there, 3).tolist() == [10, 15, 20]
-    assert _evenly_spread(there[:3], 5).size == 0
-    assert _evenly_spread(there[10:12], 5).tolist() == [0, 1]
 
 
 def test_the_nearest_obstacle_is_the_one_whose_threshold_is_nearest(make_trace):

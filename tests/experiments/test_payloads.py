@@ -7,7 +7,6 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.errors import RecordingError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import shipped_networks
-from s2c2a_experiments import payloads
 from s2c2a_experiments.payloads import payload_rows
 
 TWIN = load_arm("twin_arm")
@@ -38,27 +37,3 @@ def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):
 def test_a_recording_that_ends_before_it_is_refused(loaded):
     with pytest.raises(RecordingError, match="shorter than the 300 steps"):
         payload_rows(shipped_networks(TWIN), {"loaded": loaded}, seconds=30.0)
-
-
-def test_rows_of_finished_recordings_are_kept_when_the_next_one_fails(
-    loaded, monkeypatch
-):
-    kept = []
-    started = []
-
-    def recording_rows(networks, disturbance_filter, name, *_):
-        started.append(name)
-        if len(started) == 2:
-            raise KeyboardInterrupt
-        return [name]
-
-    monkeypatch.setattr(payloads, "_recording_rows", recording_rows)
-    recordings = {"first": loaded, "second": loaded}
-    with pytest.raises(KeyboardInterrupt):
-        payload_rows(
-            shipped_networks(TWIN),
-            recordings,
-            seconds=15.0,
-            keep=lambda rows: kept.append(list(rows)),
-        )
-    assert kept == [["first"]]

@@ -93,22 +93,6 @@ def test_invalid_options_are_rejected(wrong):
         RandomizedArmsStudy(TWIN, **wrong)
 
 
-def test_each_strength_has_its_arms():
-    randomized = RandomizedArmsStudy(TWIN, arms=2, strengths=(0.5, 1.0)).randomized()
-    assert [strength for strength, _ in randomized] == [0.5, 0.5, 1.0, 1.0]
-    assert len({arm.name for _, arm in randomized}) == 4
-
-
-def test_runs_use_aged_arms_and_recordings_new_ones():
-    trial = randomized_arms.ArmTrial(
-        0.5, TWIN, "pcc-fitted", (Task("still", (Goal.of(3),)),), ()
-    )
-    (job,) = trial.make_jobs(seed=4)
-    assert dict(job.conditions.robot.options)["aged"] == 1.0
-    assert (job.strategy, job.recipe.name, job.seed) == ("pcc-fitted", "best", 4)
-    assert "aged" not in dict(jobs.artifacts.SIMULATION.options)
-
-
 @pytest.mark.parametrize("strength", [0.5, 1.0])
 def test_goals_are_moved_within_reach_from_a_strength_on(strength):
     study = RandomizedArmsStudy(
@@ -127,10 +111,7 @@ def test_goals_are_moved_within_reach_from_a_strength_on(strength):
         (one.count, one.unreachable_waypoints)
         for one in requested
         if hasattr(one, "count")
-    ] == [
-        (7, False),
-        (20, True),
-    ]
+    ] == [(7, False), (20, True)]
 
 
 @pytest.mark.slow

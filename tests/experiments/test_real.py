@@ -19,11 +19,7 @@ from s2c2a_experiments.real import (
     split_largest,
     split_rows,
 )
-from s2c2a_experiments.real_models import (
-    FittedArcs,
-    KernelRegression,
-    without_curves,
-)
+from s2c2a_experiments.real_models import FittedArcs, KernelRegression, without_curves
 
 from marks import slow_after
 

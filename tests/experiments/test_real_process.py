@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from s2c2a_experiments import real_process
 from s2c2a_experiments.real_process import fit_process
 
 NOISE = 0.02
@@ -44,13 +43,3 @@ def test_the_deviation_grows_away_from_the_data(process):
 def test_an_input_that_matters_has_the_shorter_length_scale(process):
     rates = process.logarithms.rates
     assert rates[0] > rates[1] + 1.0
-
-
-def test_more_samples_than_the_posterior_holds_are_thinned_evenly(monkeypatch):
-    monkeypatch.setattr(real_process, "ROWS", 50)
-    inputs = np.linspace(-1.0, 1.0, 201)[:, None]
-    process = fit_process(inputs, np.sin(inputs))
-    np.testing.assert_allclose(
-        process.points[[0, -1], 0] * process.scale + process.center, [-1.0, 1.0]
-    )
-    assert len(process.points) == 50

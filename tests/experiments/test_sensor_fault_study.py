@@ -1,7 +1,6 @@
 """The study of sensor faults: its cases, and the rows of finished runs."""
 
 import numpy as np
-import pytest
 
 from s2c2a.robots.simulation.events import parse_events
 from s2c2a_experiments.sensor_faults import (
@@ -12,35 +11,20 @@ from s2c2a_experiments.sensor_faults import (
 )
 
 
-class RequestedError(Exception):
-    """Carries the jobs that a study asks for."""
-
-
-def requested(study):
-    """Jobs of a study."""
-
-    def make(jobs):
-        raise RequestedError(jobs)
-
-    with pytest.raises(RequestedError) as error:
-        sensor_fault_rows(study, make)
-    return error.value.args[0]
-
-
 def events_of(job):
     """Events of the robot of a job."""
     return parse_events(dict(job.conditions.robot.options).get("events", ""))
 
 
-def test_every_set_runs_healthy_and_with_each_fault_for_each_duration(twin):
-    jobs = requested(SensorFaultStudy(twin))
+def test_every_set_runs_healthy_and_with_each_fault_for_each_duration(twin, asked):
+    jobs = asked(sensor_fault_rows, SensorFaultStudy(twin))
     assert len(jobs) == len(VALUES) * (1 + len(FAULTS) * 2)
     assert sum(not events_of(job) for job in jobs) == len(VALUES)
 
 
-def test_a_fault_with_an_end_is_repaired(twin):
+def test_a_fault_with_an_end_is_repaired(twin, asked):
     study = SensorFaultStudy(twin, ("camera",), ("offset",), (5.0, np.inf))
-    _, brief, lasting = requested(study)
+    _, brief, lasting = asked(sensor_fault_rows, study)
     events = events_of(brief)
     assert [(event.time, event.kind) for event in events] == [
         (8.0, "offset"),

@@ -18,17 +18,9 @@ from s2c2a_experiments.stability import (
 )
 
 
-def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin):
-    class RequestedError(Exception):
-        pass
-
-    def make(jobs):
-        raise RequestedError(jobs)
-
+def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin, asked):
     study = StabilityStudy((twin,), ("imu", "camera"), (0.0, 0.1))
-    with pytest.raises(RequestedError) as requested:
-        stability_rows(study, make)
-    jobs = requested.value.args[0]
+    jobs = asked(stability_rows, study)
     assert len(jobs) == 4 * 3 * 2  # tasks, sets with the compared one, payloads
     holds = {f"hold-point-{number}" for number in (1, 2, 3)}
     assert {job.task.name for job in jobs} == {*holds, "circle"}

@@ -1,6 +1,5 @@
 """What tables are made of, how runs are kept, and how tables look as files."""
 
-import csv
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -28,7 +27,6 @@ from s2c2a_experiments.table_files import (
     markdown_escaped,
     markdown_table,
     save_table,
-    table_lines,
 )
 from s2c2a_experiments.tables import (
     TABLES,
@@ -94,10 +92,6 @@ def test_coupled_cables_pull_with_half_the_tension():
         assert coupled.model_copy(update=changed) == alone
 
 
-def test_coupled_cables_leave_an_arm_without_tensions_as_it_is(make_arm):
-    assert actuation_coupled(make_arm(2)).differences(make_arm(2)) == ["coupled_cables"]
-
-
 def test_every_task_strategy_and_arm_of_a_table_exists():
     blocks = [block for table in TABLES.values() for block in table.blocks]
     assert {task for block in blocks for task in block.tasks} <= set(TASKS)
@@ -123,21 +117,6 @@ def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
         S2C2AError, match="unknown table 'speed'; choose one of simulation, tracking"
     ):
         make_table("speed", tmp_path, [0], list, recipe_named("paper"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("table", ["interaction", "constraint"])
-def test_further_strategies_run_in_every_block_of_a_table(tmp_path, table):
-    class RequestedError(Exception):
-        pass
-
-    def make(jobs):
-        raise RequestedError({job.strategy for job in jobs})
-
-    with pytest.raises(RequestedError) as asked:
-        make_table(table, tmp_path, [0], make, recipe_named("best"), ["lstm"])
-    expected = {"lstm"}.union(*(block.strategies for block in TABLES[table].blocks))
-    assert asked.value.args[0] == expected
 
 
 def test_a_table_without_strategies_refuses_further_ones(tmp_path):
@@ -172,34 +151,6 @@ def test_means_over_tilt_tasks_are_those_worked_by_hand():
     assert found["pcc", "position"].mean == 8.0
 
 
-def test_without_tilt_tasks_there_are_no_means():
-    assert mean_rows([ROW, OTHER]) == []
-
-
-def test_cells_are_rounded_and_stand_in_the_order_of_the_header():
-    first, second = table_lines(
-        [ROW, OTHER], [replace(ROW, mean=1.0, std_steps=None, recipe="paper")]
-    )
-    assert first == (
-        "twin_arm: circle",
-        "position [cm]",
-        "s2c2a",
-        "0.51 ± 0.25",
-        "0.10",
-        "1.00",
-        "2.20 ± 1.10",
-    )
-    assert second == (
-        "twin_arm: 100%_way (50 g & #2)",
-        "position [cm]",
-        "pcc",
-        "3.00",
-        "",
-        "",
-        "",
-    )
-
-
 def test_markdown_names_recipes_seeds_and_first_modes(tmp_path):
     path = save_table(
         "tracking",
@@ -215,27 +166,10 @@ def test_markdown_names_recipes_seeds_and_first_modes(tmp_path):
     )
     assert text[4].startswith(
         "| twin_arm: circle | position [cm] | s2c2a "
-        "| 0.51 ± 0.25 | 0.10 | 1.00 ± 0.25 |"
+        "| 0.51 ± 0.25 | 0.10 | 1.00 ± 0.25 | 2.20 ± 1.10 |"
     )
     assert len({line.count("|") for line in text if line.startswith("|")}) == 1
     assert text[-1] == "twin_arm: first bending mode 1.23 Hz, damping ratio 0.05."
-
-
-def test_a_table_without_rows_is_written_too(tmp_path):
-    assert (
-        save_table("workspace", [], tmp_path)
-        .read_text(encoding="utf-8")
-        .startswith("# workspace")
-    )
-
-
-def test_comma_separated_values_hold_every_field_of_every_row(tmp_path):
-    save_table("tracking", [ROW, OTHER], tmp_path)
-    with open(tmp_path / "tracking.csv", newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["experiment"] for row in rows] == ["tracking", "tracking, 50 g & #2"]
-    assert [float(row["mean"]) for row in rows] == [0.514, 3.0]
-    assert list(rows[0])[:3] == ["experiment", "task", "arm"]
 
 
 def test_latex_escapes_what_would_break_it_and_keeps_its_columns(tmp_path):
@@ -276,11 +210,7 @@ def test_what_never_recovers_comes_back_from_strict_json(tmp_path):
     )
     assert written[0]["mean"] == "inf"
     assert load_rows(tmp_path / "tracking.json") == [never]
-
-
-def test_rows_come_back_from_json_to_stand_beside_others(tmp_path):
     save_table("tracking", [ROW, OTHER], tmp_path)
-    assert load_rows(tmp_path / "tracking.json") == [ROW, OTHER]
     assert load_comparison(tmp_path, "tracking") == [ROW, OTHER]
     assert load_comparison(tmp_path, "constraint") == []
     assert load_comparison(None, "tracking") == []

@@ -62,24 +62,6 @@ def test_resting_shapes_match_the_aged_and_settled_simulated_arm(mismatched, rea
         np.testing.assert_allclose(robot.states(), states, atol=2e-4)
 
 
-@pytest.mark.slow
-def test_a_reachable_tip_position_is_found(reach):
-    tips = reach.states(reach.random_actions(3, np.random.default_rng(5)))[
-        :, -1, POSITION
-    ]
-    for tip in tips:
-        assert reach.nearest(Goal.of(3).with_position(tip)).error < TOLERANCE
-
-
-@pytest.mark.slow
-def test_a_target_above_the_arm_is_approached_from_straight_below(reach):
-    highest = reach.nearest(Goal.of(3).with_position([0.0, 0.0, 0.9])).states[
-        -1, POSITION
-    ]
-    assert 0.56 < highest[2] < 0.6
-    assert np.linalg.norm(highest[:2]) < 0.1
-
-
 def test_position_and_axis_are_reached_together(reach):
     asked = reach.states(reach.random_actions(1, np.random.default_rng(8)))[0]
     goal = (

@@ -202,18 +202,14 @@ def entrants() -> list[Entrant]:
 
 def untuned() -> list[Entrant]:
     """All entrants of the project, as their files have them."""
-    return [*_of_own_files(), *_by_recipes()]
-
-
-def _of_own_files() -> list[Entrant]:
-    """Those with a file in `planners/`."""
+    # those with a file in `planners/`
     best = recipe_named("best")
 
     def own(name: str, family: str, **more) -> Entrant:
         places = tuple(f"{STRATEGY}{text}" for text in OWN.get(name, ()))
         return Entrant(name, family, name, best, places, **more)
 
-    return [
+    of_own_files = [
         own("apf", "potential field"),
         own("rrt", "RRT"),
         own("rrt-star", "RRT*"),
@@ -235,6 +231,7 @@ def _of_own_files() -> list[Entrant]:
         ),
         own("still", "none: the arm keeps its bends"),
     ]
+    return [*of_own_files, *_by_recipes()]
 
 
 def _by_recipes() -> list[Entrant]:

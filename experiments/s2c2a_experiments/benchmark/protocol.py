@@ -157,7 +157,11 @@ def protocol_arms() -> list[BenchmarkArm]:
     """Two presets, four randomized, two fitted to logs, two held out."""
     simulated = load_arm("simulated_arm").model_copy(update={"sensing": "encoders"})
     presets = [BenchmarkArm(arm, "preset") for arm in (load_arm("twin_arm"), simulated)]
-    return [*presets, *_randomized(RANDOMIZED, "randomized"), *_fitted(), *held_out()]
+    arms = []
+    for name, pace in FITTED.items():
+        with resources.as_file(ARMS.joinpath(f"{name}.toml")) as path:
+            arms.append(BenchmarkArm(load_arm(str(path)), "fitted", pace))
+    return [*presets, *_randomized(RANDOMIZED, "randomized"), *arms, *held_out()]
 
 
 def held_out() -> list[BenchmarkArm]:
@@ -178,11 +182,3 @@ def _randomized(
         BenchmarkArm(randomized_arm(base, seed, strength), group)
         for seed, strength in mismatches
     ]
-
-
-def _fitted() -> list[BenchmarkArm]:
-    arms = []
-    for name, pace in FITTED.items():
-        with resources.as_file(ARMS.joinpath(f"{name}.toml")) as path:
-            arms.append(BenchmarkArm(load_arm(str(path)), "fitted", pace))
-    return arms

@@ -26,12 +26,7 @@ from s2c2a.kinematics.chain import rotations_to
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 
 CELLS = 48  # of the free parameter, between which the length is compared
 HALVINGS = 10  # of such a cell: 1e-4 rad, or 2e-5 of the arm's length
@@ -75,7 +70,7 @@ class BiArc(BendPlanning):
         "change_weight": (0.0, 1e4),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "BiArcPlanner":
         return BiArcPlanner(arm, self)
 
 
@@ -203,7 +198,11 @@ class _Curves(NamedTuple):
         """Bends [rad] and end axis of the curve of least cost."""
         bends = self._modules(arcs)
         cost = cost + self._bend_costs(bends, last)
-        cost = cost + self._length_costs(arcs)
+        # none for curves as long as the arm
+        miss = jnp.abs(arcs.excess) / self.total
+        never = NEVER * (1.0 + miss)
+        length_costs = jnp.where(miss < CLOSE, 0.0, never)
+        cost = cost + length_costs
         is_finite = jnp.isfinite(cost)
         cost = jnp.where(is_finite, cost, jnp.inf)
         best = jnp.argmin(cost)
@@ -216,12 +215,6 @@ class _Curves(NamedTuple):
         cost = _squares(bends) + BEYOND * beyond
         change = _squares(bends - last)
         return cost + self.options.change_weight * change
-
-    def _length_costs(self, arcs: _Arcs) -> Costs:
-        """None for curves as long as the arm."""
-        miss = jnp.abs(arcs.excess) / self.total
-        never = NEVER * (1.0 + miss)
-        return jnp.where(miss < CLOSE, 0.0, never)
 
     def _modules(self, arcs: _Arcs) -> CurveBends:
         """Integrals of the curvature over the modules [rad]."""

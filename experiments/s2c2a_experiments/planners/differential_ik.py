@@ -23,12 +23,7 @@ from s2c2a.kinematics import commanded_part, states_from_bends
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 from s2c2a_experiments.planners.nearby import Nearby, States
 
 SIDES = 8  # of the polygon in the disc of bends; it is at most 8 % smaller
@@ -67,7 +62,7 @@ class DifferentialIK(BendPlanning):
         "barrier_gain": (0.0, 1.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "ProgramPlanner":
         guarded = GuardedPoints.of(arm, guard)
         return ProgramPlanner(arm, guarded, self)
 

@@ -22,12 +22,7 @@ from s2c2a.kinematics import norm, states_from_bends
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 
 FINE = 64  # intervals of a curve, for its length
 HANDLES = 16  # lengths of the curve's handles that are compared
@@ -59,7 +54,7 @@ class DrawnCurve(BendPlanning):
         "tangent_weight": (0.0, 1e4),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "CurveFollower":
         return CurveFollower(arm, self)
 
 

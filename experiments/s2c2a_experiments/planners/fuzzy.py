@@ -22,12 +22,7 @@ from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 
 SETS = np.linspace(-1.0, 1.0, 5)
 """Peaks of the triangular sets: large and small negative, zero, small and large
@@ -69,7 +64,7 @@ class Fuzzy(BendPlanning):
         "axis_range": (1e-3, 10.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "FuzzyRules":
         return FuzzyRules(arm, self)
 
 

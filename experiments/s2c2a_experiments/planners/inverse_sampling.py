@@ -17,12 +17,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 from s2c2a_experiments.planners.arc_solutions import (
     WAY_POINTS,
     ArcSolutions,
@@ -64,7 +59,7 @@ class InverseSampling(BendPlanning):
         "pace": (0.01, 1.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "SampledInverse":
         solver = ArcSolutions(arm, guard, self.margin)
         return SampledInverse(solver, self)
 

@@ -18,12 +18,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 from s2c2a_experiments.planners.arc_solutions import (
     DEPTH_WEIGHT,
     WAY_POINTS,
@@ -66,7 +61,7 @@ class MultipleSolutions(BendPlanning):
         "pace": (0.01, 1.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "ChosenSolutions":
         solver = ArcSolutions(arm, guard, self.margin)
         return ChosenSolutions(solver, self)
 
@@ -113,7 +108,15 @@ class ChosenSolutions:
         own_costs = np.split(costs, moments)
         layers = []
         for found, own in zip(solutions, own_costs, strict=True):
-            never = NEVER * _doubles(found, own)
+            # one for solutions that are alike to a cheaper one, or to an earlier as
+            # cheap
+            is_alike = _squared_changes(found, found) < ALIKE**2
+            ranking = np.argsort(own, kind="stable")
+            ranks = np.argsort(ranking)
+            is_dearer = ranks[:, None] > ranks
+            is_double = is_alike & is_dearer
+            doubles = is_double.any(axis=1).astype(float)
+            never = NEVER * doubles
             layers.append((found, own + never))
         return layers
 
@@ -168,16 +171,6 @@ def _targets_of(goal: Goal) -> Float[np.ndarray, "moments modules 6"]:
     is_known = np.isfinite(preview)
     later = np.where(is_known, preview, present)
     return np.concatenate([present[None], later])
-
-
-def _doubles(bends: Batch, costs: Values) -> Values:
-    """One for solutions that are alike to a cheaper one, or to an earlier as cheap."""
-    is_alike = _squared_changes(bends, bends) < ALIKE**2
-    ranking = np.argsort(costs, kind="stable")
-    ranks = np.argsort(ranking)
-    is_dearer = ranks[:, None] > ranks
-    is_double = is_alike & is_dearer
-    return is_double.any(axis=1).astype(float)
 
 
 def _squared_changes(before: Batch, after: Batch) -> Float[np.ndarray, "before after"]:

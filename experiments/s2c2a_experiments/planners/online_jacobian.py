@@ -18,12 +18,7 @@ from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 
 SMALLEST_MOTION = 1e-3  # rad; less is noise
 
@@ -50,7 +45,7 @@ class OnlineJacobian(BendPlanning):
     sees_states = True
     ignores = frozenset({"axes", "other ends", "obstacles"})
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "Broyden":
         return Broyden(arm, self)
 
 

@@ -24,12 +24,7 @@ from s2c2a.kinematics.bends import Numbers
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 from s2c2a_experiments.planners.nearby import Clearances, Nearby
 
 BEETLES = 16  # chosen: a search in the plane of a module needs a few directions
@@ -71,7 +66,7 @@ class PotentialField(BendPlanning):
         "repulsion_range": (1e-3, 1.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "Beetles":
         guarded = GuardedPoints.of(arm, guard)
         return Beetles(arm, guarded, self)
 

@@ -94,25 +94,23 @@ class LinkModel(MemorylessModel):
         commanded = jnp.repeat(shares, self.links, axis=-2)
         joints = commanded
         for _ in range(SAG_ITERATIONS):
-            joints = commanded + self._sag(joints)
+            # bends of joints by the weight of all links beyond them [rad]
+            moments = self._moments(joints)
+            shape = (*joints.shape[:-2], -1, self.links, 2)
+            moments = moments.reshape(shape)  # (*batch, modules, links, 2)
+            mean = moments.mean(axis=-2, keepdims=True)
+            held = self.held[:, None, None] * mean
+            free = moments - held
+            compliances = self.compliances[:, None, None] / self.links
+            sag = limit_lengths(compliances * free, LARGEST_SAG / self.links)
+            sag = sag.reshape(joints.shape)
+            joints = commanded + sag
         points, rotations = self._chain(joints)
         outermost = slice(self.links - 1, None, self.links)
         axes = rotations[..., outermost, :, 2]
         halves = self.lengths[:, None] / (2.0 * self.links)
         ends = points[..., outermost, :] + halves * axes
         return jnp.concatenate([ends, axes], axis=-1)
-
-    def _sag(self, joints: Joints) -> Joints:
-        """Bends of joints by the weight of all links beyond them [rad]."""
-        moments = self._moments(joints)
-        shape = (*joints.shape[:-2], -1, self.links, 2)
-        moments = moments.reshape(shape)  # (*batch, modules, links, 2)
-        mean = moments.mean(axis=-2, keepdims=True)
-        held = self.held[:, None, None] * mean
-        free = moments - held
-        compliances = self.compliances[:, None, None] / self.links
-        sag = limit_lengths(compliances * free, LARGEST_SAG / self.links)
-        return sag.reshape(joints.shape)
 
     def _moments(self, joints: Joints) -> Joints:
         """Moments at joints by the weight of all links beyond them [N m]."""

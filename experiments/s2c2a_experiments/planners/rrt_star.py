@@ -19,13 +19,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
-from s2c2a_experiments.planners.arc_driver import (
-    TINY,
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import TINY, BendPlanning, Bends, Moment
 from s2c2a_experiments.planners.arc_solutions import ArcSolutions, Batch, aimed
 
 ENDS = 8  # shapes that reach the target
@@ -78,7 +72,7 @@ class RRTStar(BendPlanning):
         "pace": (0.01, 1.0),
     }
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "TreePlanner":
         solver = ArcSolutions(arm, guard, self.margin)
         return TreePlanner(solver, self)
 

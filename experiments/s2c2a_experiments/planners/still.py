@@ -5,12 +5,7 @@ from dataclasses import dataclass
 from s2c2a.arm import ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.planning import Guard
-from s2c2a_experiments.planners.arc_driver import (
-    BendPlanner,
-    BendPlanning,
-    Bends,
-    Moment,
-)
+from s2c2a_experiments.planners.arc_driver import BendPlanning, Bends, Moment
 
 
 @dataclass(frozen=True)
@@ -19,7 +14,7 @@ class Still(BendPlanning):
 
     name = "still"
 
-    def planner(self, arm: ArmSpec, guard: Guard) -> BendPlanner:
+    def planner(self, arm: ArmSpec, guard: Guard) -> "SameBends":
         return SameBends()
 
 

@@ -36,22 +36,6 @@ def test_memberships_sum_to_one_and_rules_grow_with_error_and_change():
     assert (np.diff(sugeno(0.0 * values, values)) >= 0.0).all()
 
 
-def test_without_a_target_it_holds_still_and_every_run_is_the_same(twin):
-    goals = [Goal.of(3).with_position(TARGET)] * 5 + [Goal.of(3)] * 5
-    bends, _ = driven(twin, goals)
-    np.testing.assert_allclose(bends[5:], bends[4:5].repeat(5, axis=0), atol=1e-5)
-    np.testing.assert_array_equal(bends, driven(twin, goals)[0])
-
-
-def test_an_arm_of_one_plane_comes_nearer():
-    arm = load_arm("planar_finger")
-    target = np.array([0.3, 0.0, 0.9]) * arm.length
-    goal = Goal.of(arm.module_count).with_position(target)
-    _, states = driven(arm, [goal] * 60)
-    misses = np.linalg.norm(states[:, -1, :3] - target, axis=-1)
-    assert misses[-1] < 0.5 * misses[0]
-
-
 def test_the_tip_arrives_and_stays_while_its_axis_turns(twin):
     there = Goal.of(3).with_position(TARGET)
     _, before = driven(twin, [there] * 100)

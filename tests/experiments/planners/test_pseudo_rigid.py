@@ -58,13 +58,6 @@ def test_a_sideways_weight_bends_like_a_cantilever(twin):
     np.testing.assert_allclose(tip[AXIS][:2], [expected, 0.0], rtol=0.02, atol=1e-7)
 
 
-def test_weight_bends_an_upright_arm_further(twin):
-    straight = predicted(weightless(twin, 4), BENDS)
-    gravity = np.array([0.0, 0.0, -9.81], np.float32)
-    sagging = predicted(replace(weightless(twin, 4), gravity=gravity), BENDS)
-    assert sagging[-1, POSITION][2] < straight[-1, POSITION][2] - 1e-3
-
-
 def test_elastic_cables_pass_on_a_part_of_the_bend(twin):
     springs = ArmGeometry.of(twin).cable_springs / 2.0
     module = twin.modules[0]

@@ -29,15 +29,6 @@ def driver(finger):
     return driver_for(finger)
 
 
-@pytest.mark.slow
-def test_it_reaches_a_target_and_holds_still_without_one(driver, finger):
-    goal = Goal.of(finger.module_count).with_position(finger.length * TARGET)
-    resting = Goal.of(finger.module_count)
-    bends, states = drive_ideal(driver, finger, [goal] * 30 + [resting] * 3)
-    np.testing.assert_allclose(states[29, -1, :3], goal.positions[-1], atol=1e-3)
-    np.testing.assert_allclose(bends[30:], bends[29:-1], atol=1e-4)
-
-
 def goals_past(arm, obstacle, radius):
     """From one side of the tip to the other, where an obstacle appears between them."""
     sides = [arm.length * np.array([x, 0.0, 0.85]) for x in (-0.35, 0.35)]
