@@ -142,8 +142,7 @@ def _starts(
                 starts.append((episode, start))
     if not starts:
         raise RecordingError(
-            f"no held-out stretch has {max(DELAYS) + steps} measured rows in a row; "
-            "give larger blocks (--block)"
+            f"no held-out stretch has {max(DELAYS) + steps} measured rows in a row"
         )
     return starts
 
