@@ -16,7 +16,7 @@ from s2c2a.strategies import strategy_of
 from s2c2a.tasks import Score, Task
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/index.md", "docs/get-started/python.md")
+PAGES = ("README.md", "docs/get-started/python.md")
 
 
 def first_program() -> str:

@@ -556,22 +556,6 @@ def _motion_lines(
     return lines
 
 
-@shown_as("scenes")
-def scenes_table() -> str:
-    """Tasks past obstacles, turned about the vertical axis."""
-    file = "scenes/results.json"
-    metrics = (("end distance", 2), ("clearance of the arm", 2), ("path length", 0))
-    lines = []
-    for row in find_rows(file, metric="end distance"):
-        cells = [
-            number(find_row(file, task=row["task"], metric=metric)["mean"], digits)
-            for metric, digits in metrics
-        ]
-        lines.append([row["task"], *cells])
-    header = ["task", "end distance [cm]", "clearance of the arm [cm]"]
-    return table([*header, "path length [cm]"], lines)
-
-
 @shown_as("scene-shares")
 def scene_shares_table() -> str:
     """Drawn scenes and crossing spheres: shares of runs."""

@@ -8,11 +8,14 @@ from s2c2a.arm import Key, file_keys
 from tools.markdown import table
 
 COLUMNS = "key", "allowed", "default", "meaning"
+# tables that only repeat another one, or that few arms need: `s2c2a arm keys` alone prints them
+LEFT_OUT = ("[servos.groups.", "[servos.own_model.registers]")
 
 
 def arm_keys() -> str:
     """A Markdown table for every table of the file."""
-    tables = groupby(file_keys(), key=lambda key: key.table)
+    shown = (key for key in file_keys() if not key.table.startswith(LEFT_OUT))
+    tables = groupby(shown, key=lambda key: key.table)
     return "\n".join(_keys_of_table(name, keys) for name, keys in tables)
 
 

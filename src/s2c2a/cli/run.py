@@ -127,7 +127,7 @@ def run(
             are those of the last (docs/guides/sensors.md).
         video: also write a video of the first run: MP4 with ffmpeg, else GIF.
         stream: show every step while it runs, such as foxglove,port=9000
-            (docs/guides/streams.md).
+            (docs/guides/export.md).
         work: run directory and parallel execution.
     """
     from s2c2a import jobs, strategies
