@@ -186,7 +186,16 @@ class Module(Frozen):
     @model_validator(mode="after")
     def _validate(self):
         if len(self.cable_angles_deg) and not self.is_planar:
-            self._check_gap()
+            gap = largest_gap_deg(self.cable_angles_deg)
+            if gap >= MAX_GAP_DEG:
+                raise ValueError(
+                    f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
+                    f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
+                    f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
+                    "deg, or give two opposed cables, such as [0, 180], for bends in one "
+                    "plane, or none, [], for a passive module; a spring in place of the "
+                    "second cable is not described"
+                )
         if self.cable_radius > self.length:
             raise ValueError(
                 f"cable_radius {self.cable_radius} m exceeds length {self.length} m; "
@@ -194,18 +203,6 @@ class Module(Frozen):
             )
         self._check_cables()
         return self
-
-    def _check_gap(self):
-        gap = largest_gap_deg(self.cable_angles_deg)
-        if gap >= MAX_GAP_DEG:
-            raise ValueError(
-                f"cable_angles_deg {list(self.cable_angles_deg)} leave a gap of "
-                f"{gap:.0f} deg and cables only pull, so the module cannot bend in "
-                f"every direction; spread them so that no gap reaches {MAX_GAP_DEG:.0f} "
-                "deg, or give two opposed cables, such as [0, 180], for bends in one "
-                "plane, or none, [], for a passive module; a spring in place of the "
-                "second cable is not described"
-            )
 
     def _check_cables(self):
         count = len(self.cable_angles_deg)

@@ -231,15 +231,10 @@ def _bend_limits_deg(
     """Stated bend limit, or above the largest bend in the log, of each module [deg]."""
     if arm.bend_limit_deg is not None:
         return [float(arm.bend_limit_deg)] * arm.modules
-    limits = np.clip(_quantile_deg(bends, 0.995) + MARGIN_DEG, 1.0, MAX_BEND_DEG)
+    # larger bends are outliers
+    largest = np.quantile(np.linalg.norm(bends, axis=-1), 0.995, axis=0)
+    limits = np.clip(np.rad2deg(largest) + MARGIN_DEG, 1.0, MAX_BEND_DEG)
     return limits.round(1).tolist()
-
-
-def _quantile_deg(
-    bends: Float[np.ndarray, "rows modules 2"], share: float
-) -> Float[np.ndarray, " modules"]:
-    """Quantile of the bends' size [deg]; larger ones are outliers."""
-    return np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), share, axis=0))
 
 
 def quote(text: str) -> str:

@@ -158,7 +158,10 @@ class ClockProblem:
         for stretch in np.array_split(np.arange(self.rows), BLOCKS):
             weights = fit.weights.copy()
             weights[stretch] = 0.0
-            steps.append(self._newton_step(scaled, weights))
+            residuals = self._residuals(scaled, weights)
+            jacobian = self._jacobian(scaled, weights)
+            step, *_ = lstsq(jacobian, -residuals)
+            steps.append(step)
         spread = np.std(steps, axis=0) * np.sqrt(BLOCKS - 1)
         return self._parameters(spread)
 
@@ -178,16 +181,6 @@ class ClockProblem:
             ftol=1e-6,
         )
         return result.x
-
-    def _newton_step(
-        self,
-        scaled: np.ndarray,
-        weights: np.ndarray,
-    ) -> np.ndarray:
-        residuals = self._residuals(scaled, weights)
-        jacobian = self._jacobian(scaled, weights)
-        step, *_ = lstsq(jacobian, -residuals)
-        return step
 
     def _samples(
         self,

@@ -37,11 +37,6 @@ def read_json_lines(path: str | os.PathLike, request: ColumnRequest) -> Table:
     return builder.build()
 
 
-def is_json_lines(text: str) -> bool:
-    """Whether a text begins with a complete JSON object on its first line."""
-    return next((entry for _, entry in _objects(text)), None) is not None
-
-
 def _names(path: str | os.PathLike, text: str) -> dict[str, None]:
     """Names of the columns of all lines, in the order in which they occur."""
     names: dict[str, None] = {}

@@ -78,7 +78,10 @@ def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
     """Yield name and values of each column within a column."""
     kind = values.type
     if hasattr(kind, "index_type"):
-        yield name, _words_of(values)
+        # elements of a dictionary array, equal ones as one object; None is missing
+        words = np.array([*values.dictionary.to_pylist(), None], dtype=object)
+        indices = values.indices.fill_null(len(words) - 1)
+        yield name, words[indices.to_numpy(zero_copy_only=False)]
     elif hasattr(kind, "fields"):
         for field, part in zip(kind.fields, values.flatten(), strict=True):
             yield from _leaves(f"{name}.{field.name}", part)
@@ -95,10 +98,3 @@ def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
 
 def _is_text(kind: Any) -> bool:
     return str(kind) in ("string", "large_string", "binary", "large_binary")
-
-
-def _words_of(values: Any) -> np.ndarray:
-    """Elements of a dictionary array, equal ones as one object; None is missing."""
-    words = np.array([*values.dictionary.to_pylist(), None], dtype=object)
-    indices = values.indices.fill_null(len(words) - 1)
-    return words[indices.to_numpy(zero_copy_only=False)]

@@ -138,10 +138,6 @@ def _join(
         return join_by_time(tables, log_map)
     if log_map.join.key is not None:
         return _join_by_key(tables, log_map.join.key), ()
-    return _join_by_row(tables), ()
-
-
-def _join_by_row(tables: Sequence[Table]) -> Table:
     counts = [len(table) for table in tables]
     if len(set(counts)) > 1:
         raise LogError(
@@ -152,7 +148,7 @@ def _join_by_row(tables: Sequence[Table]) -> Table:
         replace(table, numbers={**table.numbers, ROW: np.arange(len(table))})
         for table in tables
     ]
-    return _join_by_key(numbered, ROW)
+    return _join_by_key(numbered, ROW), ()
 
 
 def _join_by_key(tables: Sequence[Table], key: str) -> Table:

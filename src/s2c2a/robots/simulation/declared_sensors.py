@@ -23,8 +23,22 @@ def declare_sensors(
     """
     modules = arm.module_count
     max_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
+    # encoders or tension sensors: a quarter of the range plus noise beyond the limits is
+    # still plausible
+    noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
+    scale = np.abs(geometry.action_scale)[:, None]
+    bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
+    rate = scale / geometry.action_bends[:, None] * bend_rate
+    margin = 0.25 * scale + noise
+    cables = Sensor(
+        geometry.action_neutral.shape,
+        arm.unit,
+        low=geometry.action_low - margin,
+        high=geometry.action_high + margin,
+        fastest=rate + noise * arm.control_rate,
+    )
     sensors = {
-        "cables": _declare_cables(arm, geometry),
+        "cables": cables,
         "states": Sensor((modules, 6), "m, 1"),
         "configurations": Sensor((modules, 3), "1", -1.01, 1.01, max_rate),
     }
@@ -34,22 +48,3 @@ def declare_sensors(
         points = modules * CENTER_LINE_POINTS
         sensors["center_line"] = Sensor((samples, points, 3), "m")
     return sensors
-
-
-def _declare_cables(arm: ArmSpec, geometry: ArmGeometry) -> Sensor:
-    """Declare encoders or tension sensors.
-
-    A quarter of the range plus noise beyond the limits is still plausible.
-    """
-    noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
-    scale = np.abs(geometry.action_scale)[:, None]
-    bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
-    rate = scale / geometry.action_bends[:, None] * bend_rate
-    margin = 0.25 * scale + noise
-    return Sensor(
-        geometry.action_neutral.shape,
-        arm.unit,
-        low=geometry.action_low - margin,
-        high=geometry.action_high + margin,
-        fastest=rate + noise * arm.control_rate,
-    )

@@ -1,7 +1,6 @@
 """Simulated flex sensors: low-cost resistive strips along the modules."""
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.backlash import play
@@ -44,7 +43,12 @@ class FlexStrips:
     def bend(self, states: States, seconds: float) -> None:
         """Bend the strips with the modules, `seconds` after the last call."""
         flex = self._flex
-        bends = np.einsum("mskc,kc->ms", self._bend_gains, _bends_from_states(states))
+        configurations = configurations_from_states(states)
+        lateral = np.linalg.norm(configurations[:, :2], axis=-1, keepdims=True)
+        angles = np.arctan2(lateral, configurations[:, 2:])
+        sines = np.maximum(lateral, np.finfo(float).tiny)
+        module_bends = configurations[:, :2] * angles / sines
+        bends = np.einsum("mskc,kc->ms", self._bend_gains, module_bends)
         self._strip_bends = play(
             self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis
         )
@@ -58,10 +62,3 @@ class FlexStrips:
         bends = self._strip_bends
         values = self._gains * bends * (1.0 + self._nonlinearities * bends)
         return {"flex": values + self._biases + self._noise}
-
-
-def _bends_from_states(states: States) -> Float[np.ndarray, "modules 2"]:
-    configurations = configurations_from_states(states)
-    lateral = np.linalg.norm(configurations[:, :2], axis=-1, keepdims=True)
-    angles = np.arctan2(lateral, configurations[:, 2:])
-    return configurations[:, :2] * angles / np.maximum(lateral, np.finfo(float).tiny)

@@ -37,9 +37,13 @@ class MismatchedModule:
         angles = np.deg2rad(np.add(module.cable_angles_deg, mismatch.angle_errors_deg))
         radii = module.cable_radius * (1.0 + np.asarray(mismatch.radius_errors))
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        angle = np.deg2rad(mismatch.stiff_direction_deg)
+        cosine = np.cos(angle)
+        sine = np.sin(angle)
+        axes = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         return cls(
             nominal=module,
-            axes=_axes_rotated_about_z(np.deg2rad(mismatch.stiff_direction_deg)),
+            axes=axes + 0.0,  # no negative zeros
             stiffnesses=(1.0 + mismatch.stiffness_error) * stiffnesses,
             mass=module.mass * (1.0 + mismatch.mass_error),
             cables=radii[..., None] * directions,
@@ -81,10 +85,3 @@ def cable_routing(arm: ArmSpec, owner: int) -> dict[int, float]:
     routing = {} if coupling is None else dict.fromkeys(range(owner), coupling)
     routing[owner] = 1.0
     return routing
-
-
-def _axes_rotated_about_z(angle: float) -> Float[np.ndarray, "3 3"]:
-    cosine = np.cos(angle)
-    sine = np.sin(angle)
-    axes = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return axes + 0.0  # no negative zeros

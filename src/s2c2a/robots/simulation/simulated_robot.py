@@ -175,7 +175,11 @@ class SimulatedRobot(Robot):
         mujoco.mj_resetData(self.model, self.data)
         self._open_count += 1
         self._reset()
-        self.step(self._sample_initial_action())
+        # an action near neutral, in a random direction for every module
+        random = random_stream(self._seed, Stream.JITTER)
+        angles = random.uniform(0, 2 * np.pi, self.arm.module_count)
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        self.step(self._geometry.actions_at(self._jitter * directions))
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
         self._schedule = EventSchedule(self._events)
@@ -362,13 +366,6 @@ class SimulatedRobot(Robot):
         model.actuator_gainprm[0, 0] *= self._remaining_stiffness
         model.actuator_biasprm[0, :2] *= self._remaining_stiffness
         return model
-
-    def _sample_initial_action(self) -> Actions:
-        """Sample an action near neutral, in a random direction for every module."""
-        random = random_stream(self._seed, Stream.JITTER)
-        angles = random.uniform(0, 2 * np.pi, self.arm.module_count)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        return self._geometry.actions_at(self._jitter * directions)
 
     def physics_times(self, seconds: float) -> Float[np.ndarray, " times"]:
         """Return the end times [s] of the physics steps within a duration."""

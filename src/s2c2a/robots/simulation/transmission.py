@@ -159,7 +159,15 @@ class CableTransmission:
             path = path - self._drift * (path - self._neutral)
         creeps = self._creep.any()
         if creeps:
-            path = path - self._update_creep(path, times)
+            # the creep changes in every physics step
+            durations = np.diff(times, prepend=0.0).reshape(-1, *[1] * (path.ndim - 1))
+            shares = 1.0 - np.exp(-durations / self._creep_time)
+            creep_path = np.empty_like(path)
+            for step, position in enumerate(path):
+                target = self._creep * position
+                self.crept = self.crept + shares[step] * (target - self.crept)
+                creep_path[step] = self.crept
+            path = path - creep_path
         low, high = self._friction_band(path, tensions, bend_angles)
         if creeps:
             transmitted = play_along(self.transmitted, low, high)
@@ -183,17 +191,6 @@ class CableTransmission:
                 move yet.
         """
         return tensions * np.exp(winding * self._friction_exponent(bend_angles))
-
-    def _update_creep(self, path: CablePath, times: np.ndarray) -> CablePath:
-        """Update the creep in every physics step; returns its path."""
-        durations = np.diff(times, prepend=0.0).reshape(-1, *[1] * (path.ndim - 1))
-        shares = 1.0 - np.exp(-durations / self._creep_time)
-        creep_path = np.empty_like(path)
-        for step, position in enumerate(path):
-            target = self._creep * position
-            self.crept = self.crept + shares[step] * (target - self.crept)
-            creep_path[step] = self.crept
-        return creep_path
 
     def _friction_band(
         self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray
