@@ -25,6 +25,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.paper import HEADROOM
 from s2c2a.planning import Goal
+from s2c2a.runtime.driver import choose
 from s2c2a.spaces import ACTION_HISTORY, POSITION, Actions, Reading
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.recipe import Recipe
@@ -174,8 +175,7 @@ class LSTMStrategy:
 
     def step(self, reading: Reading, goal: Goal) -> Actions:
         """Estimate, plan and act, for callers without a control loop."""
-        estimate = self.estimate(reading, np.zeros(()))
-        return self.act(self.plan(estimate, goal), estimate)
+        return choose(self, reading, np.zeros(()), goal)
 
     def sent(self, action: Actions) -> None:
         """Ignore it: the next step starts from what the LSTM chose."""

@@ -6,7 +6,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml, load_arm
-from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.errors import ArmError
 
 TWIN = tomllib.loads(arm_to_toml(load_arm("twin_arm")))
 SIMULATED = tomllib.loads(arm_to_toml(load_arm("simulated_arm")))
@@ -35,11 +35,6 @@ def fault_in(text: str) -> str:
     with pytest.raises(ArmError) as caught:
         arm_from_toml(text, source="my_arm.toml")
     return str(caught.value)
-
-
-def test_the_unchanged_descriptions_are_arms():
-    assert arm_from_toml(tomli_w.dumps(TWIN)) == load_arm("twin_arm")
-    assert arm_from_toml(tomli_w.dumps(SIMULATED)) == load_arm("simulated_arm")
 
 
 @pytest.mark.parametrize(
@@ -82,14 +77,6 @@ def test_a_length_that_is_no_positive_number_is_refused(value):
     assert "modules.0.length" in fault_in(with_value(TWIN, "modules.0.length", value))
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
-    fault = fault_in(
-        with_value(TWIN, "modules.1.cable_angles_deg", [0.0, value, 240.0])
-    )
-    assert "modules.1.cable_angles_deg.1: write a finite number" in fault
-
-
 @pytest.mark.parametrize(
     ("path", "value"),
     [
@@ -103,10 +90,6 @@ def test_a_cable_angle_that_is_no_finite_number_is_refused(value):
 )
 def test_a_number_without_a_range_of_its_own_is_finite_in_single_precision(path, value):
     assert f"  {path}" in fault_in(with_value(TWIN, path, value))
-
-
-def test_an_empty_source_of_poses_is_refused():
-    assert "tracking.source" in fault_in(with_value(TWIN, "tracking.source", ""))
 
 
 @pytest.mark.parametrize(
@@ -125,36 +108,54 @@ def test_text_and_booleans_are_not_numbers(path, value):
     assert "a number is needed" in fault
 
 
-@pytest.mark.parametrize(
-    "matrix",
-    [[[1.0, 0.0], [0.0, 1.0]], [[1.0] * 3, [1.0] * 3], [[1.0] * 3, [1.0] * 3, [1.0]]],
-)
-def test_a_sensing_coupling_that_is_not_square_over_the_modules_is_refused(matrix):
-    fault = fault_in(with_value(TWIN, "sensing_coupling", matrix))
-    assert "one row and one column for each of the 3 modules" in fault
+SQUARE = "one row and one column for each of the 3 modules"
+SLIPS = "modules.2.cable has backlash or creep"
+UNIT = "give a unit vector"
+GAPS = [
+    ([0.0, 60.0, 181.0], 179),
+    ([0.0, 10.0, 20.0], 340),
+    ([5.0, 5.0, 5.0], 360),
+    ([-90.0, 0.0, 90.0], 180),
+]
 
 
-def test_only_eight_cables_are_allowed():
-    assert "modules.1.cable_angles_deg: give at most 8" in fault_in(
-        with_value(
-            TWIN, "modules.1.cable_angles_deg", [40.0 * cable for cable in range(9)]
-        )
-    )
+def gap_of(angles: list[float], gap: int) -> str:
+    return f"modules.0: cable_angles_deg {angles} leave a gap of {gap} deg"
 
 
-@pytest.mark.parametrize(
-    ("angles", "gap"),
-    [
-        ([0.0, 60.0, 181.0], 179),
-        ([0.0, 10.0, 20.0], 340),
-        ([5.0, 5.0, 5.0], 360),
-        ([-90, 0, 90], 180),
-    ],
-)
-def test_cables_that_cannot_bend_every_way_are_refused(angles, gap):
-    fault = fault_in(with_value(TWIN, "modules.0.cable_angles_deg", angles))
-    assert "modules.0: " in fault
-    assert f"a gap of {gap} deg" in fault
+REFUSED = [
+    ("sensing_coupling", [[1.0, 0.0], [0.0, 1.0]], SQUARE),
+    ("sensing_coupling", [[1.0] * 3, [1.0] * 3], SQUARE),
+    ("sensing_coupling", [[1.0] * 3, [1.0] * 3, [1.0]], SQUARE),
+    (
+        "modules.1.cable_angles_deg",
+        [40.0 * cable for cable in range(9)],
+        "modules.1.cable_angles_deg: give at most 8",
+    ),
+    *(
+        ("modules.0.cable_angles_deg", angles, gap_of(angles, gap))
+        for angles, gap in GAPS
+    ),
+    ("gravity_direction", [0.0, 0.0, -9.81], UNIT),
+    ("gravity_direction", [1.0, 1.0, 0.0], UNIT),
+    ("gravity_direction", [0.0, 0.0, 0.5], UNIT),
+    ("modules.0.cable_radius", 0.25, "modules.0: cable_radius"),
+    ("motor.speed_limit", 200.0, "motor.speed_limit 200.0 m/s exceeds 5 m/s"),
+    *(("name", name, "  name: ") for name in ("", "my arm", "../arm", "-a", "a" * 65)),
+    ("modules", [], "modules: give at"),
+    ("modules", TWIN["modules"][:1] * 21, "modules: give at"),
+    ("actuation", "air", "write 'displacement', 'tension' or 'pressure'"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "told"), REFUSED)
+def test_what_no_arm_can_have_is_refused_with_the_reason(path, value, told):
+    assert told in fault_in(with_value(TWIN, path, value))
+
+
+@pytest.mark.parametrize(("key", "value"), [("backlash", 0.001), ("creep", 0.2)])
+def test_a_tension_arm_has_neither_backlash_nor_creep(key, value):
+    assert SLIPS in fault_in(with_value(SIMULATED, "modules.2.cable", {key: value}))
 
 
 def test_cables_that_just_bend_every_way_are_allowed():
@@ -170,70 +171,6 @@ def test_a_tension_arm_needs_its_tension_range():
     )
 
 
-@pytest.mark.parametrize(("key", "value"), [("backlash", 0.001), ("creep", 0.2)])
-def test_a_tension_arm_has_neither_backlash_nor_creep(key, value):
-    fault = fault_in(with_value(SIMULATED, "modules.2.cable", {key: value}))
-    assert "modules.2.cable has backlash or creep" in fault
-
-
-def test_a_tension_arm_may_have_friction():
-    arm = arm_from_toml(with_value(SIMULATED, "modules.2.cable", {"friction": 0.1}))
-    assert arm.modules[2].cable.friction == 0.1
-
-
-@pytest.mark.parametrize(
-    "direction", [[0.0, 0.0, -9.81], [1.0, 1.0, 0.0], [0.0, 0.0, 0.5]]
-)
-def test_a_gravity_direction_that_is_not_a_unit_vector_is_refused(direction):
-    assert "give a unit vector" in fault_in(
-        with_value(TWIN, "gravity_direction", direction)
-    )
-
-
-@pytest.mark.parametrize(
-    "direction", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-)
-def test_an_arm_may_hang_lie_or_float(direction):
-    assert (
-        list(
-            arm_from_toml(
-                with_value(TWIN, "gravity_direction", direction)
-            ).gravity_direction
-        )
-        == direction
-    )
-
-
-def test_cables_further_out_than_the_module_is_long_are_refused():
-    assert "modules.0: cable_radius" in fault_in(
-        with_value(TWIN, "modules.0.cable_radius", 0.25)
-    )
-
-
-def test_a_motor_speed_in_millimetres_is_refused_on_a_displacement_arm():
-    assert "motor.speed_limit 200.0 m/s exceeds 5 m/s" in fault_in(
-        with_value(TWIN, "motor.speed_limit", 200.0)
-    )
-
-
-@pytest.mark.parametrize("name", ["", "my arm", "../arm", "-arm", "a" * 65])
-def test_a_name_that_is_no_plain_word_is_refused(name):
-    assert "  name: " in fault_in(with_value(TWIN, "name", name))
-
-
-@pytest.mark.parametrize("count", [0, 21])
-def test_an_arm_has_one_to_twenty_modules(count):
-    assert "modules: give at" in fault_in(
-        with_value(TWIN, "modules", TWIN["modules"][:1] * count)
-    )
-
-
-def test_an_unknown_actuation_is_refused_with_the_choices():
-    assert "actuation: write 'displacement', 'tension' or 'pressure'" in fault_in(
-        with_value(TWIN, "actuation", "air")
-    )
-
-
 def test_every_fault_is_listed_at_once():
     fault = fault_in(
         with_value(
@@ -243,10 +180,6 @@ def test_every_fault_is_listed_at_once():
     assert "2 fault(s)" in fault
     assert "modules.0.mass" in fault
     assert "modules.0.lenth" in fault
-
-
-def test_an_arm_error_is_an_error_of_the_package():
-    assert issubclass(ArmError, S2C2AError)
 
 
 @pytest.mark.parametrize(

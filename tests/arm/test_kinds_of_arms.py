@@ -6,12 +6,10 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.arm.geometry import cables_present
-from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import ArmError
 from s2c2a.evaluation import describe_saturation
 from s2c2a.goals import Goal
 from s2c2a.kinematics import PCC, commanded_part
-from s2c2a.logs.identification import numbers
 from s2c2a.models.layers import SumAndRange
 from s2c2a.planning import reach_gaps
 from s2c2a.robots.simulation import SimulatedRobot
@@ -135,19 +133,6 @@ def test_absent_cables_are_at_no_limit(arm):
     geometry = ArmGeometry.of(arm)
     rest = np.broadcast_to(geometry.action_neutral, (5, *geometry.action_neutral.shape))
     assert describe_saturation(arm, rest) == ""
-
-
-def test_variants_of_every_kind_are_drawn_at_random(arm):
-    variant = randomized_arm(arm, 3, 0.5)
-    assert variant.module_count == arm.module_count
-    assert identified_again(variant).module_count == arm.module_count
-
-
-def identified_again(arm):
-    """The arm as the identification takes it apart and puts it together."""
-    table = numbers._table_of(arm)
-    numbers._undo_expansion(table)
-    return ArmSpec.model_validate(table)
 
 
 @pytest.mark.slow

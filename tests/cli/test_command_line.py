@@ -10,7 +10,6 @@ import pytest
 
 import s2c2a
 from s2c2a.cli.main import _check_options, main
-from s2c2a.data import load_recording
 from s2c2a_experiments.cli import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -192,10 +191,6 @@ def test_an_invalid_arm_file_is_rejected_with_its_key(tmp_path, capsys):
     assert "1000" in output
 
 
-def test_a_missing_arm_names_the_presets(capsys):
-    assert "twin_arm" in failing(capsys, "arm", "check", "no_such_arm")
-
-
 def test_the_page_of_another_robot_is_for_this_machine_only(capsys):
     options = ("--robot", "dynamixel", "--host", "0.0.0.0")
     assert "leave out --host" in failing(capsys, "live", *options)
@@ -296,38 +291,6 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
         capsys, "run", "circle", *arm, "--weights", str(strategy), "--recipe", "paper"
     )
     assert "trains differently" in output
-
-
-@pytest.mark.slow
-def test_the_recipe_sets_the_default_number_of_episodes(
-    tmp_path,
-):
-    recipe = tmp_path / "two.toml"
-    recipe.write_text('based_on = "paper"\nepisodes = 2\n')
-    for stated, count in ((), 2), (("--episodes", "1"), 1):
-        out = tmp_path / f"{count}.episodes"
-        run(
-            "collect",
-            "--recipe",
-            str(recipe),
-            "--samples",
-            "10",
-            "--out",
-            str(out),
-            *stated,
-        )
-        options = load_recording(out).options
-        assert (options["episodes"], options["babbling"]) == (count, "staged")
-
-
-@pytest.mark.slow
-def test_pace_scales_the_duration_of_a_task(tmp_path, capsys):
-    folder = tmp_path / "quick"
-    run("run", "circle", "--strategy", "pcc", "--pace", "8", "--out", str(folder))
-    with open(folder / "metrics.csv", newline="") as file:
-        assert len(list(csv.DictReader(file))) == 200 / 8
-    assert "step limit of 4 deg" in capsys.readouterr().out
-    assert "0.01 to 10" in failing(capsys, "run", "circle", "--pace", "0")
 
 
 def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from s2c2a import __version__
 from s2c2a.cli.main import main
 
 COMPLETE_IN_BASH = """
@@ -73,8 +72,3 @@ def test_an_unknown_shell_is_reported_with_the_known_ones(capsys):
     assert stopped.value.code == 2
     message = capsys.readouterr().err
     assert all(f"'{shell}'" in message for shell in ("tcsh", "bash", "zsh", "fish"))
-
-
-def test_the_version_is_printed(capsys):
-    main(["--version"])
-    assert capsys.readouterr().out == f"s2c2a {__version__}\n"

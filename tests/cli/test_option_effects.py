@@ -52,6 +52,9 @@ REFUSED = {
         "views",
         "resolution",
     ],
+    "tracking calibrate-camera --print-board --source 1": ["source"],
+    "tracking calibrate-camera --print-board --views 3": ["views"],
+    "tracking calibrate-camera --paper a3": ["paper"],
 }
 """Command lines, each with the parameters that would have no effect there."""
 

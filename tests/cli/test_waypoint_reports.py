@@ -12,13 +12,14 @@ from s2c2a.cli.run import (
     _describe_reach,
     _reach_model,
     _report_waypoints,
-    _within_reach,
 )
 from s2c2a.errors import S2C2AError
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
-from s2c2a.strategies import RunOptions, TrainedNetworks, recipe_named, save_networks
+from s2c2a.planning.reach import Reachability
+from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
 from s2c2a.strategies.pcc import GAINS, FittedGains
 from s2c2a.tasks import load_task, paced_task
+from s2c2a.tasks.projection import projected
 from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
@@ -70,13 +71,14 @@ def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
 def test_targets_that_a_model_does_not_reach_are_said_with_their_times(tmp_path):
     rows = ["0,0,0,0.6", "4,0.1,0,0.58", "8,0.5,0,0.58", "10,0.5,0,0.58"]
     task = paced_task(written(tmp_path, *rows), TWIN, 1.0)
-    found = _within_reach(task, TWIN, ARCS, RunOptions())
+    reachability = Reachability(TWIN, ARCS, 0.0, "tip")
+    found = projected(task, TWIN.length, reachability)
     said = _describe_reach(found, TWIN, moves=False)
     assert "steps are out of reach, by up to " in said
     assert said.endswith("to 10 s")
     assert "moved" not in said
     assert "moved to the nearest shapes" in _describe_reach(found, TWIN, moves=True)
-    circle = _within_reach(load_task("circle", TWIN), TWIN, ARCS, RunOptions())
+    circle = projected(load_task("circle", TWIN), TWIN.length, reachability)
     assert _describe_reach(circle, TWIN, moves=False) == "all targets are within reach"
 
 

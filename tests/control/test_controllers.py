@@ -90,15 +90,6 @@ def displacements_by_hand(bends, turns, gains=(1, 1, 1)):
     return rows
 
 
-def test_inverse_pcc_moves_cables_as_worked_by_hand():
-    bends = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)]
-    action, memory = act(inverse_pcc(TWIN), BENT, STRAIGHT, ())
-    np.testing.assert_allclose(
-        action, displacements_by_hand(bends, [0, np.pi / 3, 0]), atol=1e-7
-    )
-    assert memory == ()
-
-
 def test_inverse_pcc_multiplies_each_module_by_its_gain():
     bends = [(0.3, 0.5), (0.6, -2.0), (0.1, 1.2)]
     gains = (1.1, 0.9, 1.5)
@@ -166,14 +157,6 @@ def test_the_history_holds_the_latest_first():
         )
 
 
-def test_the_oldest_values_are_the_first_ones_until_they_are_pushed_out():
-    sensed = np.random.default_rng(1).normal(size=(2, 3, 3)).astype(np.float32)
-    _, memories = drive(network_controller(TWIN), sensed, sensed)
-    expected = np.stack([sensed[1], sensed[0], sensed[0], sensed[0]], axis=1)
-    np.testing.assert_array_equal(memories[-1].configurations, expected)
-    np.testing.assert_array_equal(memories[-1].actions[:, 2:], np.zeros((3, 3, 3)))
-
-
 def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_before():
     """Eq. (8): C_t to C_t-3 and A_t-1 to A_t-5."""
     sensed, desired = (
@@ -188,17 +171,6 @@ def test_an_action_comes_from_the_configuration_just_sensed_and_the_actions_befo
     np.testing.assert_allclose(
         controller.network.sum_and_range.actions(normalized), actions[3], atol=1e-7
     )
-
-
-@pytest.mark.parametrize("arm", [TWIN, SIMULATED])
-def test_normalized_actions_in_the_history_stay_in_range(arm):
-    controller = saturated(arm, [1.0] + [-1.0] * (arm.cable_count - 1))
-    _, memories = drive(
-        controller,
-        np.repeat(STRAIGHT[None], 3, axis=0),
-        np.repeat(BENT[None], 3, axis=0),
-    )
-    assert np.abs(memories[-1].actions).max() <= 1 + 1e-6
 
 
 @pytest.mark.parametrize("arm", [TWIN, SIMULATED])

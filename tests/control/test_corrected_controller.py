@@ -54,25 +54,6 @@ def test_a_constant_offset_is_integrated_away():
     np.testing.assert_allclose(offsets[-1], -OFFSET, atol=1e-4)
 
 
-def test_without_a_correction_the_offset_stays():
-    reached, _ = drive(
-        CorrectedController(INNER, 0.0), lambda bends: bends + OFFSET, constant, 20
-    )
-    np.testing.assert_allclose(
-        reached, np.tile(DESIRED + OFFSET, (20, 1, 1)), atol=1e-5
-    )
-
-
-def test_a_low_gain_of_the_plant_is_compensated():
-    reached, _ = drive(
-        CorrectedController(INNER, 0.2, largest=0.3),
-        lambda bends: 0.8 * bends,
-        constant,
-        80,
-    )
-    np.testing.assert_allclose(reached[-1], DESIRED, atol=1e-3)
-
-
 @pytest.mark.parametrize("largest", [0.1, 0.02])
 def test_the_integral_never_exceeds_its_limit(largest):
     """A plant that does not move at all."""

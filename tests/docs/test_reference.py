@@ -18,6 +18,7 @@ REFERENCE = ROOT / "docs" / "reference"
 API_PAGES = sorted((REFERENCE / "api").glob("*.md"))
 INTERNAL = {
     "execution": "compiled programs, executors, cache: of every command",
+    "measurements": "whether a measured value can be true: Estimation, Recordings of your arm",
     "files": "guarded reading and atomic writing: of every file",
     "plugins": "names of parts: the guide of extending",
     "cli": "the command line: Commands",

@@ -46,13 +46,6 @@ def test_equal_bends_are_equal_and_an_s_shape_is_negative(recorded):
     assert coverage.opposed_share(0) == 0.5
 
 
-@pytest.mark.slow
-def test_straight_arms_have_no_share_of_s_shapes(recorded):
-    coverage = Coverage.of([recorded(np.zeros((5, 3, 2)))])
-    np.testing.assert_array_equal(coverage.neighboring_bends(1), 0.0)
-    assert np.isnan(coverage.opposed_share(1))
-
-
 def test_speeds_are_those_of_the_fastest_module_within_each_episode(recorded):
     bends = np.zeros((3, 2, 2))
     bends[1:, 1, 0] = 0.1
@@ -75,11 +68,6 @@ def test_more_random_shapes_reach_more(recorded, make_arm):
         assert 0.0 < share(few) < share(many) <= 1.0
     single = slice(0, 1)
     assert few.reached_bends(single) > few.reached_bends()
-
-
-def test_every_shape_is_reached_by_itself(recorded, make_arm):
-    limits = ArmGeometry.of(make_arm(2)).planned_bends
-    assert Coverage.of([recorded(random_bends(limits))]).reached_bends() == 1.0
 
 
 def test_without_tracking_the_bends_are_known_and_the_workspace_is_not(recorded):

@@ -49,12 +49,6 @@ def make_run(
     return Episode(TWIN, steps | columns)
 
 
-@pytest.mark.slow
-def test_a_run_near_its_goals_is_not_described():
-    assert describe_lasting_error(make_run()) == ""
-    assert describe_lasting_error(make_run(plan=0.003, model=0.002)) == ""
-
-
 @pytest.mark.parametrize(
     ("parts", "told"),
     [

@@ -152,21 +152,6 @@ def test_the_target_of_a_step_is_compared_with_the_state_after_its_action(run, t
     assert score_run(run, task, "paper")[0].value == 0.0
 
 
-def test_times_are_those_after_the_action(run):
-    np.testing.assert_allclose(run.times(), [0.1, 0.2, 0.3, 0.4, 0.5])
-
-
-def test_diagnostics_are_those_of_the_step(run):
-    np.testing.assert_array_equal(run.ran("sensed")[:, 0, 0], [201, 202, 203, 204, 205])
-    np.testing.assert_array_equal(
-        run.ran("planned")[:, 0, 0], [301, 302, 303, 304, 305]
-    )
-    np.testing.assert_array_equal(
-        run.ran("predicted")[:, 0, 0], [401, 402, 403, 404, 405]
-    )
-    assert np.isnan(run["planned"][STEPS:]).all()
-
-
 def test_the_strategy_gets_the_reading_before_its_action_and_the_goal_of_the_step(
     run, script, task
 ):
@@ -199,10 +184,6 @@ def test_actions_are_the_sent_ones_within_the_step_limit(run, robot, script, twi
     np.testing.assert_array_equal(script.limited, [run.ran("actions")[4]])
 
 
-def test_every_step_has_a_positive_tick_time(run):
-    assert np.all(run.ran("tick_time") > 0)
-
-
 def test_the_return_to_rest_is_in_the_episode_within_the_step_limit(run, robot, twin):
     """One step more than the distance takes, to reverse, and one reading at rest."""
     np.testing.assert_array_equal(run["actions"], robot.sent)
@@ -232,10 +213,6 @@ def test_a_task_that_ends_at_rest_has_a_reading_after_its_last_action(
     run = rollout(robot, script, task, on_step=steps.append)
     assert len(steps) == len(run)
     assert len(run.after("states")) == 3
-
-
-def test_the_robot_is_closed_once_at_the_end(run, robot):
-    assert robot.closed == 1
 
 
 def test_progress_counts_the_steps(robot, script, task):

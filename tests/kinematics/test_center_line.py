@@ -29,28 +29,10 @@ def random_bends(*shape):
     return np.random.default_rng(0).uniform(-0.6, 0.6, (*shape, 2))
 
 
-def test_the_center_line_has_five_points_a_module():
-    assert CENTER_LINE_POINTS == 5
-    assert line_of(random_bends(3), [0.2] * 3).shape == (15, 3)
-
-
 def test_a_straight_arm_has_its_points_evenly_on_the_axis():
     line = line_of(np.zeros((2, 2)), [0.2, 0.3])
     heights = [0.04, 0.08, 0.12, 0.16, 0.20, 0.26, 0.32, 0.38, 0.44, 0.50]
     np.testing.assert_allclose(line, [[0, 0, height] for height in heights], atol=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("direction", [0.0, 1.0, 2.5, -2.0])
-@pytest.mark.parametrize("angle_deg", [1, 25, 50])
-def test_the_error_of_a_module_of_20_cm_is_below_1_mm_up_to_50_degrees(
-    angle_deg, direction
-):
-    angle = np.deg2rad(angle_deg)
-    bend = angle * np.array([np.cos(direction), np.sin(direction)])
-    apart = np.linalg.norm(line_of([bend], [0.2]) - arc(angle, direction, 0.2), axis=-1)
-    assert apart.max() < 0.001
-    assert apart[-1] < 1e-7
 
 
 def test_the_error_grows_with_the_third_power_of_the_bend():
@@ -117,13 +99,3 @@ def test_arrays_of_numpy_and_of_jax_have_one_center_line(points):
         lambda values: center_line(values, jax.numpy.asarray(lengths), points).sum()
     )(jax.numpy.asarray(states))
     assert np.isfinite(slopes).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_of_arms_is_its_members_one_by_one(batch):
-    bends = random_bends(*batch, 3)
-    lines = line_of(bends, [0.2] * 3)
-    assert lines.shape == (*batch, 15, 3)
-    alone = [line_of(one, [0.2] * 3) for one in bends.reshape(-1, 3, 2)]
-    np.testing.assert_allclose(lines.reshape(-1, 15, 3), alone, atol=1e-6)

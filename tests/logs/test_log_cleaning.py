@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
-from s2c2a.data import outliers
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.cleaning import exclude_outliers
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.pipeline import _read_takes
 from s2c2a.logs.registration import estimate_registration
+from s2c2a.measurements import outliers
 
 JUMP = 0.3  # m
 

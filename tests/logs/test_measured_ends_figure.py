@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from s2c2a.data.outliers import MeasuredEnds, Outliers
 from s2c2a.logs import measured_ends
 from s2c2a.logs.measured_ends import RowMark, measured_ends_figure
+from s2c2a.measurements.outliers import MeasuredEnds, Outliers
 
 ROWS = 60
 

@@ -196,15 +196,6 @@ def test_other_targets_do_not_pull_against_a_way(other):
     assert errors[0] < errors[1] + 0.01
 
 
-@pytest.mark.slow
-def test_a_guarded_tip_goes_where_an_obstacle_touches_the_body_alone():
-    goal = goal_with((0.0, 0.0, 0.1, 0.06))
-    shapes, outcomes = drive(Planner(TWIN, MODEL, BEST), [goal] * 60)
-    tip = np.asarray(states_of(shapes[-1:]))[0, -1, :3]
-    assert np.linalg.norm(tip - TARGET) < 0.006
-    assert outcomes[-1] is Outcome.SOLVED
-
-
 def test_a_desired_shape_is_taken():
     desired = np.full((3, 2), 0.2, np.float32)
     goal = Goal.of(3)._replace(shape=desired, shape_weight=np.float32(1.0))

@@ -118,27 +118,6 @@ def test_an_arm_approaches_its_first_goal_and_follows_one_that_moves():
         np.testing.assert_allclose(approached(xs, start=xs[0]), xs, atol=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", slow_after(1, [10.0, 5.0, 20.0, 50.0, 100.0]))
-@pytest.mark.parametrize("told", [True, False])
-def test_a_jump_is_approached_alike_at_every_rate_and_if_it_was_told(rate, told):
-    arm = arm_at(TWIN, rate)
-    approach = Approach.of(arm, NOMINAL)
-    goals = [towards(x) for x in np.repeat([0.0, 0.2, 0.0], round(4 * rate))]
-    motion = GoalMotion.of(3)
-    way = []
-    for goal in previewed(goals, 1.0 / rate, farthest=0.04) if told else goals:
-        motion, ahead = motion.after(goal, at(0.0), approach)
-        planned = ahead.positions[:, -1, 0]
-        assert planned.min() > -1e-5
-        assert planned.max() < 0.2 + 1e-5
-        way.append(float(planned[0]))
-    # half of the way after 2.67 time constants, as in continuous time
-    half = np.flatnonzero(np.array(way) > 0.1)[0] / rate - 4.0
-    expected = 2.67 / (decay(0.0) * TWIN.control_rate)
-    assert half == pytest.approx(expected, abs=0.11 + 1.0 / rate)
-
-
 @pytest.mark.parametrize("rate", slow_after(1, [10.0, 50.0, 100.0]))
 def test_noise_of_a_target_is_no_jump(rate):
     approach = Approach.of(arm_at(TWIN, rate), NOMINAL)
@@ -244,17 +223,6 @@ def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     assert np.rad2deg(last.max()) < 0.05
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", slow_after(1, [10.0, 100.0]))
-def test_an_obstacle_beside_the_way_does_not_slow_the_arm(rate):
-    limits = {"control_rate": rate, "step_limit_deg": 40.0 / rate}
-    arm = TWIN.model_copy(update=limits)
-    target = [0.15, 0.05, 0.55]
-    goal = Goal.of(3).with_position(target).with_obstacles([[-0.3, -0.3, 0.3]], [0.03])
-    _, tip = drive(arm, [goal] * round(2 * rate))
-    assert np.linalg.norm(tip - target) < 2e-3
-
-
 def test_an_arm_that_loses_its_target_stops():
     away = Goal.of(3).with_position([0.2, 0.0, 0.5])
     bends, _ = drive(TWIN, [away] * 4 + [Goal.of(3)] * 10)
@@ -272,11 +240,6 @@ def test_a_goal_that_is_not_finite_changes_no_plan_and_no_outcome():
     assert after.outcome is plan.outcome
     np.testing.assert_array_equal(after.configurations, plan.configurations)
     np.testing.assert_array_equal(after.motion.latest, plan.motion.latest)
-
-
-def test_without_an_iteration_nothing_is_planned():
-    with pytest.raises(Exception, match="iterations = 0 was given"):
-        replace(BEST, solver=Horizon(iterations=0))
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from s2c2a.estimation import Estimate
 from s2c2a.goals import previewed
 from s2c2a.kinematics import (
     bends_from_configurations,
-    center_line,
     configurations_from_bends,
     states_from_configurations,
 )
@@ -29,11 +28,6 @@ LENGTHS = jnp.full(3, 0.2)
 STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 states_of = jax.jit(
     lambda configurations: states_from_configurations(configurations, LENGTHS)
-)
-lines_of = jax.jit(
-    lambda configurations: center_line(
-        states_from_configurations(configurations, LENGTHS), LENGTHS
-    )
 )
 
 
@@ -123,12 +117,6 @@ def planner_of(arm, **options):
 def planner():
     """Guards the tip."""
     return planner_of(TWIN)
-
-
-@pytest.fixture(scope="module")
-def guarding_planner():
-    """Guards the whole arm."""
-    return planner_of(TWIN, guard="arm")
 
 
 def drive(planner, goals, start=STRAIGHT):
@@ -226,13 +214,6 @@ def test_an_arm_beyond_its_bend_limit_returns_step_by_step(planner):
     assert bend_angles(planned)[-10:].max() <= 47.0 + 0.01
 
 
-@pytest.mark.slow
-def test_planned_vectors_have_length_one(planner):
-    np.testing.assert_allclose(
-        np.linalg.norm(drive(planner, jumping_goals(1, 60)), axis=-1), 1.0, atol=1e-6
-    )
-
-
 @pytest.mark.parametrize(
     "invalid",
     [{"positions": np.full((3, 3), np.nan, np.float32)}, {"change_weight": np.nan}],
@@ -256,12 +237,6 @@ def test_without_a_target_nothing_moves(planner, weight):
     )
     planned = drive(planner, [Goal.of(3, change_weight=weight)] * 10, start)
     np.testing.assert_allclose(planned, np.tile(start, (11, 1, 1)), atol=1e-6)
-
-
-@pytest.mark.slow
-def test_the_same_goals_make_the_same_plan(planner):
-    goals = jumping_goals(2, 40)
-    np.testing.assert_array_equal(drive(planner, goals), drive(planner, goals))
 
 
 def test_with_a_far_target_the_arm_comes_to_rest(planner):
@@ -291,18 +266,6 @@ def test_if_every_path_is_too_long_the_tip_waits_outside(planner):
     tips = tips_of(drive(planner, task.goals))
     assert clearance(tips[:, None], task) > 0.0
     assert np.ptp(tips[-30:], axis=0).max() < 0.01
-
-
-@pytest.mark.slow
-def test_a_guarded_arm_passes_an_obstacle_with_all_points_outside(
-    guarding_planner,
-):
-    task = load_task("reach-1", TWIN)
-    planned = drive(guarding_planner, task.goals)
-    assert (
-        np.linalg.norm(tips_of(planned)[-1] - task.desired_positions()[-1, -1]) < 0.03
-    )
-    assert clearance(np.asarray(lines_of(planned))[1:], task) > 0.0
 
 
 def test_a_tip_inside_an_obstacle_moves_out_and_stops(planner):

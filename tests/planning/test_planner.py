@@ -1,6 +1,5 @@
 """The planner with the options of the paper and PCC as forward model."""
 
-import logging
 from dataclasses import replace
 
 import equinox as eqx
@@ -60,20 +59,6 @@ def fine_planner():
 
 def straight(modules=3):
     return np.tile([0.0, 0.0, 1.0], (modules, 1))
-
-
-def bent(angle_deg, azimuth_deg):
-    """The configuration of one module, shape (1, 3)."""
-    angle, azimuth = np.deg2rad([angle_deg, azimuth_deg])
-    return np.array(
-        [
-            [
-                np.sin(angle) * np.cos(azimuth),
-                np.sin(angle) * np.sin(azimuth),
-                np.cos(angle),
-            ]
-        ]
-    )
 
 
 def drive(planner, goals, start=None):
@@ -138,19 +123,6 @@ def test_a_reachable_target_is_reached_to_a_millimeter_and_held(fine_planner, ta
     assert distances[-30:].max() < 1e-3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "target", [[0.22, 0.0, 0.54], [0.1, 0.15, 0.55], [-0.2, 0.1, 0.5]]
-)
-def test_the_paper_recipe_comes_within_four_centimeters_of_a_reachable_target(
-    paper_planner, target
-):
-    distances = tip_distances(
-        drive(paper_planner, [Goal.of(3).with_position(target)] * 100), target
-    )
-    assert distances[-20:].max() < 0.04 < distances[0]
-
-
 def test_an_axis_is_reached_too(fine_planner):
     desired = np.array([np.sin(0.8), 0.0, np.cos(0.8)])
     goal = Goal.of(3, change_weight=0.0).with_axis(desired)
@@ -159,11 +131,6 @@ def test_an_axis_is_reached_too(fine_planner):
         angles_between(np.asarray(states_of(planned), np.float64)[-1, -1, 3:], desired)
         < 0.5
     )
-
-
-def test_without_a_target_nothing_moves(paper_planner):
-    planned = drive(paper_planner, [Goal.of(3)] * 5)
-    np.testing.assert_array_equal(planned, np.tile(straight(), (6, 1, 1)))
 
 
 def test_a_plan_never_changes_by_more_than_the_step_limit(paper_planner):
@@ -187,33 +154,6 @@ def test_planned_vectors_have_length_one(paper_planner):
     )
 
 
-@pytest.mark.slow
-def test_a_wide_step_limit_is_kept_too():
-    planner = planner_of(
-        an_arm(1, bend_limit_deg=80.0, step_limit_deg=60.0),
-        learning_rate=0.1,
-        iterations=60,
-    )
-    there, back = (
-        Goal.of(1, change_weight=0.0).with_axis(bent(70.0, azimuth)[0])
-        for azimuth in (0.0, 180.0)
-    )
-    planned = drive(planner, ([there] * 5 + [back] * 5) * 2, straight(1))
-    assert angles_between(planned[1:], planned[:-1]).max() <= 60.0 + 0.1
-
-
-@pytest.mark.slow
-def test_a_bend_limit_beyond_a_right_angle_is_kept_on_the_way_too():
-    planner = planner_of(
-        an_arm(1, bend_limit_deg=140.0, step_limit_deg=8.0),
-        learning_rate=0.1,
-        iterations=60,
-    )
-    goal = Goal.of(1, change_weight=0.0).with_axis(bent(135.0, 170.0)[0])
-    planned = drive(planner, [goal] * 40, bent(135.0, 0.0))
-    assert bend_angles(planned).max() <= 140.0 + 0.1
-
-
 @pytest.mark.parametrize(
     "target", [[2.0, 0.0, 0.3], [0.0, 0.0, 2.0], [1.2, -1.6, 0.0], [0.0, 0.0, -2.0]]
 )
@@ -223,39 +163,6 @@ def test_a_target_two_meters_away_does_not_excite_the_arm(paper_planner, target)
     distances = tip_distances(planned, target)
     assert distances[-1] <= distances[0] + 1e-6
     assert np.ptp(states_of(planned)[-30:, -1, :3], axis=0).max() < 0.03
-
-
-def test_a_tip_inside_an_obstacle_moves_out_and_stops(paper_planner):
-    goal = Goal.of(3, change_weight=0.5).with_obstacles([[0.03, 0.02, 0.59]], [0.10])
-    distances = tip_distances(drive(paper_planner, [goal] * 100), [0.03, 0.02, 0.59])
-    assert distances[0] < 0.05
-    assert distances[-10:].min() > 0.10
-    np.testing.assert_allclose(distances[-10:], distances[-1])
-
-
-def test_a_tip_in_the_middle_of_an_obstacle_stays_finite(paper_planner):
-    goal = (
-        Goal.of(3)
-        .with_obstacles([[0.0, 0.0, 0.6]], [0.1])
-        .with_position([0.2, 0.0, 0.5])
-    )
-    assert np.isfinite(drive(paper_planner, [goal] * 30)).all()
-
-
-def test_an_obstacle_out_of_the_way_changes_nothing(paper_planner):
-    goal = Goal.of(3).with_position([0.2, 0.0, 0.5])
-    far = goal.with_obstacles([[-0.5, -0.5, 0.1]], [0.2])
-    np.testing.assert_array_equal(
-        drive(paper_planner, [goal] * 20), drive(paper_planner, [far] * 20)
-    )
-
-
-def test_a_goal_that_is_not_finite_leaves_the_plan_unchanged(paper_planner):
-    sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
-    invalid = sound._replace(positions=np.full((3, 3), np.nan, np.float32))
-    planned = drive(paper_planner, [sound] * 3 + [invalid] * 2 + [sound] * 3)
-    np.testing.assert_array_equal(planned[3:6], np.repeat(planned[3:4], 3, axis=0))
-    np.testing.assert_array_equal(planned[5:], drive(paper_planner, [sound] * 6)[3:])
 
 
 def test_the_same_goals_make_the_same_plan(paper_planner):
@@ -274,30 +181,6 @@ def test_free_vectors_keep_the_step_limit_but_not_the_sphere():
     assert np.ptp(np.linalg.norm(planned, axis=-1)) > 0.01
     steps = np.linalg.norm(np.diff(planned, axis=0), axis=-1)
     assert steps.max() <= np.deg2rad(4.0) + 1e-6
-
-
-def compilations(caplog):
-    return [
-        record.getMessage()
-        for record in caplog.records
-        if "Finished XLA compilation" in record.getMessage()
-    ]
-
-
-@pytest.mark.slow
-def test_the_first_plan_compiles_and_the_next_ones_do_not(caplog):
-    with jax.log_compiles(), caplog.at_level(logging.DEBUG):
-        planner = planner_of(an_arm(1))
-        drive(planner, [Goal.of(1)], straight(1))
-        assert any("next_plan" in message for message in compilations(caplog))
-        caplog.clear()
-        drive(planner, [Goal.of(1), *jumping_goals(5, 60, modules=1)], straight(1))
-        drive(
-            planner,
-            [Goal.of(1).with_obstacles(np.ones((64, 3)), np.ones(64), weight=3)],
-            bent(20.0, 30.0),
-        )
-        assert compilations(caplog) == []
 
 
 class SummingModel(ForwardModel):

@@ -64,11 +64,6 @@ def test_a_point_on_the_axis_below_the_straight_tip_is_reached_by_an_s(column, h
     )
 
 
-@pytest.mark.slow
-def test_two_modules_of_three_reach_the_target_of_the_middle(column):
-    assert gaps(column, [[0, 0, 0.396]], module=1)[0] < 1e-4
-
-
 @pytest.mark.parametrize("modules", [2, 3])
 def test_reachable_points_have_no_gap(make_arm, modules):
     """At the ends of 24 random shapes within its limits."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.measurements.following import SUDDEN
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Loop, StepRequest
-from s2c2a.runtime.following import SUDDEN
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle

@@ -403,13 +403,6 @@ def test_another_driver_starts_when_the_arm_next_runs_from_rest(loop, actor, twi
     assert (len(actor.steps), len(other.starts), len(other.steps)) == (4, 1, 1)
 
 
-def test_the_callback_receives_every_step(puppet, actor, clock):
-    records = []
-    loop = Loop(puppet, actor, clock, on_step=records.append)
-    loop.open()
-    assert [loop.tick(StepRequest()) for _ in range(3)] == records
-
-
 def test_a_sensor_that_is_not_required_may_fail(puppet, actor, clock):
     def corrupt(reading):
         return Reading(

@@ -18,6 +18,7 @@ from s2c2a.strategies import (
     train_s2c2a,
     training_data,
 )
+from s2c2a.strategies.s2c2a import check_prior
 from s2c2a.training.fit import parameters
 
 
@@ -80,13 +81,18 @@ def test_only_a_prior_of_this_arm_and_recipe_is_a_start(
 
     with pytest.raises(StrategyError, match="of the one arm"):
         start(tiny_best_networks)
-    other = replace(tiny_best_networks, arm=randomized_arm(twin, 0, 0.5), spread=())
-    with pytest.raises(
-        StrategyError, match="differs from 'twin_arm' in motor, modules"
-    ):
-        start(other)
+    shorter = [module.model_copy(update={"length": 0.1}) for module in twin.modules]
+    other = twin.model_copy(update={"modules": tuple(shorter)})
+    with pytest.raises(StrategyError, match="differs from 'twin_arm' in modules"):
+        start(replace(tiny_best_networks, arm=other, spread=()))
     with pytest.raises(StrategyError, match="differs in c2s"):
         start(replace(tiny_networks, spread=()))
+
+
+def test_a_prior_serves_every_variant_of_its_arm(tiny_best_networks, twin):
+    prior = replace(tiny_best_networks, spread=())
+    recipe = tiny_best_networks.recipe
+    check_prior(prior, recipe.seen_arm(randomized_arm(twin, 0, 0.5)), recipe)
 
 
 def test_forward_models_without_a_prior_say_so(tiny_networks, recording):

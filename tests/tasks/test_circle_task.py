@@ -12,10 +12,6 @@ def tip_path(arm):
     return circle(arm).desired_positions()[:, -1]
 
 
-def with_rate(rate):
-    return TWIN.model_copy(update={"control_rate": rate})
-
-
 def arc_angle(reach):
     """Bend f of an arm of 0.6 m with this reach: 0.6 (1 - cos f) / f, by bisection."""
     low, high = 1e-9, 2.0
@@ -24,10 +20,6 @@ def arc_angle(reach):
         short = 0.6 * (1 - np.cos(middle)) / middle < reach
         low, high = (middle, high) if short else (low, middle)
     return low
-
-
-def test_the_circle_has_two_hundred_steps_at_ten_hertz():
-    assert len(circle(TWIN).goals) == 200
 
 
 def arc_height(reach):
@@ -53,12 +45,6 @@ def test_the_approach_is_within_a_millimeter_of_the_protocol_as_printed():
     np.testing.assert_allclose(tip_path(TWIN)[:40, 2], printed, atol=1e-3)
 
 
-def test_the_round_ends_where_the_approach_ended():
-    path = tip_path(TWIN)
-    np.testing.assert_allclose(path[39], [0.22, 0.0, 0.54], atol=1e-6)
-    np.testing.assert_allclose(path[199], [0.22, 0.0, 0.54], atol=1e-6)
-
-
 def test_the_round_goes_once_counterclockwise_at_one_radius_and_height():
     x, y, z = tip_path(TWIN)[39:].T
     turned = np.unwrap(np.arctan2(y, x))
@@ -68,62 +54,12 @@ def test_the_round_goes_once_counterclockwise_at_one_radius_and_height():
     assert turned[-1] - turned[0] == pytest.approx(2 * np.pi, abs=1e-5)
 
 
-def test_a_quarter_of_the_round_is_on_the_left():
-    np.testing.assert_allclose(tip_path(TWIN)[39 + 40], [0.0, 0.22, 0.54], atol=1e-6)
-
-
-def test_the_target_never_jumps():
-    start = np.array([[0.0, 0.0, 0.6]])
-    steps = np.linalg.norm(
-        np.diff(np.concatenate([start, tip_path(TWIN)]), axis=0), axis=-1
-    )
-    assert steps.max() < 0.01
-
-
-def test_lengths_scale_with_the_arm():
-    short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
-    np.testing.assert_allclose(tip_path(short), tip_path(TWIN) * 0.4 / 0.6, atol=1e-6)
-
-
-def test_the_number_of_modules_does_not_matter_at_one_length():
-    halves = tuple(
-        module.model_copy(update={"length": 0.1}) for module in TWIN.modules * 2
-    )
-    fine = TWIN.model_copy(update={"modules": halves})
-    np.testing.assert_allclose(tip_path(fine), tip_path(TWIN), atol=1e-6)
-
-
-@pytest.mark.parametrize(("rate", "every"), [(20.0, 2), (50.0, 5)])
-def test_a_faster_control_keeps_the_times(rate, every):
-    path = tip_path(with_rate(rate))
-    assert len(path) == 20 * rate
-    np.testing.assert_allclose(path[every - 1 :: every], tip_path(TWIN), atol=1e-6)
-
-
-def test_a_slower_control_keeps_the_times():
-    np.testing.assert_allclose(
-        tip_path(with_rate(5.0)), tip_path(TWIN)[1::2], atol=1e-6
-    )
-
-
 def test_the_circle_has_a_target_for_the_tip_position_only():
     task = circle(TWIN)
     assert np.isnan(task.desired_positions()[:, :2]).all()
     assert np.isfinite(task.desired_positions()[:, 2]).all()
     assert np.isnan(task.desired_axes()).all()
     assert task.obstacles()[..., :4].shape == (200, 0, 4)
-
-
-def test_the_weights_are_the_protocol_s():
-    goals = circle(TWIN).goals
-    assert all(goal.position_weights.tolist() == [0, 0, 1] for goal in goals)
-    assert all(float(goal.change_weight) == 0.5 for goal in goals)
-
-
-def test_tasks_are_found_by_their_names():
-    task = load_task("circle", TWIN)
-    assert task.name == "circle"
-    np.testing.assert_array_equal(task.desired_positions()[:, -1], tip_path(TWIN))
 
 
 def test_an_unknown_task_lists_the_known_ones():

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import load_arm
 from s2c2a.evaluation import METRICS
 from s2c2a.planning import reach_gaps
-from s2c2a.tasks import TASKS, load_task
+from s2c2a.tasks import TASKS, Task, load_task
 
 from marks import slow_after
 
@@ -23,6 +23,14 @@ ARM = TWIN.model_copy(
     }
 )
 """Three modules of 0.2 m that bend by at most 50 deg."""
+DOUBLE = TWIN.model_copy(
+    update={
+        "modules": tuple(
+            module.model_copy(update={"length": 0.4}) for module in TWIN.modules
+        )
+    }
+)
+FAST = TWIN.model_copy(update={"control_rate": 20.0})
 PAPER = [
     "circle",
     "tilt-40",
@@ -45,6 +53,25 @@ PAPER = [
 ]
 OURS = ["square", "eight", "helix", "star"]
 WITH_TARGET = [name for name in PAPER if name != "flee"] + OURS
+STEPS = {"circle": 200, "tilt": 200, "hold": 200, "reach": 240, "risk": 240} | {
+    "flee": 114,  # 1 + 3.4 + 2 + 3 + 2 s
+    "follow": 698,
+}
+CLEARANCES = ["clearance", "clearance at steps", "clearance of the arm"]
+TIP, NONE = (0, 0, 1), (0, 0, 0)
+TARGETS = {
+    "circle": (TIP, NONE, ["position"]),
+    "tilt": (TIP, (0, 0, 2), ["position", "tilt"]),
+    "hold-base": ((4, 0, 1), NONE, ["constraint 0", "position"]),
+    "hold-middle": ((0, 1, 0), (0, 1, 0), ["constraint 1", "orientation 1"]),
+    "hold-end": (TIP, TIP, ["constraint 2", "orientation 2"]),
+    "reach-0": (TIP, NONE, ["end distance", "reached", "path length"]),
+    "reach": (TIP, NONE, ["end distance", "reached", *CLEARANCES, "path length"]),
+    "risk": (TIP, NONE, ["end distance", "reached", *CLEARANCES, "path length"]),
+    "flee": (NONE, NONE, [*CLEARANCES, "stillness", "path length"]),
+    "follow": (TIP, NONE, ["position", "recovery"]),
+}
+"""Weights of positions and axes of the modules, and scores, by (beginning of) name."""
 MORE_THAN_A_POSITION = [name for name in PAPER if name.startswith(("tilt", "hold"))]
 
 
@@ -56,10 +83,47 @@ def test_the_tasks_are_those_of_the_protocol():
 def test_a_task_has_its_name_and_scores_that_exist(name):
     task = load_task(name, TWIN)
     assert task.name == name
+    assert name in OURS or len(task.goals) == STEPS[name.split("-")[0]]
     assert {score.metric for score in task.scores} <= set(METRICS)
     assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
         len(task.goals)
     }
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_weights_and_scores_are_those_of_the_protocol(name):
+    task = load_task(name, TWIN)
+    key = name if name in TARGETS else name.split("-")[0]
+    positions, axes, scores = TARGETS[key]
+    for goal in task.goals:
+        assert tuple(goal.position_weights) == positions
+        assert tuple(goal.axis_weights) == axes
+        assert float(goal.change_weight) == 0.5
+        assert float(goal.obstacle_weight) == 1.0
+    asked = np.isfinite(task.desired_positions()).all(axis=(0, 2))
+    np.testing.assert_array_equal(asked, np.array(positions) > 0)
+    asked = np.isfinite(task.desired_axes()).all(axis=(0, 2))
+    np.testing.assert_array_equal(asked, np.array(axes) > 0)
+    found = [
+        f"{score.metric} {score.module}" if score.module >= 0 else score.metric
+        for score in task.scores
+    ]
+    assert found == scores + ["azimuth"] * (name in ("tilt-50-a20", "tilt-50-c20"))
+
+
+@pytest.mark.parametrize("name", PAPER + OURS)
+def test_lengths_and_thresholds_scale_with_the_arm_and_angles_do_not(name):
+    once, twice = load_task(name, TWIN), load_task(name, DOUBLE)
+    for part in (Task.desired_positions, lambda task: task.obstacles()[..., :4]):
+        np.testing.assert_allclose(part(twice), 2 * part(once), atol=2e-6)
+    np.testing.assert_allclose(twice.desired_axes(), once.desired_axes(), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", [*MORE_THAN_A_POSITION, "circle", "flee"])
+def test_a_faster_control_keeps_the_times(name):
+    fast, task = load_task(name, FAST), load_task(name, TWIN)
+    for part in (Task.desired_positions, Task.desired_axes, Task.obstacles):
+        np.testing.assert_allclose(part(fast)[1::2], part(task), atol=1e-6)
 
 
 @pytest.mark.slow

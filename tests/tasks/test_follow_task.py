@@ -11,11 +11,6 @@ from s2c2a.arm import load_arm
 from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
-DOUBLE = TWIN.model_copy(
-    update={
-        "modules": tuple(m.model_copy(update={"length": 0.4}) for m in TWIN.modules)
-    }
-)
 FAST = TWIN.model_copy(update={"control_rate": 20.0})
 BEGIN = [0.18, 0.0, 0.58 - 1.2 * 0.18**2]
 
@@ -92,20 +87,6 @@ def test_it_is_never_faster_than_eight_centimeters_a_second(path):
     np.testing.assert_allclose(moves[530:584], 0.008, rtol=0.01)
 
 
-def test_the_tip_counts_once_and_change_half(task):
-    assert {tuple(goal.position_weights) for goal in task.goals} == {(0, 0, 1)}
-    assert {float(goal.change_weight) for goal in task.goals} == {0.5}
-    assert np.isnan(task.desired_axes()).all()
-    assert task.obstacles()[..., :4].shape == (698, 0, 4)
-
-
-def test_position_and_recovery_are_scored_of_the_tip(task):
-    assert [(score.metric, score.module) for score in task.scores] == [
-        ("position", -1),
-        ("recovery", -1),
-    ]
-
-
 def test_the_target_is_out_of_reach_once_about_its_time_outside(inside):
     left, back = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
     assert inside[:left].all()
@@ -128,15 +109,6 @@ def test_position_is_scored_within_reach_except_approach_and_recovery(task, insi
     expected[:50] = False
     expected[back : back + 15] = False
     np.testing.assert_array_equal(task.scores[0].steps, expected)
-
-
-@pytest.mark.slow
-def test_lengths_scale_with_the_arm_and_what_is_within_reach_stays_the_same(
-    path, inside
-):
-    double = load_task("follow", DOUBLE)
-    np.testing.assert_allclose(double.desired_positions()[:, -1], 2 * path, atol=1e-6)
-    np.testing.assert_array_equal(double.scores[1].steps, inside)
 
 
 def test_a_faster_control_keeps_the_times(path, monkeypatch):

@@ -5,10 +5,9 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
-from s2c2a.tasks import Score, load_task
+from s2c2a.tasks import load_task
 
 TWIN = load_arm("twin_arm")
-HOLDS = ["hold-base", "hold-middle", "hold-end"]
 TURNING = [("hold-middle", 1, 0.4, 0.396, 20), ("hold-end", 2, 0.6, 0.565, 40)]
 
 
@@ -20,13 +19,6 @@ def desired(name, module, arm=TWIN):
     """Positions and axes of a module's end."""
     task = load_task(name, arm)
     return task.desired_positions()[:, module], task.desired_axes()[:, module]
-
-
-@pytest.mark.parametrize("name", HOLDS)
-def test_a_hold_lasts_two_hundred_steps(name):
-    task = load_task(name, TWIN)
-    assert (task.name, len(task.goals)) == (name, 200)
-    assert task.obstacles()[..., :4].shape == (200, 0, 4)
 
 
 def test_the_base_module_stays_where_it_is_at_rest():
@@ -43,21 +35,6 @@ def test_over_a_held_base_the_tip_goes_once_around_counterclockwise(step, point)
     np.testing.assert_allclose(
         desired("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
     )
-
-
-def test_over_a_held_base_the_tip_goes_out_in_forty_even_steps():
-    tip = desired("hold-base", -1)[0][:40]
-    np.testing.assert_allclose(tip[:, 0], 0.15 * np.arange(1, 41) / 40, atol=1e-7)
-    np.testing.assert_array_equal(tip[:, 1], 0)
-    assert np.all(np.diff(tip[:, 2]) < 0)
-    assert 0.595 < tip[0, 2] < 0.6
-
-
-def test_a_held_base_counts_four_times_and_the_tip_once():
-    goals = load_task("hold-base", TWIN).goals
-    assert {tuple(goal.position_weights) for goal in goals} == {(4, 0, 1)}
-    assert not any(goal.axis_weights.any() for goal in goals)
-    assert {float(goal.change_weight) for goal in goals} == {0.5}
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
@@ -96,31 +73,6 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
     np.testing.assert_allclose(desired(name, module)[1][step - 1], expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
-def test_other_modules_than_the_held_one_have_no_target(
-    name, module, rest, height, tilt
-):
-    goals, only = (
-        load_task(name, TWIN).goals,
-        tuple(float(number == module) for number in range(3)),
-    )
-    assert {tuple(goal.position_weights) for goal in goals} == {only}
-    assert {tuple(goal.axis_weights) for goal in goals} == {only}
-    assert {float(goal.change_weight) for goal in goals} == {0.5}
-
-
-@pytest.mark.parametrize(
-    ("name", "scores"),
-    [
-        ("hold-base", (Score("constraint", 0), Score("position"))),
-        ("hold-middle", (Score("constraint", 1), Score("orientation", 1))),
-        ("hold-end", (Score("constraint", 2), Score("orientation", 2))),
-    ],
-)
-def test_the_held_end_is_scored_on_every_step_beside_what_moves(name, scores):
-    assert load_task(name, TWIN).scores == scores
-
-
 @pytest.mark.parametrize(
     ("name", "modules"),
     [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)],
@@ -140,31 +92,6 @@ def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
     positions = load_task("hold-middle", arm_of(modules)).desired_positions()
     assert np.flatnonzero(np.isfinite(positions[0, :, 0])).tolist() == [middle]
     assert positions[-1, middle, 2] == pytest.approx(0.99 * 0.2 * (middle + 1))
-
-
-def test_lengths_scale_with_the_arm_and_angles_do_not():
-    half = TWIN.model_copy(
-        update={
-            "modules": tuple(m.model_copy(update={"length": 0.1}) for m in TWIN.modules)
-        }
-    )
-    for name in HOLDS:
-        long, short = load_task(name, TWIN), load_task(name, half)
-        np.testing.assert_allclose(
-            short.desired_positions(), long.desired_positions() / 2, atol=1e-6
-        )
-        np.testing.assert_array_equal(short.desired_axes(), long.desired_axes())
-
-
-def test_a_faster_control_keeps_the_times():
-    for name in HOLDS:
-        fast = load_task(name, TWIN.model_copy(update={"control_rate": 20.0}))
-        assert len(fast.goals) == 400
-        np.testing.assert_allclose(
-            fast.desired_positions()[1::2],
-            load_task(name, TWIN).desired_positions(),
-            atol=1e-6,
-        )
 
 
 def test_a_module_of_another_length_is_held_where_it_ends():

@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.planning import Goal
-from s2c2a.tasks import Score, Task, load_task
+from s2c2a.tasks import Task, load_task
 
 TWIN = load_arm("twin_arm")
 OBSTACLES = {
@@ -16,19 +16,11 @@ OBSTACLES = {
     "risk-b": [[0.16, -0.07, 0.56, 0.11], [0.16, 0.07, 0.56, 0.11]],
     "risk-c": [[0.16, -0.07, 0.56, 0.03], [0.16, 0.07, 0.56, 0.11]],
 }
-DOUBLE = TWIN.model_copy(update={"modules": TWIN.modules * 2})
-"""An arm of 1.2 m."""
 FAST = TWIN.model_copy(update={"control_rate": 20.0})
 
 
 def tips(task):
     return task.desired_positions()[:, -1]
-
-
-@pytest.mark.parametrize("name", OBSTACLES)
-def test_a_reach_lasts_two_hundred_and_forty_steps(name):
-    task = load_task(name, TWIN)
-    assert (task.name, len(task.goals)) == (name, 240)
 
 
 def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
@@ -39,14 +31,6 @@ def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
         moves[:64], np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1)), atol=1e-6
     )
     np.testing.assert_allclose(np.linalg.norm(moves[:64], axis=-1), 0.005, rtol=0.01)
-
-
-def test_then_it_stays_at_the_target():
-    np.testing.assert_allclose(
-        tips(load_task("reach-0", TWIN))[63:],
-        np.tile([0.30, 0, 0.49], (177, 1)),
-        atol=1e-6,
-    )
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
@@ -64,71 +48,12 @@ def test_obstacles_stand_still_where_the_protocol_puts_them(name, obstacles):
     )
 
 
-@pytest.mark.parametrize("name", OBSTACLES)
-def test_target_and_obstacles_count_once_and_change_half(name):
-    goals = load_task(name, TWIN).goals
-    assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
-    assert {
-        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in goals
-    } == {(1.0, 0.5)}
-    assert not any(goal.axis_weights.any() for goal in goals)
-
-
-CLEARANCES = [
-    Score("clearance"),
-    Score("clearance at steps"),
-    Score("clearance of the arm"),
-]
-
-
-def test_without_an_obstacle_only_the_end_and_the_way_are_scored():
-    assert list(load_task("reach-0", TWIN).scores) == [
-        Score("end distance"),
-        Score("reached"),
-        Score("path length"),
-    ]
-
-
-@pytest.mark.parametrize("name", list(OBSTACLES)[1:])
-def test_with_obstacles_clearances_are_scored_as_well(name):
-    expected = [
-        Score("end distance"),
-        Score("reached"),
-        *CLEARANCES,
-        Score("path length"),
-    ]
-    assert list(load_task(name, TWIN).scores) == expected
-
-
-@pytest.mark.parametrize("name", OBSTACLES)
-def test_lengths_and_thresholds_scale_with_the_arm(name):
-    once, twice = load_task(name, TWIN), load_task(name, DOUBLE)
-    np.testing.assert_allclose(tips(twice), 2 * tips(once), atol=1e-6)
-    np.testing.assert_allclose(
-        twice.obstacles()[..., :4], 2 * once.obstacles()[..., :4], atol=1e-6
-    )
-
-
 def test_a_faster_control_keeps_the_speed_and_the_time():
     fast = tips(load_task("reach-0", FAST))
     assert len(fast) == 480
     np.testing.assert_allclose(
         fast[1:128:2], tips(load_task("reach-0", TWIN))[:64], atol=1e-6
     )
-
-
-def test_fleeing_takes_eleven_seconds_and_four_tenths():
-    """1 + 3.4 + 2 + 3 + 2 s."""
-    assert len(load_task("flee", TWIN).goals) == 114
-
-
-def test_flee_has_no_target():
-    task = load_task("flee", TWIN)
-    assert np.isnan(task.desired_positions()).all()
-    assert np.isnan(task.desired_axes()).all()
-    assert {
-        (float(goal.obstacle_weight), float(goal.change_weight)) for goal in task.goals
-    } == {(1.0, 0.5)}
 
 
 @pytest.mark.parametrize(
@@ -150,36 +75,6 @@ def test_the_obstacle_waits_approaches_waits_and_passes(step, x):
         load_task("flee", TWIN).obstacles()[..., :4][step - 1],
         [[x, 0.02, 0.58, 0.10]],
         atol=1e-6,
-    )
-
-
-def test_the_obstacle_moves_at_five_centimeters_a_second_or_stands():
-    speeds = (
-        np.linalg.norm(
-            np.diff(load_task("flee", TWIN).obstacles()[..., :4][:, 0], axis=0), axis=-1
-        )
-        * TWIN.control_rate
-    )
-    moving = speeds > 1e-6
-    np.testing.assert_allclose(speeds[moving], 0.05, atol=1e-5)
-    assert moving.sum() == 34 + 30
-
-
-def test_fleeing_is_scored_by_clearances_stillness_and_the_way():
-    assert list(load_task("flee", TWIN).scores) == [
-        *CLEARANCES,
-        Score("stillness"),
-        Score("path length"),
-    ]
-
-
-def test_fleeing_scales_with_the_arm_and_keeps_its_times():
-    once = load_task("flee", TWIN).obstacles()[..., :4]
-    np.testing.assert_allclose(
-        load_task("flee", DOUBLE).obstacles()[..., :4], 2 * once, atol=1e-6
-    )
-    np.testing.assert_allclose(
-        load_task("flee", FAST).obstacles()[..., :4][1::2], once, atol=1e-6
     )
 
 

@@ -16,7 +16,6 @@ TILTS = {
     "tilt-50-c20": 50,
 }
 TURNS = {"tilt-50-a20": 20, "tilt-50-c20": -20}
-PLAIN = [name for name in TILTS if name not in TURNS]
 
 
 def tip_axes(name, arm=TWIN):
@@ -53,36 +52,10 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
     )
 
 
-@pytest.mark.parametrize("name", ["tilt-40", "tilt-50", "tilt-60"])
-def test_the_tip_points_outward_in_the_approach_and_on_the_circle(name):
-    axes, tips = tip_axes(name), load_task(name, TWIN).desired_positions()[:, -1]
-    across = axes[:, 0] * tips[:, 1] - axes[:, 1] * tips[:, 0]
-    outward = axes[:, 0] * tips[:, 0] + axes[:, 1] * tips[:, 1]
-    np.testing.assert_allclose(across, 0, atol=1e-6)
-    assert outward.min() > 0
-
-
+@pytest.mark.parametrize(("name", "turn"), [("tilt-50", 0), *TURNS.items()])
 @pytest.mark.parametrize(
     ("step", "tilt", "azimuth"),
-    [
-        (1, 1.25, 0),
-        (20, 25, 0),
-        (40, 50, 0),
-        (80, 50, 90),
-        (120, 50, 180),
-        (200, 50, 360),
-    ],
-)
-def test_a_tilt_of_fifty_degrees_step_by_step(step, tilt, azimuth):
-    np.testing.assert_allclose(
-        tip_axes("tilt-50")[step - 1], axis(tilt, azimuth), atol=1e-6
-    )
-
-
-@pytest.mark.parametrize(("name", "turn"), TURNS.items())
-@pytest.mark.parametrize(
-    ("step", "tilt", "azimuth"),
-    [(1, 1.25, 0), (40, 50, 0), (80, 50, 90), (200, 50, 360)],
+    [(1, 1.25, 0), (20, 25, 0), (40, 50, 0), (80, 50, 90), (200, 50, 360)],
 )
 def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
     name, turn, step, tilt, azimuth
@@ -92,43 +65,9 @@ def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
     )
 
 
-def test_a_quarter_round_and_turned_counterclockwise_the_tip_points_left_and_back():
-    assert np.sign(tip_axes("tilt-50-a20")[79]).tolist() == [-1, 1, 1]
-    assert np.sign(tip_axes("tilt-50-c20")[79]).tolist() == [1, 1, 1]
-
-
-def test_a_tilt_of_zero_points_up_all_the_time():
-    np.testing.assert_array_equal(
-        tip_axes("tilt-0"), np.tile([0.0, 0.0, 1.0], (200, 1))
-    )
-
-
-@pytest.mark.parametrize("name", TILTS)
-def test_position_counts_once_orientation_twice_and_change_half(name):
-    goals = load_task(name, TWIN).goals
-    assert {tuple(goal.position_weights) for goal in goals} == {(0, 0, 1)}
-    assert {tuple(goal.axis_weights) for goal in goals} == {(0, 0, 2)}
-    assert {float(goal.change_weight) for goal in goals} == {0.5}
-
-
-@pytest.mark.parametrize("name", PLAIN)
-def test_a_plain_tilt_is_scored_by_position_and_tilt_on_every_step(name):
-    assert load_task(name, TWIN).scores == (Score("position"), Score("tilt"))
-
-
 @pytest.mark.parametrize("name", TURNS)
 def test_a_turned_tilt_is_scored_by_azimuth_after_the_approach_as_well(name):
     *plain, azimuth = load_task(name, TWIN).scores
     assert plain == [Score("position"), Score("tilt")]
     assert (azimuth.metric, azimuth.module) == ("azimuth", -1)
     np.testing.assert_array_equal(azimuth.steps, [False] * 40 + [True] * 160)
-
-
-@pytest.mark.parametrize("name", TILTS)
-def test_orientations_depend_on_neither_arm_length_nor_control_rate(
-    name,
-):
-    short = TWIN.model_copy(update={"modules": TWIN.modules[:2]})
-    fast = TWIN.model_copy(update={"control_rate": 20.0})
-    np.testing.assert_array_equal(tip_axes(name, short), tip_axes(name))
-    np.testing.assert_allclose(tip_axes(name, fast)[1::2], tip_axes(name), atol=1e-6)

@@ -21,10 +21,6 @@ def test_unknown_strategies_get_different_colors():
     assert len(set(colors.values())) == 4
 
 
-def test_a_repeated_label_keeps_its_color():
-    assert colors_by_label(["mine", "pcc", "mine"]) == colors_by_label(["mine", "pcc"])
-
-
 def test_the_desired_path_has_one_color_in_figures_and_scenes():
     assert colors.DESIRED in charts.DESIRED_LINE.values()
     assert not hasattr(colors, "TARGET")

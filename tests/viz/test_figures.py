@@ -32,25 +32,16 @@ def is_png(path) -> bool:
     return content.startswith(PNG) and len(content) > 10_000
 
 
-def test_a_run_figure_shows_several_strategies(traces, arm, tmp_path):
-    assert is_png(run_figure(traces, arm, tmp_path / "run.png"))
-
-
 def test_a_run_without_goals_is_drawn(make_trace, arm, tmp_path, drawn):
     states = make_trace().states
     trace = drawn("$recorded_", np.arange(200.0), states)
     assert is_png(run_figure([trace], arm, tmp_path / "run.png"))
 
 
-def test_uncounted_steps_are_shaded(make_trace, arm, tmp_path, monkeypatch):
-    figures = []
-    monkeypatch.setattr(
-        "s2c2a.viz.figures.save_figure",
-        lambda figure, path, **_: figures.append(figure),
-    )
+def test_uncounted_steps_are_shaded(make_trace, arm, tmp_path, drawn_figures):
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
-    errors = [figure.axes[3] for figure in figures]
+    errors = [figure.axes[3] for figure in drawn_figures]
     assert [
         axes.get_legend_handles_labels()[1].count("not counted") for axes in errors
     ] == [1, 0]
@@ -129,10 +120,6 @@ def test_a_run_of_another_arm_is_refused_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_is_drawn_with_a_color_for_each_module(make_trace, arm, tmp_path):
-    assert is_png(recording_figure(make_trace().states, arm, tmp_path / "cloud.png"))
-
-
 def place_in(axes, point) -> np.ndarray:
     """Position of a point on paper, positive to the right and upward."""
     x, y = (
@@ -152,17 +139,12 @@ def place_in(axes, point) -> np.ndarray:
     ],
 )
 def test_a_recording_is_drawn_in_the_mounting_of_its_arm(
-    make_arm, make_trace, tmp_path, monkeypatch, gravity, direction
+    make_arm, make_trace, tmp_path, drawn_figures, gravity, direction
 ):
-    figures = []
-    monkeypatch.setattr(
-        "s2c2a.viz.figures.save_figure",
-        lambda figure, path, **_: figures.append(figure),
-    )
     recording_figure(
         make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png"
     )
-    side, above = figures[0].axes
+    side, above = drawn_figures[0].axes
     for axes, expected in ((side, direction), (above, (direction[0], 0))):
         if any(expected):
             tip = place_in(axes, (0.0, 0.0, 0.6)) - place_in(axes, (0.0, 0.0, 0.0))
@@ -207,11 +189,3 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     above = drawn_figures[-1].axes[-1]
     assert len(above.patches) == 1
     assert "from 0.5 s" in [text.get_text() for text in above.texts]
-
-
-def test_labels_of_a_log_axis_tell_small_numbers_apart():
-    axes = charts.new_axes(charts.new_figure(4.0, 3.0), 111, "error", "share")
-    charts.label_log_axis(axes)
-    axes.set_xlim(0.01, 200.0)
-    labels = [axes.xaxis.get_major_formatter()(place) for place in (0.02, 0.05, 100.0)]
-    assert labels == ["0.02", "0.05", "100"]

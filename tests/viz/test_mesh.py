@@ -84,15 +84,6 @@ def test_frames_are_rotations_without_twist_that_point_along_the_axes(make_trace
     )
 
 
-def test_the_tip_disc_is_at_the_tip(make_trace, arm):
-    states = make_trace().states[0]
-    mesh = ArmMesh(arm)
-    ((tip, _),) = named(mesh, mesh.vertices(states), "tip")
-    np.testing.assert_allclose(
-        tip[-1], states[-1, :3] + 0.14 * 1.12 * 0.027 * states[-1, 3:], atol=1e-9
-    )
-
-
 def test_cables_lie_on_the_module_at_their_angles(make_arm, straight):
     mesh = ArmMesh(make_arm(3, 4))
     ((corners, _), *_) = named(mesh, mesh.vertices(straight), "cables")
@@ -132,13 +123,6 @@ def test_the_center_line_leaves_each_end_along_its_axis(make_trace):
     np.testing.assert_allclose(
         steps[0] / np.linalg.norm(steps[0]), [0, 0, 1], atol=1e-3
     )
-
-
-def test_a_straight_arm_has_a_straight_and_even_center_line():
-    states = np.array([[0, 0, z, 0, 0, 1] for z in (0.2, 0.4, 0.6)], dtype=float)
-    line = center_line(states, LENGTHS, points_per_module=4)
-    np.testing.assert_allclose(line[:, 2], np.linspace(0, 0.6, 13), atol=1e-12)
-    np.testing.assert_allclose(line[:, :2], 0.0)
 
 
 def test_a_quarter_circle_is_drawn_within_a_hundredth_of_its_length():

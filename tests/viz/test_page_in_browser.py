@@ -183,19 +183,6 @@ def test_the_arm_is_seen_in_the_colors_of_its_modules(
         assert seen > least
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("gravity", "below"), [((0, 0, -1), False), ((0, 0, 1), True)])
-def test_the_tip_of_a_hanging_arm_is_below_its_base(
-    chromium, make_arm, straight, tip_is_below, tmp_path, gravity, below, drawn
-):
-    still = drawn("recorded", [0.0], straight[None])
-    page = replay_page(
-        [still], make_arm(gravity_direction=gravity), "still", tmp_path / "page.html"
-    )
-    chromium(page, f"--screenshot={tmp_path / 'page.png'}")
-    assert tip_is_below(imread(tmp_path / "page.png")[60:690, :900]) == below
-
-
 def test_keys_step_play_and_select_runs(chromium, page):
     data = body_data(chromium(with_script(page, KEYS), "--dump-dom"))
     assert "error" not in data

@@ -6,7 +6,6 @@ import sys
 import numpy as np
 import pytest
 
-from s2c2a import viz
 from s2c2a.errors import S2C2AError
 from s2c2a.planning import Outcome
 from s2c2a.viz import replay_page
@@ -205,18 +204,6 @@ def test_importing_viz_imports_no_heavy_packages():
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stderr
-
-
-def test_every_public_name_of_viz_can_be_imported():
-    names = (
-        "arm_figure",
-        "learning_curves",
-        "recording_figure",
-        "run_figure",
-    )
-    assert all(callable(getattr(viz, name)) for name in names)
-    with pytest.raises(AttributeError, match="nothing_like_it"):
-        _ = viz.nothing_like_it
 
 
 def test_the_page_states_at_which_steps_a_plan_does_not_get_nearer(

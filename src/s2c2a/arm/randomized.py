@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm.geometry import ArmGeometry, per_module, per_unit_of_pull
-from s2c2a.arm.spec import ArmSpec, Module
+from s2c2a.arm.spec import ArmSpec, Mismatch, Module
 from s2c2a.errors import ArmError
 
 Random = np.random.Generator
@@ -55,6 +55,18 @@ def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
         f"{base.name} with sampled model mismatch, seed {seed}, strength {strength:g}."
     )
     return ArmSpec.model_validate(described | name | {"description": summary})
+
+
+def without_mismatch(arm: ArmSpec) -> ArmSpec:
+    """The arm as its controllers know it: without what `randomized_arm` samples."""
+    nominal: dict[str, Any] = {"mismatch": Mismatch()}
+    no_losses = {"friction": 0.0, "viscous_friction": 0.0, "backlash": 0.0}
+    modules = []
+    for module in arm.modules:
+        cable = module.cable.model_copy(update=no_losses)
+        modules.append(module.model_copy(update=nominal | {"cable": cable}))
+    motor = arm.motor.model_copy(update={"homing_error": 0.0})
+    return arm.model_copy(update={"modules": tuple(modules), "motor": motor})
 
 
 def _mismatch(

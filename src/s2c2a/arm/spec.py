@@ -384,7 +384,12 @@ class ArmSpec(Frozen):
                 f"{len(self.modules)} modules"
             )
         self._check_servos()
-        self._check_tracking()
+        ends = None if self.tracking is None else self.tracking.ends
+        if ends is not None and len(ends) != len(self.modules):
+            raise ValueError(
+                f"tracking.ends has {len(ends)} names; give one for each of the "
+                f"{len(self.modules)} modules, empty where none is tracked"
+            )
         if self.actuation != "displacement":
             self._check_force_arm()
         fastest = FASTEST[self.actuation]
@@ -416,16 +421,6 @@ class ArmSpec(Frozen):
             raise ValueError(
                 "servos wind cables by displacement; "
                 'write actuation = "displacement", or leave out [servos]'
-            )
-
-    def _check_tracking(self):
-        if self.tracking is None or self.tracking.ends is None:
-            return
-        count = len(self.tracking.ends)
-        if count != len(self.modules):
-            raise ValueError(
-                f"tracking.ends has {count} names; give one for each of the "
-                f"{len(self.modules)} modules, empty where none is tracked"
             )
 
     def _check_force_arm(self):

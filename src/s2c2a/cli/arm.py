@@ -77,36 +77,30 @@ def check(arm: File) -> None:
     print(f"first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}")
     rows = [_module_cells(spec, number) for number in range(spec.module_count)]
     print_table("Modules, base first", tuple(rows[0]), [row.values() for row in rows])
-    for line in [
-        *_unusual_properties(frequency, damping),
-        *_full_bends(spec),
-        *_hardware_lines(spec),
-        *_missing_packages(spec),
-    ]:
-        print(line)
-
-
-def _unusual_properties(frequency: float, damping: float) -> list[str]:
-    """Lines about a first mode [Hz] and damping ratio that few soft arms have."""
-    lines = []
     low, high = USUAL_FREQUENCIES
     if not low <= frequency <= high:
-        lines.append(
+        print(
             f"unusual: soft arms of this kind have {low:g} to {high:g} Hz; check "
             "bending_stiffness [N m2], mass [kg], length [m] and cable stiffness [N/m]"
         )
     if damping < USUAL_DAMPING:
-        lines.append(
+        print(
             f"unusual: a damping ratio below {USUAL_DAMPING:g} lets the arm vibrate "
             "for minutes; check damping_time [s]"
         )
-    return lines
+    if spec.actuation != "displacement":
+        print(_full_bends(spec))
+    for line in _hardware_lines(spec):
+        print(line)
+    if spec.sensors.imu is not None and find_spec("vqf") is None:
+        print(
+            "missing: [sensors.imu] needs the package vqf; install it, in your clone "
+            'of s2c2a, with: pip install ".[sensors]"'
+        )
 
 
-def _full_bends(spec: ArmSpec) -> list[str]:
+def _full_bends(spec: ArmSpec) -> str:
     """Line about how far full tensions or pressures bend the modules of a force arm."""
-    if spec.actuation == "displacement":
-        return []
     geometry = ArmGeometry.of(spec)
     pulls = np.abs(geometry.action_scale * per_unit_of_pull(spec))
     # of evenly spread cables, half of the pulls bend
@@ -114,33 +108,18 @@ def _full_bends(spec: ArmSpec) -> list[str]:
     bends = moments * geometry.lengths / per_module(spec, "bending_stiffness")
     bends_deg = np.rad2deg(bends).round().astype(int)
     limits_deg = np.rad2deg(geometry.bend_limits).round().astype(int)
-    return [
+    return (
         f"full {REQUIRED[spec.actuation][0]} bends the modules by about "
-        f"{_join(bends_deg)} deg against their stiffness; their bend_limit_deg: "
-        f"{_join(limits_deg)}"
-    ]
-
-
-def _join(numbers: np.ndarray) -> str:
-    return ", ".join(map(str, numbers))
-
-
-def _missing_packages(spec: ArmSpec) -> list[str]:
-    """Lines about packages that the sensors of the arm need in a run."""
-    if spec.sensors.imu is None or find_spec("vqf") is not None:
-        return []
-    return [
-        "missing: [sensors.imu] needs the package vqf; install it, in your clone of "
-        's2c2a, with: pip install ".[sensors]"'
-    ]
+        f"{', '.join(map(str, bends_deg))} deg against their stiffness; their "
+        f"bend_limit_deg: {', '.join(map(str, limits_deg))}"
+    )
 
 
 def _hardware_lines(spec: ArmSpec) -> list[str]:
     """Describe servos and tracking, where the arm file has them."""
     lines = []
     if spec.servos is not None:
-        servos = spec.servos
-        for part, ids in servos.parts():
+        for part, ids in spec.servos.parts():
             place = f"on {part.port}" if part.port else "on the port of an option"
             lines.append(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
     if spec.tracking is not None:

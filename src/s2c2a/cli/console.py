@@ -110,8 +110,20 @@ def print_results(
     title: str, rows: Sequence["Row"], pictures: Sequence[Path], folder: Path
 ) -> None:
     """Print result rows, the paper's numbers if it has any, and the paths of outputs."""
+    from s2c2a.evaluation.report import pair
+
     header = ["arm", "metric", "strategy", "unit", "mean ± over steps", "± over seeds"]
-    cells = [_result_cells(row) for row in rows]
+    cells = []
+    for row in rows:
+        seeds = ""
+        if row.std_seeds is not None:
+            seeds = f"± {row.std_seeds:.2f} ({len(row.seeds)})"
+        paper = ""
+        if row.paper_mean is not None:
+            paper = pair(row.paper_mean, row.paper_std)
+        metric = f"{row.task}: {row.metric}"
+        mean = pair(row.mean, row.std_steps)
+        cells.append((row.arm, metric, row.strategy, row.unit, mean, seeds, paper))
     if any(row.paper_mean is not None for row in rows):
         header.append("paper")
     # the paper's numbers come last
@@ -162,18 +174,3 @@ def draw_coverage(recording: "Recording", out: Path) -> Path | None:
         return viz.coverage_figure(recording.episodes, Path(f"{out}.coverage.png"))
     except ReadingError:  # such as true configurations without tracking
         return None
-
-
-def _result_cells(row: "Row") -> tuple[str, ...]:
-    from s2c2a.evaluation.report import pair
-
-    seeds = "" if row.std_seeds is None else f"± {row.std_seeds:.2f} ({len(row.seeds)})"
-    return (
-        row.arm,
-        f"{row.task}: {row.metric}",
-        row.strategy,
-        row.unit,
-        pair(row.mean, row.std_steps),
-        seeds,
-        "" if row.paper_mean is None else pair(row.paper_mean, row.paper_std),
-    )

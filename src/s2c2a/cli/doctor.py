@@ -39,8 +39,14 @@ def doctor() -> None:
         ("cores", str(all_cores()), "parallel training, runs and collecting"),
     ]
     for name, use in PACKAGE_USES.items():
-        rows.append((name, _package_version(name, "(extra" in use), use))
-    rows.append(("browser", _browser(), "replay pages"))
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            found = "not installed" if "(extra" in use else "missing"
+        rows.append((name, found, use))
+    browsers = filter(None, map(shutil.which, ("chromium", "google-chrome", "firefox")))
+    found = next(browsers, "none found here; replay pages open in any")
+    rows.append(("browser", found, "replay pages"))
     advice = "install the package again with `pip install .`"
     if not _failed(rows):
         advice = "see the messages above"
@@ -55,20 +61,6 @@ def doctor() -> None:
 
 def _failed(rows: list[Finding]) -> list[str]:
     return [item for item, found, _ in rows if found.startswith(("missing", "FAILED"))]
-
-
-def _package_version(name: str, optional: bool) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed" if optional else "missing"
-
-
-def _browser() -> str:
-    for name in ("chromium", "google-chrome", "firefox"):
-        if path := shutil.which(name):
-            return path
-    return "none found here; replay pages open in any"
 
 
 def _try(check: Callable[[], str]) -> str:

@@ -157,7 +157,11 @@ def run_directory(
     from s2c2a.jobs.run_folder import open_run_directory
 
     limit_jax_to_one_thread()
-    with _executor_of(folder, alone) as executor:
+    if alone or not isinstance(folder, _WorkOptions):
+        opened: Executor = Serial()
+    else:
+        opened = make_executor(folder.jobs, folder.cluster)
+    with opened as executor:
         directory = open_run_directory(
             folder.out, label, options, folder.overwrite, resume
         )
@@ -171,12 +175,6 @@ def run_directory(
                 return make_them(artifacts, cache, executor, progress)
 
         yield directory, make
-
-
-def _executor_of(folder: _OutputOptions, alone: bool) -> Executor:
-    if alone or not isinstance(folder, _WorkOptions):
-        return Serial()
-    return make_executor(folder.jobs, folder.cluster)
 
 
 @contextmanager

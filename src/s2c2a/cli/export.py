@@ -131,8 +131,14 @@ def _arrays(
 
 def _export_npz(file: Path, out: Path) -> str:
     episodes, options = load_episodes(file)
+    flat: dict[str, Any] = {}  # such as `episode1.time`
+    for name, value in _arrays(episodes, options).items():
+        if isinstance(value, dict):
+            flat |= {f"{name}.{column}": array for column, array in value.items()}
+        else:
+            flat[name] = value
     with atomic_write(out) as part, open(part, "wb") as archive:
-        np.savez_compressed(archive, **_flat(_arrays(episodes, options)))
+        np.savez_compressed(archive, **flat)
     return f"{len(episodes)} episodes"
 
 
@@ -144,17 +150,6 @@ def _export_mat(file: Path, out: Path) -> str:
     with atomic_write(out) as part, open(part, "wb") as archive:
         savemat(archive, content, long_field_names=True, do_compression=True)
     return f"{len(episodes)} episodes"
-
-
-def _flat(content: dict[str, Any]) -> dict[str, Any]:
-    """Arrays of episodes by prefix, such as `episode1.time`."""
-    flat: dict[str, Any] = {}
-    for name, value in content.items():
-        if isinstance(value, dict):
-            flat |= {f"{name}.{column}": array for column, array in value.items()}
-        else:
-            flat[name] = value
-    return flat
 
 
 FORMS: dict[str, ExportForm] = {

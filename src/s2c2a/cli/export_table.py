@@ -75,6 +75,19 @@ def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> st
     ends = _ends(arm, table)
     if not ends:
         return ""
+    # of most keys, a map states one number for all modules
+    known: dict[str, Any] = {
+        "name": arm.name,
+        "modules": arm.module_count,
+        "control_rate": arm.control_rate,
+        "lengths": per_module(arm, "length").tolist(),
+        "gravity_direction": list(arm.gravity_direction),
+        "coupled_cables": arm.coupled_cables,
+    }
+    for key in ("cable_radius", "mass", "bending_stiffness", "bend_limit_deg"):
+        values = per_module(arm, key)
+        if (values == values[0]).all():
+            known[key] = float(values[0])
     content = {
         "rows": {
             "kind": "steps" if at_rest else "timed",
@@ -82,7 +95,7 @@ def import_map(episodes: Sequence[Episode], table: Columns, at_rest: bool) -> st
             "label": EPISODE,
             "commands": "sent",
         },
-        "arm": _known_arm(arm),
+        "arm": known,
         "frame": {"along": "z", "x": "x", "base": [0.0, 0.0, 0.0]},
         "drives": _drives(arm, table),
         "ends": ends,
@@ -108,23 +121,6 @@ def _place(size: int, name: str, place: int) -> str:
         axes = ("x", "y", "z", "axis_x", "axis_y", "axis_z")
         return axes[place]
     return str(place + 1)
-
-
-def _known_arm(arm: ArmSpec) -> dict[str, Any]:
-    """What a map can state of an arm: of most keys, one number for all modules."""
-    known: dict[str, Any] = {
-        "name": arm.name,
-        "modules": arm.module_count,
-        "control_rate": arm.control_rate,
-        "lengths": per_module(arm, "length").tolist(),
-        "gravity_direction": list(arm.gravity_direction),
-        "coupled_cables": arm.coupled_cables,
-    }
-    for key in ("cable_radius", "mass", "bending_stiffness", "bend_limit_deg"):
-        values = per_module(arm, key)
-        if (values == values[0]).all():
-            known[key] = float(values[0])
-    return known
 
 
 def _drives(arm: ArmSpec, table: Columns) -> list[dict[str, Any]]:

@@ -204,7 +204,10 @@ def _check_options(given: Sequence[str]) -> None:
     words = given[len(command) :]
     if not words or "--help" in words or "-h" in words:
         return
-    help_text = _help_of(command)
+    output = io.StringIO()
+    with redirect_stdout(output), suppress(SystemExit):
+        _run_command([*command, "--help"])
+    help_text = output.getvalue()  # empty for no such command
     known = set(re.findall(r"--[a-z][a-z0-9.-]*", help_text))
     advice = f"see s2c2a {' '.join(command)} --help"
     for name in (word.partition("=")[0] for word in words if word.startswith("--")):
@@ -236,14 +239,6 @@ def _value_of(option: str, words: Sequence[str]) -> str | None:
             value = value if equals else following
             return None if value.startswith("-") else value
     return None
-
-
-def _help_of(command: Sequence[str]) -> str:
-    """The help of a command; empty for no such command."""
-    help_text = io.StringIO()
-    with redirect_stdout(help_text), suppress(SystemExit):
-        _run_command([*command, "--help"])
-    return help_text.getvalue()
 
 
 def _exit_with(message: str) -> None:

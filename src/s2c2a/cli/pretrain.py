@@ -1,16 +1,12 @@
 """Command `s2c2a pretrain`: a prior over randomized arms."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_bar
 from s2c2a.cli.execution import Address, make_executor
 from s2c2a.execution.executors import limit_jax_to_one_thread
 from s2c2a.files.text import write_atomically
-
-if TYPE_CHECKING:
-    from s2c2a.strategies import TrainedNetworks
 
 
 def pretrain(
@@ -43,8 +39,8 @@ def pretrain(
         cluster: use the workers of a dask scheduler, see `reproduce`.
         overwrite: replace the weight file if it exists.
     """
+    from s2c2a import evaluation, strategies
     from s2c2a import jobs as artifacts
-    from s2c2a import strategies
 
     limit_jax_to_one_thread()
     strategies.check_new_networks(out, overwrite)
@@ -61,12 +57,6 @@ def pretrain(
             prior.make(cache, progress)
         networks = prior.load(cache)
     write_atomically(prior.path(cache).read_bytes(), out)
-    _print_summary(networks, arms, out)
-
-
-def _print_summary(networks: "TrainedNetworks", arms: int, out: Path) -> None:
-    from s2c2a import evaluation
-
     title = f"Held-out errors over {arms} arms, in percent of the full range"
     print_held_out_errors(title, networks)
     if text := evaluation.describe_modal_model(networks):

@@ -1,7 +1,6 @@
 """`s2c2a reach`: how closely an arm at rest reaches targets."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +18,9 @@ if TYPE_CHECKING:
     from s2c2a.models.forward_model import ForwardModel
     from s2c2a.planning.reach import Reached
 
+    Moments = tuple[np.ndarray, list[Goal]]
+    """Times [s] of a file of waypoints, and the goals at them."""
+
 Obstacles = Annotated[
     tuple[tuple[float, float, float, float], ...],
     tyro.conf.UseAppendAction,
@@ -26,19 +28,6 @@ Obstacles = Annotated[
 ]
 
 MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two cores
-
-
-@dataclass(frozen=True)
-class _Path:
-    """Goals at moments of a file of waypoints.
-
-    Attributes:
-        times: of the moments [s].
-        goals: at them.
-    """
-
-    times: np.ndarray
-    goals: "list[Goal]"
 
 
 @beside("target", "axis", "module")
@@ -86,7 +75,7 @@ def reach(
             "a target is needed: a position with --target X Y Z, or a file of waypoints "
             f"with --csv; {given}"
         )
-    plain = path.goals if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
+    plain = path[1] if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
     rows = _obstacle_rows(obstacle, scene)
     goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
     if not 0.0 <= payload_g < np.inf:
@@ -136,7 +125,7 @@ def _goal(
     return goal_at(arm, target, axis, number - 1)
 
 
-def _path(csv: Path, arm: "ArmSpec") -> _Path:
+def _path(csv: Path, arm: "ArmSpec") -> "Moments":
     """Moments of a file of waypoints, all control steps or evenly chosen ones.
 
     Raises:
@@ -148,7 +137,7 @@ def _path(csv: Path, arm: "ArmSpec") -> _Path:
     count = len(task.goals)
     steps = np.arange(0, count, -(-count // MOMENTS))
     times = (steps + 1) / arm.control_rate
-    return _Path(times, [task.goals[step] for step in steps])
+    return times, [task.goals[step] for step in steps]
 
 
 def _obstacle_rows(spheres: Obstacles, scene: Path | None) -> np.ndarray:
@@ -237,22 +226,19 @@ def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
         print(f"clearance of the center line from the obstacles: {clearance}")
     agreeing = round(STARTS * reached.agreeing[0])
     print(f"{agreeing} of {STARTS} starts of the search end as near")
-    rows = [_shape_cells(*row) for row in enumerate(reached.bends[0], start=1)]
+    rows = []
+    for number, bend in enumerate(reached.bends[0], start=1):
+        size = np.rad2deg(np.hypot(*bend))
+        direction = np.rad2deg(np.arctan2(bend[1], bend[0]))
+        rows.append((str(number), f"{size:.1f}", f"{direction:.0f}"))
     print_table("Shape, base first", ("module", "bend deg", "toward deg"), rows)
     print("toward: from the x axis of the module's frame to its y axis")
 
 
-def _shape_cells(module: int, bend: np.ndarray) -> tuple[str, str, str]:
-    """Number, size and direction of a module's bend."""
-    size = np.rad2deg(np.hypot(*bend))
-    direction = np.rad2deg(np.arctan2(bend[1], bend[0]))
-    return str(module), f"{size:.1f}", f"{direction:.0f}"
-
-
-def _print_path(path: _Path, reached: "Reached", arm: "ArmSpec") -> None:
+def _print_path(path: "Moments", reached: "Reached", arm: "ArmSpec") -> None:
     """Print the parts of a path that are out of reach."""
     is_missed = ~reached.within(arm.length)
-    count = len(path.times)
+    count = len(path[0])
     if not is_missed.any():
         largest = _centimeters(reached.position_errors.max())
         print(f"all of {count} moments are within reach, missed by at most {largest}")
@@ -273,16 +259,19 @@ def _parts(is_missed: np.ndarray) -> Iterator[np.ndarray]:
             yield np.array(list(group))
 
 
-def _part_cells(path: _Path, reached: "Reached", part: np.ndarray) -> dict[str, str]:
+def _part_cells(
+    path: "Moments", reached: "Reached", part: np.ndarray
+) -> dict[str, str]:
     """Times of a part, and its largest miss."""
+    times, goals = path
     errors = reached.position_errors[part]
     cells = {
-        "from s": f"{path.times[part[0]]:.2f}",
-        "to s": f"{path.times[part[-1]]:.2f}",
+        "from s": f"{times[part[0]]:.2f}",
+        "to s": f"{times[part[-1]]:.2f}",
         "misses by cm": f"{100.0 * errors.max():.2f}",
-        "at s": f"{path.times[part[errors.argmax()]]:.2f}",
+        "at s": f"{times[part[errors.argmax()]]:.2f}",
     }
-    if any(goal.axis_weights.any() for goal in path.goals):
+    if any(goal.axis_weights.any() for goal in goals):
         turns = np.rad2deg(reached.axis_errors[part])
         cells["misses by deg"] = f"{turns.max():.1f}"
     if np.isfinite(reached.clearances).all():

@@ -133,6 +133,8 @@ def run(
     from s2c2a import jobs, strategies
     from s2c2a.arm import load_arm
     from s2c2a.estimation import EstimationSettings
+    from s2c2a.planning.reach import Reachability
+    from s2c2a.tasks.projection import projected
 
     spec = load_arm(arm)
     factory = robot_factory_for(robot, robot_option, fidelity, payload, event, tracking)
@@ -149,7 +151,8 @@ def run(
     if task is not None:
         _report_waypoints(task, spec, model)
     if model is not None:
-        found = _within_reach(paced, spec, model, conditions.run)
+        reachability = Reachability(spec, model, known_payload, guard)
+        found = projected(paced, spec.length, reachability)
         print(_describe_reach(found, spec, project))
         paced = found.task if project else paced
     job_list = jobs.jobs_for(
@@ -366,21 +369,6 @@ def _report_waypoints(
             "all waypoints have z < 0, behind the base: z grows from the base toward "
             "the tip at rest, also on a hanging arm"
         )
-
-
-def _within_reach(
-    task: "tasks.Task",
-    spec: "arm.ArmSpec",
-    model: "ForwardModel",
-    options: "strategies.RunOptions",
-) -> "Projection":
-    """The task with targets out of reach moved within it, with the payload and the guard."""
-    from s2c2a.planning.reach import Reachability
-    from s2c2a.tasks.projection import projected
-
-    payload = options.estimation.known_payload
-    reachability = Reachability(spec, model, payload, options.guard)
-    return projected(task, spec.length, reachability)
 
 
 def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> str:

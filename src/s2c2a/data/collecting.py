@@ -16,7 +16,6 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data.babbling import BABBLING, episode_actions, fastest
-from s2c2a.data.outliers import MeasuredEnds, find_outliers
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
@@ -24,6 +23,8 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.execution.executors import Serial, Threads, in_order
 from s2c2a.files.text import MAX_COUNT, check_replaceable
+from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
+from s2c2a.measurements.readings import MAX_SILENCE
 from s2c2a.paper import SPEEDS
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
@@ -34,7 +35,6 @@ from s2c2a.runtime import (
     StepRequest,
     build_episode,
 )
-from s2c2a.runtime.readings import MAX_SILENCE
 from s2c2a.spaces import AXIS, POSITION, Stage
 
 MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them

@@ -125,11 +125,6 @@ def open_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) 
         file.seek(0)
         return file
     file.close()
-    if begin == b"\x89HDF\r\n\x1a\n":
-        raise DamagedRecordingError(
-            f"{path} was written by version 0.1; collect it again with "
-            "`s2c2a collect`, the numbers are the same"
-        )
     if size > MAX_BYTES:
         raise DamagedRecordingError(
             f"{path} has {size} bytes; files of episodes have at most {MAX_BYTES}"

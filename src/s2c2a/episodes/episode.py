@@ -81,7 +81,12 @@ class Episode:
                 "an episode's columns must have as many steps each, "
                 f"at most {MAX_COLUMNS} of them"
             )
-        self._check_shapes()
+        for name, shape in _standard_row_shapes(self.arm, columns).items():
+            if name in columns and columns[name].shape[1:] != shape:
+                raise RecordingError(
+                    f"column '{name}' is of shape {columns[name].shape[1:]} a step; "
+                    f"on '{self.arm.name}' it is {shape}"
+                )
         for name in ("time", "actions"):
             if not np.isfinite(columns[name]).all():
                 raise RecordingError(
@@ -89,15 +94,6 @@ class Episode:
                 )
         if (np.diff(columns["time"]) <= 0).any():
             raise RecordingError("the times of an episode must rise from step to step")
-
-    def _check_shapes(self) -> None:
-        for name, shape in _standard_row_shapes(self.arm, self.columns).items():
-            values = self.get(name)
-            if values is not None and values.shape[1:] != shape:
-                raise RecordingError(
-                    f"column '{name}' is of shape {values.shape[1:]} a step; "
-                    f"on '{self.arm.name}' it is {shape}"
-                )
 
     def __len__(self) -> int:
         """Return the number of steps."""

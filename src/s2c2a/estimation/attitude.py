@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
 MAX_ACCELERATION = 500.0  # m/s2; common sensors measure up to 160

@@ -120,7 +120,16 @@ class DisturbanceFilter(eqx.Module):
         states = self.model.predict(configuration, hysteresis, moments)
         bends = bends_from_states(states)
         zeros = jnp.zeros(bends.size)
-        initial_std = self._initial_std(bends.size)
+        options = self.options
+        is_estimated = float(self.estimates)
+        biases = [sensor.bias_prior.initial_std for sensor in self.sensors]
+        initial_std = ArmState(
+            payload=jnp.asarray(is_estimated * options.initial_payload_std * self.mass),
+            bend_biases=jnp.full(bends.size, is_estimated * options.initial_bias_std),
+            bends=jnp.full(bends.size, options.bend_noise),
+            bend_rates=jnp.full(bends.size, options.rate_noise),
+            sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
+        )
         mean = ArmState(
             payload=payload,
             bend_biases=zeros,
@@ -147,18 +156,6 @@ class DisturbanceFilter(eqx.Module):
             field=BiasField.empty(bends.size) if self._learns() else None,
             expected_biases=zeros,
             known_payload=payload,
-        )
-
-    def _initial_std(self, bends: int) -> ArmState:
-        options = self.options
-        is_estimated = float(self.estimates)
-        biases = [sensor.bias_prior.initial_std for sensor in self.sensors]
-        return ArmState(
-            payload=jnp.asarray(is_estimated * options.initial_payload_std * self.mass),
-            bend_biases=jnp.full(bends, is_estimated * options.initial_bias_std),
-            bends=jnp.full(bends, options.bend_noise),
-            bend_rates=jnp.full(bends, options.rate_noise),
-            sensor_biases=jnp.concatenate([jnp.zeros(0), *biases]),
         )
 
     @property
@@ -195,7 +192,16 @@ class DisturbanceFilter(eqx.Module):
         states, tensions, by_payload = self._equilibrium(state, configuration)
         state = self._predicted(state, states, by_payload)
         for number, sensor in enumerate(self.sensors):
-            expected = self._expected(state, tensions, by_payload, number)
+            caused = _disturbance_bends(state.mean, by_payload)
+            expected = ExpectedState(
+                bends=state.mean.bends.reshape(-1, 2),
+                bend_biases=state.disturbances.bend_biases,
+                tensions=tensions,
+                past_bends=state.past_bends,
+                past_states=state.past_states,
+                bias_change=caused - state.past_disturbance_bends,
+                lag=state.histories[number].lag,
+            )
             innovation = sensor.innovation(measurements, expected)
             before = state.mean
             state = self._updated(state, number, innovation, by_payload)
@@ -248,11 +254,32 @@ class DisturbanceFilter(eqx.Module):
         vibration = transition @ jnp.concatenate([mean.bends, mean.bend_rates])
         vibration = vibration + inputs @ equilibrium.reshape(-1)
         bends, bend_rates = jnp.split(vibration, 2)
-        covariance = kalman.predict(
-            state.covariance,
-            self._transition(transition, inputs, by_payload, fading),
-            self._process_noise(mean),
+        order = self._order
+        by_state = (
+            jnp.eye(order.size)
+            .at[order.bend_biases, order.bend_biases]
+            .multiply(fading)
+            .at[order.vibration, order.payload]
+            .set((inputs @ by_payload)[:, None])
+            .at[order.vibration, order.bend_biases]
+            .set(inputs * fading)
+            .at[order.vibration, order.vibration]
+            .set(transition)
         )
+        options = self.options
+        is_estimated = float(self.estimates)
+        share = mean.payload / self.mass
+        bias_rate = options.bias_rate + options.loaded_bias_rate * share
+        drifts = [sensor.bias_prior.drift for sensor in self.sensors]
+        noise = ArmState(
+            payload=jnp.asarray(is_estimated * options.payload_rate * self.mass),
+            bend_biases=jnp.full_like(mean.bend_biases, is_estimated * bias_rate),
+            bends=jnp.full_like(mean.bends, options.bend_noise),
+            bend_rates=jnp.full_like(mean.bend_rates, options.rate_noise),
+            sensor_biases=jnp.concatenate([jnp.zeros(0), *drifts]),
+        )
+        variances = noise.packed() ** 2 * self.period
+        covariance = kalman.predict(state.covariance, by_state, variances)
         mean = mean._replace(
             bend_biases=fading * mean.bend_biases, bends=bends, bend_rates=bend_rates
         )
@@ -265,62 +292,6 @@ class DisturbanceFilter(eqx.Module):
             past_bends=_pushed(state.past_bends, compared),
             past_states=_pushed(state.past_states, states),
             past_disturbance_bends=_pushed(state.past_disturbance_bends, caused),
-        )
-
-    def _transition(
-        self,
-        transition: Float[Array, "vibration vibration"],
-        inputs: Float[Array, "vibration bends"],
-        by_payload: Float[Array, " bends"],
-        fading: float,
-    ) -> Float[Array, "states states"]:
-        """Derivative of the prediction step by the state."""
-        order = self._order
-        return (
-            jnp.eye(order.size)
-            .at[order.bend_biases, order.bend_biases]
-            .multiply(fading)
-            .at[order.vibration, order.payload]
-            .set((inputs @ by_payload)[:, None])
-            .at[order.vibration, order.bend_biases]
-            .set(inputs * fading)
-            .at[order.vibration, order.vibration]
-            .set(transition)
-        )
-
-    def _process_noise(self, mean: ArmState) -> Float[Array, " states"]:
-        """Process noise of a control step: variances, larger with a payload."""
-        options = self.options
-        is_estimated = float(self.estimates)
-        share = mean.payload / self.mass
-        bias_rate = options.bias_rate + options.loaded_bias_rate * share
-        drifts = [sensor.bias_prior.drift for sensor in self.sensors]
-        per_second = ArmState(
-            payload=jnp.asarray(is_estimated * options.payload_rate * self.mass),
-            bend_biases=jnp.full_like(mean.bend_biases, is_estimated * bias_rate),
-            bends=jnp.full_like(mean.bends, options.bend_noise),
-            bend_rates=jnp.full_like(mean.bend_rates, options.rate_noise),
-            sensor_biases=jnp.concatenate([jnp.zeros(0), *drifts]),
-        )
-        return per_second.packed() ** 2 * self.period
-
-    def _expected(
-        self,
-        state: FilterState,
-        tensions: Float[Array, "modules cables"],
-        by_payload: Float[Array, " bends"],
-        number: int,
-    ) -> ExpectedState:
-        """Expected state, from which a sensor model predicts its measurement."""
-        caused = _disturbance_bends(state.mean, by_payload)
-        return ExpectedState(
-            bends=state.mean.bends.reshape(-1, 2),
-            bend_biases=state.disturbances.bend_biases,
-            tensions=tensions,
-            past_bends=state.past_bends,
-            past_states=state.past_states,
-            bias_change=caused - state.past_disturbance_bends,
-            lag=state.histories[number].lag,
         )
 
     def _updated(
@@ -338,9 +309,22 @@ class DisturbanceFilter(eqx.Module):
         order = self._order
         histories = state.histories
         history = histories[number]
-        residual, jacobian, is_present = self._observation(
-            state, number, innovation, by_payload
-        )
+        residual = innovation.residual
+        is_present = jnp.abs(residual) < LARGEST  # false for NaN
+        jacobian = jnp.zeros((len(residual), order.size))
+        # measurements depend on the bend biases at equilibrium, or on the vibration
+        if self.sensors[number].measures_equilibrium:
+            slopes = innovation.jacobian @ by_payload
+            jacobian = jacobian.at[:, order.payload].set(slopes[:, None])
+            jacobian = jacobian.at[:, order.bend_biases].set(innovation.jacobian)
+        else:
+            jacobian = jacobian.at[:, order.bends].set(innovation.jacobian)
+        biases = order.sensor_biases[number]
+        if biases.start < biases.stop:
+            jacobian = jacobian.at[:, biases].set(jnp.eye(len(residual)))
+            residual = residual - state.mean.packed()[biases]
+        residual = jnp.where(is_present, residual - history.offset, 0.0)
+        jacobian = jnp.where(is_present[:, None], jacobian, 0.0)
         covariance = kalman.innovation_covariance(
             state.covariance, jacobian, innovation.std
         )
@@ -418,33 +402,6 @@ class DisturbanceFilter(eqx.Module):
 
         is_used = is_present.any() & is_trusted & is_later
         return jax.lax.cond(is_used, taught, lambda: field)
-
-    def _observation(
-        self,
-        state: FilterState,
-        number: int,
-        innovation: Innovation,
-        by_payload: Float[Array, " bends"],
-    ) -> tuple[Array, Array, Bool[Array, " values"]]:
-        """Residual and its Jacobian by the state; zero where values are missing."""
-        order = self._order
-        residual = innovation.residual
-        is_present = jnp.abs(residual) < LARGEST  # false for NaN
-        jacobian = jnp.zeros((len(residual), order.size))
-        # measurements depend on the bend biases at equilibrium, or on the vibration
-        if self.sensors[number].measures_equilibrium:
-            per_kg = innovation.jacobian @ by_payload
-            jacobian = jacobian.at[:, order.payload].set(per_kg[:, None])
-            jacobian = jacobian.at[:, order.bend_biases].set(innovation.jacobian)
-        else:
-            jacobian = jacobian.at[:, order.bends].set(innovation.jacobian)
-        biases = order.sensor_biases[number]
-        if biases.start < biases.stop:
-            jacobian = jacobian.at[:, biases].set(jnp.eye(len(residual)))
-            residual = residual - state.mean.packed()[biases]
-        residual = residual - state.histories[number].offset
-        residual = jnp.where(is_present, residual, 0.0)
-        return residual, jnp.where(is_present[:, None], jacobian, 0.0), is_present
 
     def _payload_change(
         self,

@@ -194,8 +194,20 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
     def train(
         self, data: TrainingData, predicted_states: np.ndarray
     ) -> dict[str, Trained]:
-        """See `EstimatorOptions`: the factors of the modal model."""
-        return {MODAL_MODEL: _trained_modal_model(data, predicted_states)}
+        """See `EstimatorOptions`: the factors of the modal model.
+
+        Their error is in percent of the fast error without them.
+        """
+        equilibria = bends_from_states(jnp.asarray(predicted_states, jnp.float32))
+        bends = bends_from_states(jnp.asarray(data.states, jnp.float32))
+        factors, without, remaining = identify_modal_factors(
+            data.arm, np.asarray(equilibria), np.asarray(bends)
+        )
+        percent = 100.0 * remaining / without if without > 0 else 100.0
+        curve = np.array(
+            [[0.0, without, without], [1.0, remaining, remaining]], np.float32
+        )
+        return {MODAL_MODEL: Trained(factors, curve, (percent, 0.0))}
 
     def train_sensors(
         self, recording: Recording, key: PRNGKeyArray, progress: SensorProgress
@@ -215,17 +227,3 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
                 arm, samples, key, partial(progress, name)
             )
         return trained
-
-
-def _trained_modal_model(
-    data: TrainingData, predicted_states: np.ndarray
-) -> Trained[ModalFactors]:
-    """Identified factors; the error is in percent of the fast error without them."""
-    equilibria = bends_from_states(jnp.asarray(predicted_states, jnp.float32))
-    bends = bends_from_states(jnp.asarray(data.states, jnp.float32))
-    factors, without, remaining = identify_modal_factors(
-        data.arm, np.asarray(equilibria), np.asarray(bends)
-    )
-    percent = 100.0 * remaining / without if without > 0 else 100.0
-    curve = np.array([[0.0, without, without], [1.0, remaining, remaining]], np.float32)
-    return Trained(factors, curve, (percent, 0.0))

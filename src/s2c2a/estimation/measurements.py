@@ -9,7 +9,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.estimation.attitude import Inclinometer
 from s2c2a.estimation.sensor_models import SensorModel
 from s2c2a.kinematics import configurations_from_states
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
 

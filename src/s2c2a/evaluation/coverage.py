@@ -58,14 +58,24 @@ class Coverage:
             ReadingError: an episode lacks a sensor that configurations need.
         """
         arm = episodes[0].arm
-        bends = [_sensed_bends(episode) for episode in episodes]
-        pairs = zip(bends, episodes, strict=True)
-        speeds = [_speeds(values, episode["time"]) for values, episode in pairs]
+        bends = []
+        speeds = []
+        tips = [np.zeros((0, 3))]
+        for episode in episodes:
+            values = {name: episode.sensor(name) for name in episode.sensors}
+            sensed = configuration_map_for(episode.arm).configurations(
+                Reading(0.0, values)
+            )
+            bends.append(np.asarray(bends_from_configurations(sensed), float))
+            changes = np.linalg.norm(np.diff(bends[-1], axis=0), axis=-1)
+            speeds.append(changes.max(axis=-1) / np.diff(episode["time"]))
+            if "states" in values:
+                tips.append(values["states"][:, -1, POSITION].astype(float))
         return cls(
             arm,
             _finite_rows(np.concatenate(bends)),
             _finite_rows(np.concatenate(speeds)),
-            _finite_rows(np.concatenate([_tips(episode) for episode in episodes])),
+            _finite_rows(np.concatenate(tips)),
         )
 
     @property
@@ -157,26 +167,6 @@ def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:
     random = np.random.default_rng(seed)
     points = disc_points(random, (RANDOM_SHAPES, len(limits)))
     return limits[:, None] * points
-
-
-def _sensed_bends(episode: Episode) -> Bends:
-    values = {name: episode.sensor(name) for name in episode.sensors}
-    readings = Reading(0.0, values)
-    configurations = configuration_map_for(episode.arm).configurations(readings)
-    return np.asarray(bends_from_configurations(configurations), float)
-
-
-def _speeds(
-    bends: Bends, times: Float[np.ndarray, " samples"]
-) -> Float[np.ndarray, " steps"]:
-    changes = np.linalg.norm(np.diff(bends, axis=0), axis=-1)
-    return changes.max(axis=-1) / np.diff(times)
-
-
-def _tips(episode: Episode) -> Float[np.ndarray, "samples 3"]:
-    if "states" not in episode.sensors:
-        return np.zeros((0, 3))
-    return episode.sensor("states")[:, -1, POSITION].astype(float)
 
 
 def _finite_rows(values: np.ndarray) -> np.ndarray:

@@ -43,23 +43,17 @@ def describe_extrapolation(episode: Episode) -> str:
     )
     if outside.sum() <= TOLERATED * len(outside):
         return ""
-    return (
-        f"the path lies outside the training data in {outside.sum()} of "
-        f"{len(outside)} steps, first {_first_stretch(episode, outside)}; record more "
-        "episodes, or choose a smaller path (a slower pace does not help)"
-    )
-
-
-def _first_stretch(episode: Episode, outside: Bool[np.ndarray, " steps"]) -> str:
-    """Times of the first stretch outside the data [s], and the tip's place [cm]."""
     begin = int(np.argmax(outside))
     inside_again = np.flatnonzero(~outside[begin:])
     count = int(inside_again[0]) if len(inside_again) else len(outside) - begin
     times = episode.times()
-    text = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
-    if "predicted" not in episode.columns:
-        return text
-    middle = begin + count // 2
-    tip = 100.0 * episode.ran("predicted")[middle, -1, POSITION]
-    place = ", ".join(f"{coordinate:.0f}" for coordinate in tip)
-    return f"{text} near ({place}) cm"
+    first = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
+    if "predicted" in episode.columns:
+        tip = 100.0 * episode.ran("predicted")[begin + count // 2, -1, POSITION]
+        place = ", ".join(f"{coordinate:.0f}" for coordinate in tip)
+        first += f" near ({place}) cm"
+    return (
+        f"the path lies outside the training data in {outside.sum()} of "
+        f"{len(outside)} steps, first {first}; record more "
+        "episodes, or choose a smaller path (a slower pace does not help)"
+    )

@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float
 from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.data.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.episodes import Episode
 from s2c2a.errors import MAX_SHOWN
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
+from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 
@@ -177,27 +177,18 @@ def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
     """Steps whose plan moved by the whole step limit and still missed its target."""
     if not episode.columns.keys() >= PLAN_COLUMNS or not len(episode.running):
         return np.zeros(0, dtype=bool)
-    missed = _planned_misses(episode) > SIGNIFICANT * episode.arm.length
-    held_back = missed & _whole_steps(episode)
-    if "outcome" in episode.columns:
-        held_back &= episode.ran("outcome") != Outcome.OUT_OF_REACH
-    return held_back
-
-
-def _whole_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
-    """Steps whose plan moved by the whole step limit."""
+    ends = episode.ran("predicted")[..., POSITION]
+    misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
+    largest_miss = np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
+    missed = largest_miss > SIGNIFICANT * episode.arm.length
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
     changes = np.diff(bends, axis=0, prepend=bends[:1])
     largest_change = np.linalg.norm(changes, axis=-1).max(axis=-1)
     step_limit = ArmGeometry.of(episode.arm).step_limit
-    return largest_change > WHOLE_STEP * step_limit
-
-
-def _planned_misses(episode: Episode) -> Float[np.ndarray, " steps"]:
-    """Largest distance of the predicted ends from their goals [m]; 0 without goal."""
-    ends = episode.ran("predicted")[..., POSITION]
-    misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
-    return np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
+    held_back = missed & (largest_change > WHOLE_STEP * step_limit)
+    if "outcome" in episode.columns:
+        held_back &= episode.ran("outcome") != Outcome.OUT_OF_REACH
+    return held_back
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

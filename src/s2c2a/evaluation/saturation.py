@@ -31,25 +31,21 @@ def describe_saturation(
     is_limited = (is_low | is_high) & cables_present(arm)
     if not is_limited.any():
         return ""
+    key = "cable.travel"  # of the arm file, that limits commands
+    if arm.actuation != "displacement":
+        key = REQUIRED[arm.actuation][0]
+    elif arm.servos is not None and arm.servos.limits.displacement is not None:
+        key = "cable.travel or servos.limits.displacement"
     share = is_limited.any(axis=(1, 2)).mean()
     counts = is_limited.sum(axis=0)
     module, cable = np.unravel_index(counts.argmax(), counts.shape)
     return (
         f"commands were at a limit of their range in {100 * share:.3g} % of the steps, "
         f"most often cable {cable + 1} of module {module + 1}; a larger "
-        f"{_range_key(arm)} in the arm file allows more, if the arm bears it"
+        f"{key} in the arm file allows more, if the arm bears it"
     )
 
 
 def describe_run_saturation(episode: Episode) -> str:
     """Describe the same of the steps of a run."""
     return describe_saturation(episode.arm, episode.ran("actions"))
-
-
-def _range_key(arm: ArmSpec) -> str:
-    """Key of the arm file that limits commands."""
-    if arm.actuation != "displacement":
-        return REQUIRED[arm.actuation][0]
-    if arm.servos is not None and arm.servos.limits.displacement is not None:
-        return "cable.travel or servos.limits.displacement"
-    return "cable.travel"

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from s2c2a.data.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.take import LogTake, effective_drives
+from s2c2a.measurements.outliers import MAX_SHARE, MeasuredEnds, Outliers, find_outliers
 
 SHOWN = 3  # rows that the summary names
 

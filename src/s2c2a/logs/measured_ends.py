@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
-from s2c2a.data.outliers import MeasuredEnds, Outliers
+from s2c2a.measurements.outliers import MeasuredEnds, Outliers
 from s2c2a.viz.charts import (
     LETTERS_PER_INCH,
     headline,

@@ -118,7 +118,10 @@ class GoalMotion(NamedTuple):
         now = _rows(goal)
         count = len(now)  # goals of a batch have no rows for obstacles
         step = now - self.latest[:count]
-        velocity = _steady(step, self.step[:count])
+        # velocity of rows that made these steps; a jump is no motion
+        before = self.step[:count]
+        smaller = jnp.where(abs(step) < abs(before), step, before)
+        velocity = jnp.where(step * before > 0.0, smaller, 0.0)
         told = _told(goal)
         steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
         foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
@@ -150,12 +153,6 @@ class GoalMotion(NamedTuple):
         covering = goal._replace(thresholds=thresholds, cores=cores)
         rows = foreseen.at[:, :targets].add(offsets).at[:, targets:].add(ways / 2.0)
         return motion, _goals(covering, rows)
-
-
-def _steady(step: Rows, before: Rows) -> Rows:
-    """Velocity of rows that made these steps; a jump is no motion."""
-    smaller = jnp.where(abs(step) < abs(before), step, before)
-    return jnp.where(step * before > 0.0, smaller, 0.0)
 
 
 def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *rest"]:

@@ -98,7 +98,9 @@ class RobotFactory:
         robot = self._make_robot(arm, defaults)
         trust_code(self.tracking)
         source = self.tracking_source(arm)
-        return _tracked(robot, source) if source else robot
+        if not source:
+            return robot
+        return resolve("robot_wrapper", TRACKED, {})(robot, source)
 
     def tracking_source(self, arm: ArmSpec) -> str:
         """Source of the poses of the module ends; empty for none."""
@@ -156,8 +158,3 @@ def _describe_texts(options: Mapping[str, Any]) -> str:
         f" (text was given for {', '.join(texts)}; annotate the parameter in __init__, "
         "such as `gain: float`, to receive a number)"
     )
-
-
-def _tracked(robot: Robot, source: str) -> Robot:
-    """The robot with the poses of its module ends."""
-    return resolve("robot_wrapper", TRACKED, {})(robot, source)

@@ -31,8 +31,12 @@ def named_errors(error_type: type[S2C2AError], action: str) -> Iterator[None]:
     except S2C2AError:
         raise
     except Exception as error:
-        text = f"{type(error).__name__}: {error}{_place(error)}"
-        raise error_type(f"{action}: {text}") from error
+        raise error_type(f"{action}: {described(error)}") from error
+
+
+def described(error: Exception) -> str:
+    """Return type, text, and place in a user's own code of a foreign exception."""
+    return f"{type(error).__name__}: {error}{_place(error)}"
 
 
 def _place(error: Exception) -> str:

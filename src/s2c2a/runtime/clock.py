@@ -3,7 +3,19 @@
 import time
 from abc import ABC, abstractmethod
 
-from s2c2a.runtime.standstill import time_with_sleep
+STANDSTILL = 2.0
+"""Time beyond a control period [s] without a command, after which a real arm is held
+until somebody asks it to resume: whoever is near it takes it for switched off."""
+
+
+def time_with_sleep() -> float:
+    """Return the time since a fixed origin [s], with that of a suspended computer.
+
+    Without such a clock, a suspended computer shows no gap.
+    """
+    # `perf_counter` stands still while Linux and macOS are suspended
+    number = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+    return time.perf_counter() if number is None else time.clock_gettime(number)
 
 
 class Clock(ABC):
@@ -29,7 +41,7 @@ class WallClock(Clock):
         return time.perf_counter()
 
     def with_sleep(self) -> float:
-        """See `Clock` and `s2c2a.runtime.standstill`."""
+        """See `Clock`."""
         return time_with_sleep()
 
     def wait_until(self, moment: float) -> None:

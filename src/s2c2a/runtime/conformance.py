@@ -13,12 +13,12 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import ActionError, S2C2AError
+from s2c2a.measurements.readings import describe_values
 from s2c2a.robots import Robot
 from s2c2a.robots.robot import SETTLING_TIME
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.runtime.loop import Loop
 from s2c2a.runtime.player import Player, play
-from s2c2a.runtime.readings import describe_values
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor
 
 TEST_BEND = 0.05  # of the full bend; above most backlash, and harmless

@@ -59,3 +59,22 @@ class Driver(Protocol[EstimateT, PlanT]):
 
     def diagnostics(self) -> Mapping[str, np.ndarray]:
         """Return telemetry of the last step, by column of an episode (`planned`)."""
+
+
+def choose(
+    driver: Driver[EstimateT, PlanT],
+    reading: Reading,
+    last_command: Actions,
+    goal: Goal,
+) -> Actions:
+    """Return the command of a control step: estimate, plan, act.
+
+    Args:
+        driver: controller, which was started.
+        reading: latest.
+        last_command: that was sent in the last step [m or N], shape (modules, cables).
+        goal: for the state after the command.
+    """
+    estimate = driver.estimate(reading, last_command)
+    plan = driver.plan(estimate, goal)
+    return driver.act(plan, estimate)

@@ -5,7 +5,6 @@ This is the definition for commands. Every command passes it, whatever the sourc
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -25,7 +24,8 @@ class CommandLimits:
 
     The size of a change is the bend that it commands, or the largest change of one
     cable if that is more, as a fraction of the module's action range. Limits count
-    control steps, not seconds, so that no gap in time permits a jump.
+    control steps, not seconds, so that no gap in time permits a jump. They also run in
+    JAX, in exported code.
 
     Attributes:
         geometry: arrays of the arm.
@@ -86,7 +86,7 @@ class CommandLimits:
             change: change that the last command made.
             before: desired command of the last step, finite or not.
         """
-        xp = array_namespace(desired)
+        xp = desired.__array_namespace__()
         target = self._in_range(xp.where(xp.isfinite(desired), desired, last))
         displacement = target - last
         # a desired command beyond the range does not move while it stays there
@@ -125,7 +125,7 @@ class CommandLimits:
         squared_bends = (bends**2).sum(axis=-1, keepdims=True)
         alone = parts / self._common_share
         squared_cables = (alone**2).max(axis=-1, keepdims=True)
-        xp = array_namespace(change)
+        xp = change.__array_namespace__()
         return xp.sqrt(xp.maximum(squared_bends, squared_cables))
 
     @cached_property
@@ -143,7 +143,7 @@ class CommandLimits:
 
     def _stoppable_change(self, distance: PerModule) -> PerModule:
         """Largest change from which braking at the limit covers just a distance."""
-        xp = array_namespace(distance)
+        xp = distance.__array_namespace__()
         limit = self.acceleration_limit
         steps = xp.floor((xp.sqrt(1.0 + 8.0 * distance / limit) - 1.0) / 2.0)
         return distance / (steps + 1.0) + 0.5 * limit * steps
@@ -152,7 +152,7 @@ class CommandLimits:
         self, change: Actions, last: Actions
     ) -> Bool[np.ndarray, "modules 1"]:
         """Whether the arm can brake after a change before a limit of value."""
-        xp = array_namespace(change)
+        xp = change.__array_namespace__()
         size = xp.maximum(self.change_sizes(change), ROUNDING)
         steps = xp.floor(size / self.acceleration_limit)
         lost = 0.5 * self.acceleration_limit * steps / size  # share lost by braking
@@ -168,17 +168,17 @@ class CommandLimits:
         faster = change + self._capped(desired - change, limit)
         braking = change - self._capped(change, limit)
         safe = self._stops_in_range(faster, last)
-        xp = array_namespace(change)
+        xp = change.__array_namespace__()
         return self._in_range(last + xp.where(safe, faster, braking))
 
     def _in_range(self, command: Actions) -> Actions:
-        return array_namespace(command).clip(
+        return command.__array_namespace__().clip(
             command, self.geometry.action_low, self.geometry.action_high
         )
 
     def _capped(self, change: Actions, max_size: PerModule) -> Actions:
         """Shorten a change to a largest size, in the same direction."""
-        xp = array_namespace(change)
+        xp = change.__array_namespace__()
         size = xp.maximum(self.change_sizes(change), ROUNDING)
         return change * xp.minimum(1.0, max_size / size)
 
@@ -212,11 +212,6 @@ def arm_at(arm: ArmSpec, rate: float) -> ArmSpec:
         * ratio**2,
     }
     return arm.model_copy(update=update)
-
-
-def array_namespace(array: Any) -> Any:
-    """The module of an array's functions: limits also run in JAX, in exported code."""
-    return array.__array_namespace__()
 
 
 class CommandLimiter:

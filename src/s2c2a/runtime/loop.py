@@ -19,16 +19,15 @@ import numpy as np
 
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
+from s2c2a.measurements.following import FollowingMonitor
+from s2c2a.measurements.readings import ReadingCheck
 from s2c2a.robots import Robot
-from s2c2a.runtime.checked_driver import CheckedDriver
-from s2c2a.runtime.checked_robot import CheckedRobot
+from s2c2a.runtime.checked import CheckedDriver, CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
-from s2c2a.runtime.driver import Driver
+from s2c2a.runtime.driver import Driver, choose
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStopError
-from s2c2a.runtime.following import FollowingMonitor
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
-from s2c2a.runtime.readings import ReadingCheck
 from s2c2a.runtime.record import StepRecord
 from s2c2a.runtime.stages import (
     Patience,
@@ -94,6 +93,7 @@ class Loop:
                 the robot lacks.
         """
         self.arm = robot.arm if rate is None else arm_at(robot.arm, rate)
+        self._period = self.arm.control_period
         self._patience = patience or Patience.of(self.arm.control_rate)
         self._on_step = on_step
         self._faults = faults
@@ -101,7 +101,7 @@ class Loop:
         self._limits = limits or CommandLimits.of(self.arm)
         self._clock = clock or (StepClock() if robot.own_time else WallClock())
         self._robot = CheckedRobot(
-            robot, self._clock, self.arm.control_period, lambda: self._step_count
+            robot, self._clock, self._period, lambda: self._step_count
         )
         self._due = 0.0
         self._opened_at = 0.0
@@ -324,7 +324,7 @@ class Loop:
         """
         self._clock.wait_until(self._due)
         now = self._clock.now()
-        period = self.arm.control_period
+        period = self._period
         delay = max(now - self._due, 0.0)
         self.late_steps += delay > LATE * period
         self._due += period * (1 + int(delay / period))
@@ -335,7 +335,7 @@ class Loop:
         if self._robot.own_time or self.phase.stage not in (Stage.RUN, Stage.HOLD):
             return
         pause = self._clock.with_sleep() - self._commanded_at
-        if pause <= self.arm.control_period + self._patience.standstill:
+        if pause <= self._period + self._patience.standstill:
             return
         self.standstill = f"the program stood still for {pause:.1f} s"
         self.phase = with_hold(self.phase)
@@ -371,9 +371,7 @@ class Loop:
         """
         driver = self._checked_driver
         began = time.perf_counter()
-        estimate = driver.estimate(reading, self._limiter.command)
-        plan = driver.plan(estimate, goal)
-        desired = driver.act(plan, estimate)
+        desired = choose(driver, reading, self._limiter.command, goal)
         self._tick_time = time.perf_counter() - began
         self._notice_standstill()
         allowed = self._limiter.hold() if self.standstill else desired
@@ -408,5 +406,5 @@ class Loop:
         if excess and not self._stopped:
             raise self._robot.error("send", excess)
         self._following.sent(sent)
-        self._robot.advance(self.arm.control_period)
+        self._robot.advance(self._period)
         return sent

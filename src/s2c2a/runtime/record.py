@@ -111,18 +111,11 @@ def build_piece(steps: Sequence[StepRecord], arm: ArmSpec, **options: Any) -> Ep
     sensors = _table([step.reading.sensors for step in steps], sensor_shapes(arm))
     columns |= {f"{SENSOR}{name}": column for name, column in sensors.items()}
     columns |= _table([step.diagnostics for step in steps], {})
-    columns |= _goal_columns([_active_goal(step, arm) for step in steps])
+    columns |= _goal_columns(steps, Goal.of(arm.module_count))
     faults = sorted({step.fault for step in steps if step.fault})
     if faults:
         options["faults"] = faults
     return Episode(arm, columns, options)
-
-
-def _active_goal(step: StepRecord, arm: ArmSpec) -> Goal:
-    """Goal of a step; an empty one while the arm neither runs nor holds."""
-    if step.goal is None or step.stage not in (Stage.RUN, Stage.HOLD):
-        return Goal.of(arm.module_count)
-    return step.goal
 
 
 def _times(steps: Sequence[StepRecord]) -> np.ndarray:
@@ -181,19 +174,23 @@ def _is_numeric(array: np.ndarray) -> bool:
     return array.dtype.kind in "fiub"  # float, integer, or boolean; None is an object
 
 
-def _obstacle_column(goals: Goal) -> np.ndarray:
-    """Rows of the obstacles; without their cores if all are spheres."""
-    rows = goals.obstacles_in_use()
-    return rows if rows[..., CORE].any() else rows[..., : CORE.start]
+def _goal_columns(steps: Sequence[StepRecord], nothing: Goal) -> dict[str, np.ndarray]:
+    """Columns of the goals: only those in which any goal is set.
 
-
-def _goal_columns(goals: Sequence[Goal]) -> dict[str, np.ndarray]:
-    """Columns of the goals: only those in which any goal is set."""
+    Where the arm neither runs nor holds, there is none.
+    """
+    goals = []
+    for step in steps:
+        is_active = step.stage in (Stage.RUN, Stage.HOLD)
+        goals.append(step.goal if is_active and step.goal else nothing)
     stacked = Goal.stacked(goals)
+    obstacles = stacked.obstacles_in_use()
+    if not obstacles[..., CORE].any():  # all are spheres
+        obstacles = obstacles[..., : CORE.start]
     columns = {
         "desired_positions": stacked.desired_positions(),
         "desired_axes": stacked.desired_axes(),
-        "obstacles": _obstacle_column(stacked),
+        "obstacles": obstacles,
     }
     return {
         name: values

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import LARGEST
 from s2c2a.goals import Goal
-from s2c2a.runtime.standstill import STANDSTILL
+from s2c2a.runtime.clock import STANDSTILL
 from s2c2a.spaces import Stage
 
 RECOVERY_PER_SOUND_STEP = 0.5
@@ -122,36 +122,27 @@ def next_phase(
     unattended = phase.stage is Stage.HOLD and not request.operator_present
     unattended_steps = phase.unattended_steps + 1 if unattended else 0
     blind = unsound_steps > patience.unsound
-    if phase.stage in (Stage.IDLE, Stage.START):
-        stage = _stage_from_rest(request.enabled, sound, blind)
-    else:
-        give_up = blind or unattended_steps > patience.alone
-        stage = _stage_in_motion(phase, request.enabled and sound, give_up, at_rest)
+    stage = phase.stage
+    if stage in (Stage.IDLE, Stage.START):
+        if not request.enabled:
+            stage = Stage.IDLE
+        elif sound:
+            stage = Stage.RUN
+        else:
+            stage = Stage.FAULT if blind else Stage.START
+    elif stage is Stage.RELEASE:
+        if at_rest:
+            stage = Stage.FAULT if phase.ends_in_fault else Stage.IDLE
+    elif stage is not Stage.FAULT:
+        if blind or unattended_steps > patience.alone:
+            stage = Stage.RELEASE
+        else:
+            stage = Stage.RUN if request.enabled and sound else Stage.HOLD
     if stage is Stage.IDLE:
         unsound_steps = 0.0
     stopping = stage in (Stage.RELEASE, Stage.FAULT)
     ends_in_fault = stopping and (phase.ends_in_fault or blind)
     return Phase(stage, unsound_steps, unattended_steps, ends_in_fault)
-
-
-def _stage_from_rest(enabled: bool, sound: bool, blind: bool) -> Stage:
-    if not enabled:
-        return Stage.IDLE
-    if sound:
-        return Stage.RUN
-    return Stage.FAULT if blind else Stage.START
-
-
-def _stage_in_motion(
-    phase: Phase, may_run: bool, give_up: bool, at_rest: bool
-) -> Stage:
-    if phase.stage is Stage.FAULT or (phase.stage is Stage.RELEASE and not at_rest):
-        return phase.stage
-    if phase.stage is Stage.RELEASE:
-        return Stage.FAULT if phase.ends_in_fault else Stage.IDLE
-    if give_up:
-        return Stage.RELEASE
-    return Stage.RUN if may_run else Stage.HOLD
 
 
 def with_fault(phase: Phase) -> Phase:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.randomized import without_mismatch
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
@@ -131,7 +132,7 @@ def train_s2c2a(
     # first: a recording may hold too few samples of a sensor
     sensors = estimator.train_sensors(recording, sensor_key, progress)
     if start is not None:
-        _check_prior(start, data.arm, recipe)
+        check_prior(start, data.arm, recipe)
         # a short recording has few batches in an epoch
         longer = replace(
             recipe.c2s_fit,
@@ -154,7 +155,7 @@ def train_s2c2a(
     return TrainedNetworks.of(recording.arm, recipe, seed, trained)
 
 
-def _check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
+def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
     """Refuse networks that training on this arm by this recipe cannot start from.
 
     Raises:
@@ -165,7 +166,9 @@ def _check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
             f"the networks to start from are of the one arm '{start.arm.name}'; make a "
             "prior with `s2c2a pretrain`, or train without --from"
         )
-    seen = start.recipe.seen_arm(start.arm)
+    # a prior is of variants, which differ in what controllers do not know
+    seen = without_mismatch(start.recipe.seen_arm(start.arm))
+    arm = without_mismatch(arm)
     if not arm.same_mechanics(seen):
         raise StrategyError(
             f"the prior is of '{seen.name}', which differs from '{arm.name}' in "

@@ -10,6 +10,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
 from s2c2a.execution.compilation import compiled
 from s2c2a.planning import Goal, Plan, Planner, plan_error
+from s2c2a.runtime.driver import choose
 from s2c2a.spaces import Actions, Reading
 
 
@@ -130,8 +131,7 @@ class Strategy:
             StrategyError: see `estimate`.
         """
         self._check_started()
-        estimate = self.estimate(reading, self._command)
-        return self.act(self.plan(estimate, goal), estimate)
+        return choose(self, reading, self._command, goal)
 
     def sent(self, action: Actions) -> None:
         """Learn that a limit changed the last command into another one [m or N]."""

@@ -127,9 +127,28 @@ def follow(arm: ArmSpec) -> Task:
     """
     scale = arm.length / PAPER_LENGTH
     rate = arm.control_rate
-    path = scale * _hand_path(rate)
+    # a way to the dome, 48 s on it, a way out at 0.08 m/s and back, and 4 s of rest
+    time = np.arange(1, max(1, round(48.0 * rate)) + 1) / rate
+    wander = _wander(time)
+    start = _wander(np.zeros(1))[0]
+    rest = np.array([0.0, 0.0, PAPER_LENGTH])
+    approach_speed = float(np.linalg.norm(start - rest)) / FOLLOW_APPROACH
+    back = straight(OUTSIDE, wander[-1], 0.08, rate)
+    pieces = [
+        straight(rest, start, approach_speed, rate),
+        wander,
+        straight(wander[-1], OUTSIDE, 0.08, rate),
+        still(OUTSIDE, 2.0, rate),
+        back,
+        still(back[-1], 4.0, rate),
+    ]
+    path = scale * np.concatenate(pieces)
     inside = reach_gaps(arm, path) <= scale * 0.01
-    following = inside & ~_after_reentry(inside, round(1.5 * rate))
+    steps = round(1.5 * rate)
+    after_reentry = np.zeros_like(inside)
+    for entry in np.flatnonzero(inside[1:] & ~inside[:-1]) + 1:
+        after_reentry[entry : entry + steps] = True
+    following = inside & ~after_reentry
     following[: round(FOLLOW_APPROACH * rate)] = False
     scores = Score("position", steps=following), Score("recovery", steps=inside)
     task = Task.along("follow", path, Goal.of(arm.module_count), *scores)
@@ -149,35 +168,8 @@ def still(point, time: float, control_rate: float) -> Path:
     return np.tile(np.asarray(point, dtype=float), (round(time * control_rate), 1))
 
 
-def _hand_path(rate: float) -> np.ndarray:
-    """A way to the dome, 48 s on it, a way out at 0.08 m/s and back, and 4 s of rest."""
-    time = np.arange(1, max(1, round(48.0 * rate)) + 1) / rate
-    wander = _wander(time)
-    start = _wander(np.zeros(1))[0]
-    rest = np.array([0.0, 0.0, PAPER_LENGTH])
-    approach_speed = float(np.linalg.norm(start - rest)) / FOLLOW_APPROACH
-    back = straight(OUTSIDE, wander[-1], 0.08, rate)
-    pieces = [
-        straight(rest, start, approach_speed, rate),
-        wander,
-        straight(wander[-1], OUTSIDE, 0.08, rate),
-        still(OUTSIDE, 2.0, rate),
-        back,
-        still(back[-1], 4.0, rate),
-    ]
-    return np.concatenate(pieces)
-
-
 def _wander(time: np.ndarray) -> np.ndarray:
     """Smooth path on a dome [m]."""
     x = 0.18 + 0.08 * np.sin(2 * np.pi * time / 12)
     y = 0.18 * np.sin(2 * np.pi * time / 24)
     return np.stack([x, y, 0.58 - 1.2 * (x**2 + y**2)], axis=-1)
-
-
-def _after_reentry(inside: np.ndarray, steps: int) -> np.ndarray:
-    """Mask of the first steps after every re-entry."""
-    mask = np.zeros_like(inside)
-    for entry in np.flatnonzero(inside[1:] & ~inside[:-1]) + 1:
-        mask[entry : entry + steps] = True
-    return mask

@@ -98,7 +98,15 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     """
     _check_modules(name, tracks, arm)
     _check_units(name, tracks, arm)
-    times = _step_times(name, tracks, arm.control_rate)
+    rate = arm.control_rate
+    last = float(max((track.times[-1] for track in tracks), default=0.0))
+    steps = last * rate + 1e-6
+    if not 1 <= steps < MAX_COUNT + 1:
+        raise TargetError(
+            f"the waypoints of '{name}' end at {last:g} s; at {rate:g} Hz the last "
+            f"time must lie between one step and {MAX_COUNT} steps after the start"
+        )
+    times = np.arange(1, int(steps) + 1) / rate
     base = Goal.of(arm.module_count, change_weight=0.5)
     positions = np.tile(base.positions, (len(times), 1, 1))
     axes = np.tile(base.axes, (len(times), 1, 1))
@@ -114,7 +122,10 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
         desired = _interpolate(times, track.times, track.axes)
         for axis in _extremes(desired):
             base = base.with_axis(axis, 2.0, track.module)
-        axes[:, track.module] = _normalized(desired)
+        # unit vectors in single precision, as `Goal.with_axis` computes them
+        vectors = desired.astype(np.float32)
+        lengths = np.sqrt(np.vecdot(vectors, vectors))
+        axes[:, track.module] = vectors / lengths[:, None]
         scores.append(Score("orientation", track.module))
     goals = [
         base._replace(positions=step_positions, axes=step_axes)
@@ -136,18 +147,6 @@ def unreachable_waypoints(
     return unreachable
 
 
-def _step_times(name: str, tracks: Sequence[Waypoints], rate: float) -> np.ndarray:
-    """Times of the control steps [s]."""
-    last = float(max((track.times[-1] for track in tracks), default=0.0))
-    steps = last * rate + 1e-6
-    if not 1 <= steps < MAX_COUNT + 1:
-        raise TargetError(
-            f"the waypoints of '{name}' end at {last:g} s; at {rate:g} Hz the last "
-            f"time must lie between one step and {MAX_COUNT} steps after the start"
-        )
-    return np.arange(1, int(steps) + 1) / rate
-
-
 def read_table(
     path: Path, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
@@ -165,7 +164,16 @@ def read_table(
     try:
         table = parse_rows(read_any_text(path, TargetError, MAX_BYTES))
         columns, scales = column_units(path, table.names)
-        _check_columns(path, columns, required, optional)
+        has_required = set(required) <= set(columns) <= {*required, *optional}
+        has_whole_axis = len(set(AXIS) & set(columns)) in (0, 3)
+        has_duplicates = len(set(columns)) < len(columns)
+        if not has_required or not has_whole_axis or has_duplicates:
+            raise TargetError(
+                f"{path} has the columns {', '.join(columns) or 'none'}; it needs "
+                f"{', '.join(REQUIRED)}, and may have {', '.join(AXIS)} (all three) "
+                "and module, each once; a curve for the whole arm has x, y, z and no "
+                "others"
+            )
         rows = (
             _numbers(path, line, row, columns, table.decimal_comma)
             for line, row in table.rows
@@ -211,21 +219,6 @@ def column_units(
         columns.append(column)
         scales.append(known[unit] if unit else 1.0)
     return columns, np.array(scales)
-
-
-def _check_columns(
-    path: Path, columns: Sequence[str], required: Sequence[str], optional: Sequence[str]
-) -> None:
-    has_required = set(required) <= set(columns) <= {*required, *optional}
-    has_whole_axis = len(set(AXIS) & set(columns)) in (0, 3)
-    has_duplicates = len(set(columns)) < len(columns)
-    if has_required and has_whole_axis and not has_duplicates:
-        return
-    raise TargetError(
-        f"{path} has the columns {', '.join(columns) or 'none'}; it needs "
-        f"{', '.join(REQUIRED)}, and may have {', '.join(AXIS)} (all three) and "
-        "module, each once; a curve for the whole arm has x, y, z and no others"
-    )
 
 
 def _numbers(
@@ -314,9 +307,3 @@ def _extremes(vectors: np.ndarray) -> np.ndarray:
     """The vectors with the largest and the smallest maximum norm."""
     sizes = np.abs(vectors).max(axis=-1)
     return vectors[[sizes.argmax(), sizes.argmin()]]
-
-
-def _normalized(axes: np.ndarray) -> np.ndarray:
-    """Unit vectors in single precision, as `Goal.with_axis` computes them."""
-    vectors = axes.astype(np.float32)
-    return vectors / np.sqrt(np.vecdot(vectors, vectors))[:, None]

@@ -243,17 +243,13 @@ def _draw_cross_section(
         _write(axes, place, str(number), 7.5, **style)
         _write(axes, 1.62 * place, f"{angle:g}°", 8, color=INK)
     word = "module" if len(numbers) == 1 else "modules"
-    title = (
-        f"{letter}   {word} {_number_ranges(numbers)}\n"
-        f"cables at {1000 * module.cable_radius:.4g} mm"
-    )
-    axes.set_title(title, loc="left", fontsize=9, color=INK)
-
-
-def _number_ranges(numbers: list[int]) -> str:
-    """Ascending numbers as ranges such as "1–3, 5", shortened if there are many."""
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     spans = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
     if len(spans) > MAX_SHOWN:
         spans = [*spans[:3], "…", spans[-1]]
-    return ", ".join(spans)
+    number_ranges = ", ".join(spans)
+    title = (
+        f"{letter}   {word} {number_ranges}\n"
+        f"cables at {1000 * module.cable_radius:.4g} mm"
+    )
+    axes.set_title(title, loc="left", fontsize=9, color=INK)

@@ -27,7 +27,7 @@ from s2c2a.viz.colors import (
     UNCOUNTED,
     colors_by_label,
 )
-from s2c2a.viz.mounting import View
+from s2c2a.viz.mounting import Mounting, View
 from s2c2a.viz.solids import outline, surface
 from s2c2a.viz.trace import Trace
 
@@ -225,6 +225,16 @@ def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
         if note != before:  # the spheres of a mesh have one note
             axes.text(*seen(row, view), note, ha="center", va="center", **style)
         before = note
+
+
+def titled_view(
+    figure: Figure, place: SubplotSpec, mounting: Mounting, view: View, title: str
+) -> tuple[Axes, View]:
+    """Axes of a view of the world with their title, and the base's axes in it."""
+    nearest, backward = mounting.flat(view)
+    axes = view_axes(figure, place, nearest, backward)
+    headline(axes, title_of_view(title, nearest, backward))
+    return axes, nearest
 
 
 def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:

@@ -82,7 +82,12 @@ def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height wid
 
 def _coverage(coverage: Coverage, columns: int) -> Figure:
     """All panels, in rows of some columns."""
-    panels = _panels(coverage)
+    panels: list[Callable[[Figure, SubplotSpec], None]] = []
+    for inner in range(coverage.arm.module_count - 1):
+        panels.append(partial(_draw_pair, coverage, inner))
+    if not panels:
+        panels.append(partial(_draw_bend_plane, coverage))
+    panels.append(partial(_draw_speeds, coverage))
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     width, height = PANEL
@@ -93,14 +98,6 @@ def _coverage(coverage: Coverage, columns: int) -> Figure:
     text = fill(_reached_text(coverage), round(LETTERS_PER_INCH * width * columns))
     figure.suptitle(text, x=0.01, ha="left", fontsize=8.5, color=INK, parse_math=False)
     return figure
-
-
-def _panels(coverage: Coverage) -> list[Callable[[Figure, SubplotSpec], None]]:
-    pairs: list[Callable[[Figure, SubplotSpec], None]] = []
-    for inner in range(coverage.arm.module_count - 1):
-        pairs.append(partial(_draw_pair, coverage, inner))
-    shapes = pairs or [partial(_draw_bend_plane, coverage)]
-    return [*shapes, partial(_draw_speeds, coverage)]
 
 
 def _reached_text(coverage: Coverage) -> str:
@@ -141,23 +138,18 @@ def _draw_pair(
     right = max(limits[0], np.max(np.abs(along), initial=0.0))
     top = max(limits[1], np.max(outer, initial=0.0))
     _draw_density(axes, along, outer, (-right, right, 0.0, top))
-    _draw_pair_limits(axes, *limits)
+    # the limits of plans, and the diagonal of equal bends
+    sides = [-limits[0], -limits[0], limits[0], limits[0]]
+    axes.plot(sides, [0.0, limits[1], limits[1], 0.0], **LIMIT_LINE)
+    axes.plot([0.0, limits.min()], [0.0, limits.min()], **EQUAL_LINE)
+    note(axes, 0.02, 0.985, "S shapes", va="top")
+    note(axes, 0.98, 0.985, "equal bends: diagonal", va="top", ha="right")
     reached = coverage.reached_bends(slice(inner, inner + 2))
     opposed = coverage.opposed_share(inner)
     text = f"modules {first} and {second}: {_percent(reached)} reached"
     if np.isfinite(opposed):
         text += f", {_percent(opposed)} S"
     headline(axes, text)
-
-
-def _draw_pair_limits(axes: Axes, inner: float, outer: float) -> None:
-    """Draw the limits of plans [deg] and the diagonal of equal bends."""
-    sides = [-inner, -inner, inner, inner]
-    axes.plot(sides, [0.0, outer, outer, 0.0], **LIMIT_LINE)
-    equal = min(inner, outer)
-    axes.plot([0.0, equal], [0.0, equal], **EQUAL_LINE)
-    note(axes, 0.02, 0.985, "S shapes", va="top")
-    note(axes, 0.98, 0.985, "equal bends: diagonal", va="top", ha="right")
 
 
 def _draw_bend_plane(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None:

@@ -71,8 +71,10 @@ def run_figure(
     colors = colors_by_label(trace.label for trace in traces)
     labels = ["x [m]", "y [m]", "z [m]", "error [cm]"]
     *coordinates, error = charts.new_time_axes(figure, grid, labels)
-    view, backward = Mounting.of(arm).flat(ABOVE)
-    above = charts.view_axes(figure, grid[:, 1], view, backward)
+    place = grid[:, 1]
+    above, view = charts.titled_view(
+        figure, place, Mounting.of(arm), ABOVE, "from above"
+    )
     for axis, axes in enumerate(coordinates):
         draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
@@ -86,7 +88,6 @@ def run_figure(
     )
     charts.draw_obstacles_of_run(above, traces[0], view)
     above.plot(0, 0, label="base", **CROSS)
-    headline(above, charts.title_of_view("from above", view, backward))
     module = f"end of module {traces[0].followed_module + 1} of {arm.module_count}"
     headline(coordinates[0], f"{title or arm.name}: {module}")
     return save_figure(figure, path)
@@ -128,8 +129,8 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     grid = figure.add_gridspec(1, 2)
     titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
     for column, (view, title) in enumerate(titles.items()):
-        nearest, backward = Mounting.of(arm).flat(view)
-        axes = charts.view_axes(figure, grid[column], nearest, backward)
+        place = grid[column]
+        axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)
         # draw all module ends; inner modules lie in front, for their clouds are small
         count = shown.shape[1]
         for module, color in enumerate(module_colors(count)):
@@ -138,7 +139,6 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
             style = {"color": color, "zorder": order, "label": label, **CLOUD}
             axes.plot(*seen(shown[:, module], nearest), **style)
         axes.plot(0, 0, zorder=3 + count, **CROSS)
-        headline(axes, charts.title_of_view(title, nearest, backward))
     return save_figure(figure, path, markerscale=7)
 
 
@@ -164,23 +164,17 @@ def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -
     figure = new_figure(7.6, 4.6)
     axes = new_axes(figure, 111, "epoch", "loss")
     for name, color in colors_by_label(tables).items():
-        _draw_curve(axes, name, tables[name], color)
+        epochs, train, validation = tables[name].T
+        dashes = (0, (4, 2))
+        axes.plot(epochs, train, color=color, lw=1.0, linestyle=dashes, alpha=0.8)
+        best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
+        label = f"{name}   lowest {validation[best]:.3g}"
+        axes.plot(epochs, validation, color=color, linewidth=1.7, label=label)
+        axes.plot(epochs[best], validation[best], "o", color=color, markersize=4.5)
     if all((table[:, 1:] > 0).all() for table in tables.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
     return save_figure(figure, path)
-
-
-def _draw_curve(
-    axes: Axes, name: str, table: Float[np.ndarray, "epochs 3"], color: str
-) -> None:
-    epochs, train, validation = table.T
-    dashes = (0, (4, 2))
-    axes.plot(epochs, train, color=color, lw=1.0, linestyle=dashes, alpha=0.8)
-    best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
-    label = f"{name}   lowest {validation[best]:.3g}"
-    axes.plot(epochs, validation, color=color, linewidth=1.7, label=label)
-    axes.plot(epochs[best], validation[best], "o", color=color, markersize=4.5)
 
 
 def _curve_table(name: str, rows: Iterable[Mapping]) -> Float[np.ndarray, "epochs 3"]:

@@ -131,7 +131,10 @@ class ArmMesh:
                 (1.0, half, 0.0 if closed else radius),
             ]
             runs.append(_sections(module, lengths[module], disc))
-        base = _base_profile(radii[0], arm.length)
+        # the base plate with the collar that holds the arm
+        collar = [(0.0, radii[0] * high, radii[0] * wide) for high, wide in COLLAR]
+        bottom = -PLATE_HEIGHT * arm.length
+        base = [(0.0, bottom, 0.0), (0.0, bottom, collar[0][2]), *collar]
         runs.append(_sections(0, lengths[0], base))
         self.sections = np.concatenate(runs)
         ends = np.cumsum([0, *map(len, runs)]).tolist()
@@ -231,13 +234,6 @@ def _pieces(
     pieces.append(Piece("tip", DISC, [tubes[-2]], _CIRCLE, TIP_LIFT * radii[-1]))
     pieces.append(Piece("base", BASE, [tubes[-1]], _CIRCLE, 0.0))
     return tuple(pieces)
-
-
-def _base_profile(radius: float, length: float) -> list[tuple[float, float, float]]:
-    """Sections of the base plate with the collar that holds the arm."""
-    collar = [(0.0, radius * height, radius * width) for height, width in COLLAR]
-    bottom = -PLATE_HEIGHT * length
-    return [(0.0, bottom, 0.0), (0.0, bottom, collar[0][2]), *collar]
 
 
 def _sections(

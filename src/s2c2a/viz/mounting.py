@@ -144,7 +144,12 @@ class Surroundings:
         cells = int(np.ceil(GROUND_RADIUS * size / spacing))
         radius = spacing * cells
         level = -GROUND_DEPTH * size
-        offsets = np.arange(1 - cells, cells)
+        steps = np.arange(1 - cells, cells)
+        # ends of chords of a circle: along y at x = offsets, then along x
+        offsets = spacing * steps
+        rim = np.outer([-1, 1], np.sqrt(radius**2 - offsets**2))
+        ends = np.stack(np.broadcast_arrays(offsets, rim, level), axis=-1)
+        along_y = ends.swapaxes(0, 1)
         names = {
             "x": np.array([1.06 * radius, 0.0, level]),
             "y": np.array([0.0, 1.06 * radius, level]),
@@ -158,18 +163,8 @@ class Surroundings:
             spacing=spacing,
             radius=radius,
             level=level,
-            grid=_grid_lines(spacing * offsets, radius, level),
-            through_origin=np.tile(offsets == 0, 2),
+            grid=np.concatenate([along_y, along_y[..., [1, 0, 2]]]),
+            through_origin=np.tile(steps == 0, 2),
             names=names,
             arrow=arrow,
         )
-
-
-def _grid_lines(
-    offsets: Float[np.ndarray, " lines"], radius: float, level: float
-) -> Points:
-    """Ends of chords of a circle: along y at x = offsets, then along x."""
-    rim = np.outer([-1, 1], np.sqrt(radius**2 - offsets**2))
-    ends = np.stack(np.broadcast_arrays(offsets, rim, level), axis=-1)
-    along_y = ends.swapaxes(0, 1)
-    return np.concatenate([along_y, along_y[..., [1, 0, 2]]])

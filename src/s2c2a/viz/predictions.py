@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.patches import Circle
 
-from s2c2a.viz.arrays import Points, Series
+from s2c2a.viz.arrays import Series
 from s2c2a.viz.charts import seen
 from s2c2a.viz.colors import darker, pale
 from s2c2a.viz.mounting import View
@@ -45,22 +45,25 @@ def draw_bands(
         _fill(axes, trace.times, path - width, path + width, color)
         axes.plot(trace.times, path, **_line(color))
         axes.set_ylim(limits)
-    _draw_error_band(error, trace, color)
-
-
-def _draw_error_band(axes: Axes, trace: Trace, color: str) -> None:
-    """Shade the errors [cm] up to twice the predictive standard deviation."""
+    # shade the errors [cm] up to twice the predictive standard deviation
     width = 100.0 * trace.band
-    _fill(axes, trace.times, np.zeros_like(width), width, color)
+    _fill(error, trace.times, np.zeros_like(width), width, color)
     largest = 100.0 * np.nanmax(trace.position_errors, initial=0.0)
     band = min(1.05 * np.nanmax(width, initial=0.0), MAX_BAND * largest)
-    axes.set_ylim(top=max(axes.get_ylim()[1], band))
+    error.set_ylim(top=max(error.get_ylim()[1], band))
 
 
 def draw_tube(axes: Axes, trace: Trace, view: View, color: str) -> None:
     """Draw a light tube around the predicted path of the followed end [m]."""
-    centers, radii = _discs(trace.predicted_path, trace.band)
-    points = np.stack(seen(centers, view), axis=-1)
+    # discs so close that they form a tube; without NaN
+    columns = np.column_stack([trace.predicted_path, trace.band])
+    steps = np.arange(len(columns))
+    between = np.linspace(0, len(columns) - 1, max(TUBE_DISCS, len(columns)))
+    values = [np.interp(between, steps, column) for column in columns.T]
+    known = np.stack(values, axis=-1)
+    known = known[np.isfinite(known).all(axis=-1)]
+    points = np.stack(seen(known, view), axis=-1)
+    radii = known[:, 3]
     discs = [Circle(*disc) for disc in zip(map(tuple, points), radii, strict=True)]
     # opaque, since overlaps of translucent discs would add up
     style: dict[str, Any] = {"facecolor": pale(color), "edgecolor": "none"}
@@ -83,14 +86,3 @@ def _line(color: str) -> dict[str, Any]:
 def _fill(axes: Axes, times: Series, low: Series, high: Series, color: str) -> None:
     style: dict[str, Any] = {"color": pale(color), "linewidth": 0, "zorder": BEHIND}
     axes.fill_between(times, low, high, label=LABEL, **style)
-
-
-def _discs(path: Points, radii: Series) -> tuple[Points, Series]:
-    """Centers and radii of discs so close that they form a tube; without NaN."""
-    steps = np.arange(len(path))
-    between = np.linspace(0, len(path) - 1, max(TUBE_DISCS, len(path)))
-    columns = np.column_stack([path, radii])
-    values = [np.interp(between, steps, column) for column in columns.T]
-    known = np.stack(values, axis=-1)
-    known = known[np.isfinite(known).all(axis=-1)]
-    return known[:, :3], known[:, 3]

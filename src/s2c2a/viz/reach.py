@@ -51,8 +51,8 @@ def reach_figure(
     grid = figure.add_gridspec(1, 2)
     titles = {SIDE: f"{arm.name}, from the side", ABOVE: "from above"}
     for column, (view, title) in enumerate(titles.items()):
-        nearest, backward = Mounting.of(arm).flat(view)
-        axes = charts.view_axes(figure, grid[column], nearest, backward)
+        place = grid[column]
+        axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)
         _draw_regions(axes, states[:, module, POSITION], goals, module, arm, nearest)
         spheres = goals.obstacles_in_use()[0]
         charts.draw_obstacles(axes, spheres, nearest, label="obstacle", zorder=20)
@@ -74,7 +74,6 @@ def reach_figure(
                     "zorder": 60,
                 }
                 axes.plot(*points, marker, label=label, **look)
-        charts.headline(axes, charts.title_of_view(title, nearest, backward))
     return charts.save_figure(figure, path)
 
 

@@ -134,6 +134,7 @@ def _trace_data(trace: Trace, color: str) -> dict:
     obstacles = trace.obstacles
     if (obstacles == obstacles[:1]).all():
         obstacles = obstacles[:1]
+    tube = np.column_stack([trace.predicted_path, trace.band])
     errors = trace.counted_errors
     return {
         "label": trace.label,
@@ -144,7 +145,8 @@ def _trace_data(trace: Trace, color: str) -> dict:
         "frames": _rows(frames.reshape(trace.times.size, -1)),
         "desired": _goal_data(trace.desired_positions),
         "axes": _goal_data(trace.desired_axes),
-        "tube": _tube_data(trace),
+        # predicted position and radius at each step
+        "tube": _rows(tube) if trace.has_band else [],
         "horizon": [_rows(tips) for tips in trace.horizon],
         "obstacles": _integers(obstacles[..., : CORE.start]),
         "solids": [_integers(offsets) for offsets in _solids(trace)],
@@ -171,13 +173,6 @@ def _changes(texts: Sequence[str]) -> list[tuple[int, str]]:
     """Each step whose text differs from that of the step before, and the text."""
     before = ("", *texts)
     return [(step, text) for step, text in enumerate(texts) if text != before[step]]
-
-
-def _tube_data(trace: Trace) -> list:
-    """Predicted position and radius of the tube at each step; empty without band."""
-    if not trace.has_band:
-        return []
-    return _rows(np.column_stack([trace.predicted_path, trace.band]))
 
 
 def _goal_data(desired: np.ndarray) -> dict[str, list]:

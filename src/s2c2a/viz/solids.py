@@ -40,7 +40,12 @@ def surface(row: Row, shown: float) -> Points:
         level = normal @ center + HALF_SPACE
         half_edges = shown * np.array([1.0, 1.0, SLAB])
         center = (level - half_edges[2]) * normal
-    directions = _directions()
+    # unit vectors all around
+    azimuths, elevations = map(np.ravel, np.meshgrid(AZIMUTHS, ELEVATIONS))
+    flat = np.cos(elevations)
+    directions = np.column_stack(
+        [flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)]
+    )
     across = directions * [1.0, 1.0, 0.0]
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     corners = np.sign(directions) * half_edges + core[DISC] * across
@@ -64,14 +69,3 @@ def hull(points: Points) -> tuple[Points, np.ndarray]:
     is_inward = np.sum(np.cross(b - a, c - a) * found.equations[:, :3], axis=1) < 0.0
     triangles[is_inward] = triangles[is_inward, ::-1]
     return points, triangles
-
-
-def _directions() -> Points:
-    """Unit vectors all around, none of them along an axis."""
-    azimuths, elevations = (
-        grid.reshape(-1) for grid in np.meshgrid(AZIMUTHS, ELEVATIONS)
-    )
-    across = np.cos(elevations)
-    return np.column_stack(
-        [across * np.cos(azimuths), across * np.sin(azimuths), np.sin(elevations)]
-    )

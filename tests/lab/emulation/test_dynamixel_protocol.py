@@ -57,14 +57,6 @@ def test_the_decoder_reads_the_packets_of_the_manual():
     ]
 
 
-def test_a_packet_may_arrive_byte_by_byte_after_noise():
-    decoder = DynamixelDecoder()
-    packets = []
-    for byte in b"\x00\xff\xff" + READ_1:
-        packets += decoder.feed(bytes((byte,)), 0.0)
-    assert [packet.instruction for packet in packets] == [instructions.READ]
-
-
 def test_the_rest_of_a_packet_that_stays_out_is_not_awaited():
     decoder = DynamixelDecoder()
     assert decoder.feed(READ_1[:9], 0.0) == []
@@ -86,13 +78,6 @@ def test_stuffing_doubles_the_last_byte_of_a_header(data, stuffed):
     assert unstuff(stuffed) == data
 
 
-def test_a_stuffed_goal_arrives_whole():
-    goal = (-131_073).to_bytes(4, "little", signed=True)
-    packet = pack(1, instructions.WRITE, word(116) + goal)
-    assert b"\xff\xff\xfd\xfd\xff" in packet
-    assert decode(packet) == [Instruction(1, instructions.WRITE, word(116) + goal)]
-
-
 def test_a_goal_without_stuffing_is_dropped_and_the_next_packet_is_read():
     body = bytes((instructions.WRITE,)) + word(116) + b"\xff\xff\xfd\xff"
     packet = protocol.HEADER + b"\x01" + word(len(body) + 2) + body
@@ -105,12 +90,6 @@ def test_a_ping_is_answered_with_model_and_firmware():
     answers = answer(decode(PING_1)[0], servos, 0.0)
     expected = pack(1, protocol.STATUS, b"\x00" + word(1200) + b"\x34")
     assert [one.data for one in answers] == [expected]
-
-
-def test_all_servos_answer_a_broadcast_ping_in_the_order_of_their_ids():
-    servos = make_servos(3)[::-1]
-    answers = answer(Instruction(BROADCAST, instructions.PING, b""), servos, 0.0)
-    assert [one.id for one in answers] == [1, 2, 3]
 
 
 def test_a_wrong_crc_is_answered_with_an_error():
@@ -160,16 +139,6 @@ def test_a_fast_sync_read_is_one_packet_with_a_crc_after_every_part():
     assert parts[0] == start + word(protocol.crc16(start))
     assert len(whole) == 7 + int.from_bytes(whole[5:7], "little")
     assert whole[-2:] == word(protocol.crc16(whole[:-2]))
-
-
-def test_a_sync_write_sets_every_goal_without_an_answer():
-    servos = make_servos()
-    goals = [(id, (100 * id).to_bytes(4, "little")) for id in (1, 2)]
-    parameters = word(116) + word(4)
-    parameters += b"".join(bytes((id,)) + goal for id, goal in goals)
-    packet = Instruction(BROADCAST, instructions.SYNC_WRITE, parameters)
-    assert answer(packet, servos, 0.0) == []
-    assert [servo["goal_position"] for servo in servos] == [100, 200]
 
 
 def test_a_reboot_is_answered_and_followed_by_silence():

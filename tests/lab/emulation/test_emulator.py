@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.arm.servos import servos_of
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
@@ -128,10 +127,6 @@ def test_the_feetech_library_drives_the_servos(tmp_path):
     assert code == 0
 
 
-def test_an_arm_without_servos_gets_ids_row_by_row():
-    assert servos_of(ARM).ids == ((1, 2, 3), (4, 5, 6), (7, 8, 9))
-
-
 def test_positions_follow_from_directions_and_home(tmp_path):
     directions = [[1, -1, 1], [-1, 1, 1], [1, 1, -1]]
     table = {"ids": [[9, 8, 7], [6, 5, 4], [3, 2, 1]], "directions": directions}
@@ -149,29 +144,6 @@ def test_positions_follow_from_directions_and_home(tmp_path):
     paid_out = emulator.plant.positions[1] - displacement
     assert paid_out == pytest.approx(200 * 2 * np.pi * 0.01 / 4096, abs=5e-5)
     assert winch.servo.position == pytest.approx(before - 200, abs=5)
-
-
-def servo_way(emulator):
-    """A turn in the direction that pays the first cable out [ticks]."""
-    return 4096 * emulator.winches[0].direction
-
-
-def test_a_silent_master_trips_the_watchdog_and_the_motor_stops(tmp_path):
-    options = EmulatorOptions(homed=True, link=tmp_path / "port")
-    emulator = Emulator(ARM, options)
-    servo = emulator.servos[0]
-    servo["operating_mode"] = 4
-    servo["torque_enable"] = 1
-    servo["goal_position"] = round(servo.position) + servo_way(emulator)
-    servo["bus_watchdog"] = 10
-    for emulator.now in (0.1, 0.15, 0.2, 0.25, 0.3):
-        emulator.advance_chunk()
-    stopped = emulator.plant.positions[0]
-    for _ in range(20):
-        emulator.advance_chunk()
-    assert servo.watchdog_tripped
-    assert 0 < stopped < 0.06
-    assert emulator.plant.positions[0] == pytest.approx(stopped, abs=0.002)
 
 
 def test_a_baud_rate_that_the_servos_do_not_know_is_refused():

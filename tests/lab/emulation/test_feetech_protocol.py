@@ -39,29 +39,11 @@ def test_a_damaged_packet_is_dropped_and_the_next_one_is_read():
     assert packets == [Instruction(1, instructions.PING, b"")]
 
 
-def test_a_packet_may_arrive_byte_by_byte():
-    decoder = FeetechDecoder()
-    packets = []
-    for byte in PING_1:
-        packets += decoder.feed(bytes((byte,)), 0.0)
-    assert packets == [Instruction(1, instructions.PING, b"")]
-
-
 def test_a_sync_read_is_answered_in_the_order_asked():
     packet = Instruction(BROADCAST, instructions.SYNC_READ, b"\x38\x02\x02\x01")
     answers = answer(packet, make_servos(), 0.0)
     assert [one.id for one in answers] == [2, 1]
     assert answers[1].data == POSITION_STATUS
-
-
-def test_a_sync_write_sets_every_goal_without_an_answer():
-    servos = make_servos()
-    parameters = b"\x2a\x02" + b"\x01\x00\x08" + b"\x02\x01\x08"
-    assert (
-        answer(Instruction(BROADCAST, instructions.SYNC_WRITE, parameters), servos, 0)
-        == []
-    )
-    assert [servo["goal_position"] for servo in servos] == [2048, 2049]
 
 
 def test_hardware_errors_are_in_every_answer():

@@ -7,13 +7,13 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_motive import free_port
+from homes import calibration_with
+from streams import PATIENCE, free_port
 
 from s2c2a import data
 from s2c2a.arm import load_arm
@@ -22,15 +22,12 @@ from s2c2a.lab.emulation.lab import open_lab
 from s2c2a.lab.emulation.motive import MotiveOptions
 from s2c2a.lab.emulation.outputs import describe
 from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
     default_path,
     save_calibration,
 )
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 
-PATIENCE = 300.0  # s
 MOCAP = MotiveOptions(command_port=2510, data_port=2511)
 
 
@@ -80,7 +77,7 @@ def laboratory(tmp_path, monkeypatch):
     """A running laboratory, whose arm is homed, in the current folder."""
     monkeypatch.chdir(tmp_path)
     command = [sys.executable, "-m", "s2c2a", "emulate", "lab", "--homed"]
-    command += ["--mocap-port", str(free_port()), "--mocap-latency", "0.03"]
+    command += ["--mocap-port", str(free_port() + 1), "--mocap-latency", "0.03"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, process.pid, -10)
@@ -96,15 +93,10 @@ def save_homes(status_file):
     end = time.monotonic() + PATIENCE
     while not status_file.exists() and time.monotonic() < end:
         time.sleep(0.05)
-    servos = [
-        CalibratedServo(
-            id=servo["id"], model="xl330-m288", firmware=52, home=servo["position"]
-        )
-        for servo in json.loads(status_file.read_text())["servos"]
-    ]
+    servos = json.loads(status_file.read_text())["servos"]
+    homes = {servo["id"]: servo["position"] for servo in servos}
     arm = load_arm("lab/arm.toml")
-    calibration = Calibration(arm=arm.name, date=datetime.now(UTC), servos=servos)
-    save_calibration(calibration, default_path(arm))
+    save_calibration(calibration_with(arm, homes), default_path(arm))
 
 
 def test_a_laboratory_is_recorded_as_a_real_arm_is(laboratory):

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from streams import PATIENCE, free_port
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
@@ -13,7 +14,7 @@ from s2c2a.lab.emulation import natnet_protocol as protocol
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.mocap import MocapEmulator, SlowMotion
-from s2c2a.lab.emulation.mocap_faults import GRAMMAR
+from s2c2a.lab.emulation.mocap_server import GRAMMAR
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.tracked_bodies import to_stream
@@ -22,14 +23,6 @@ from s2c2a.lab.tracking import ModuleEnds, NatNetTracker
 ARM = load_arm("twin_arm")
 NAMES = ["base", "end-1"]
 POSES = {name: FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])) for name in NAMES}
-PATIENCE = 300.0  # s
-
-
-def free_port():
-    """A port whose lower neighbor is free, too."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return opened.getsockname()[1] + 1
 
 
 @pytest.fixture
@@ -45,7 +38,7 @@ def make_motive():
     opened = []
 
     def make(**options):
-        port = free_port()
+        port = free_port() + 1
         ports = {"command_port": port - 1, "data_port": port}
         motive = Motive(NAMES, MotiveOptions(**ports, **options))
         motive.open()
@@ -215,10 +208,17 @@ def first_states(tracker):
     return ModuleEnds.of(ARM.module_count).states(tracker.latest())
 
 
-def test_the_tracker_sees_the_states_of_a_straight_arm():
-    port = free_port()
-    options = MotiveOptions(command_port=port - 1, data_port=port)
-    emulator = MocapEmulator(ARM, options, duration=PATIENCE)
+@pytest.mark.parametrize("has_servos", [False, True])
+def test_the_tracker_sees_the_states_of_a_straight_arm(has_servos, tmp_path):
+    port = free_port() + 1
+    motive = MotiveOptions(command_port=port - 1, data_port=port)
+    emulator = MocapEmulator(ARM, motive, duration=PATIENCE)
+    if has_servos:
+        link = tmp_path / "port"
+        options = EmulatorOptions(
+            homed=True, link=link, mocap=motive, duration=PATIENCE
+        )
+        emulator = Emulator(ARM, options)
     run = in_thread(emulator)
     try:
         with NatNetTracker(command_port=port - 1, timeout=PATIENCE) as tracker:
@@ -226,23 +226,5 @@ def test_the_tracker_sees_the_states_of_a_straight_arm():
     finally:
         emulator.stop()
         run.join()
-    np.testing.assert_allclose(states, emulator.plant.states(), atol=1e-3)
-
-
-def test_the_arm_of_emulated_servos_is_tracked_too(tmp_path):
-    port = free_port()
-    options = EmulatorOptions(
-        homed=True,
-        link=tmp_path / "port",
-        mocap=MotiveOptions(command_port=port - 1, data_port=port),
-        duration=PATIENCE,
-    )
-    emulator = Emulator(ARM, options)
-    run = in_thread(emulator)
-    try:
-        with NatNetTracker(command_port=port - 1, timeout=PATIENCE) as tracker:
-            states = first_states(tracker)
-    finally:
-        emulator.stop()
-        run.join()
-    np.testing.assert_allclose(states, emulator.plant.states(), atol=2e-3)
+    tolerance = 2e-3 if has_servos else 1e-3
+    np.testing.assert_allclose(states, emulator.plant.states(), atol=tolerance)

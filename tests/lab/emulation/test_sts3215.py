@@ -1,6 +1,7 @@
 """Registers of an STS3215: several turns, signs, the lock, shutdown."""
 
 import pytest
+from named_registers import read, write
 
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.sts3215 import STS3215
@@ -9,16 +10,6 @@ from s2c2a.lab.emulation.sts3215 import STS3215
 @pytest.fixture
 def servo():
     return STS3215(1, MotorState(ticks=5000.0, voltage=7.4))
-
-
-def write(servo, name, value):
-    register = servo.table.by_name[name]
-    servo.write(register.address, register.encode(value))
-
-
-def read(servo, name):
-    register = servo.table.by_name[name]
-    return register.decode(servo.read(register.address, register.size))
 
 
 def count_turns(servo):
@@ -58,22 +49,12 @@ def test_changes_under_the_lock_are_lost_in_a_restart(servo):
     assert servo.id == 5
 
 
-def test_the_torque_limit_is_a_share_of_the_stall_current(servo):
-    write(servo, "torque_limit", 250)
-    assert servo.command().current == pytest.approx(0.6)
-
-
 def test_measurements_have_the_units_of_the_manual(servo):
     state = MotorState(ticks=5000.0, velocity=-1.0, current=-0.65, voltage=7.2)
     servo.update(state, 0.01, 0.0)
     assert read(servo, "present_speed") == -652
     assert read(servo, "present_current") == -100
     assert read(servo, "present_voltage") == 72
-
-
-def test_read_only_registers_ignore_writes(servo):
-    servo.write(56, b"\x00\x00")
-    assert read(servo, "present_position") == 5000 - 4096
 
 
 def test_an_overheated_servo_switches_off_until_a_restart(servo):

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from named_registers import read, write
 
 from s2c2a.lab.emulation.servo import MotorState, RefusalError
 from s2c2a.lab.emulation.xl330 import XL330
@@ -16,30 +17,8 @@ def servo():
     return XL330(3, MotorState(ticks=5000.0))
 
 
-def write(servo, name, value):
-    register = servo.table.by_name[name]
-    servo.write(register.address, register.encode(value))
-
-
-def read(servo, name):
-    register = servo.table.by_name[name]
-    return register.decode(servo.read(register.address, register.size))
-
-
 def update(servo, now=0.0, seconds=CHUNK, **state):
     servo.update(MotorState(**state), seconds, now)
-
-
-def test_registers_do_not_overlap(servo):
-    ends = {}
-    for register in sorted(servo.table.registers, key=lambda one: one.address):
-        assert register.address >= ends.get("last", 0)
-        ends["last"] = register.end
-
-
-def test_the_position_lies_within_one_turn_after_power_up(servo):
-    assert read(servo, "present_position") == 5000 - 4096
-    assert read(servo, "goal_position") == 5000 - 4096
 
 
 def test_torque_locks_the_eeprom(servo):
@@ -107,12 +86,6 @@ def test_the_bus_watchdog_stops_the_motor_and_freezes_the_goals(servo):
     write(servo, "bus_watchdog", 0)
     write(servo, "goal_position", 9000)
     assert servo.command().goal == 9000 + 4096
-
-
-def test_the_bus_watchdog_waits_for_the_torque(servo):
-    write(servo, "bus_watchdog", 1)
-    update(servo, 5.0)
-    assert not servo.watchdog_tripped
 
 
 def test_a_restart_loses_turns_and_volatile_registers(servo):
@@ -203,23 +176,3 @@ def test_errors_outside_the_shutdown_mask_leave_the_torque_on(servo):
     servo.raise_error("overheating")
     assert servo.torque
     assert servo.errors == ("overheating",)
-
-
-def test_id_and_baud_rate_can_be_changed(servo):
-    write(servo, "id", 7)
-    write(servo, "baud_rate", 4)
-    assert servo.id == 7
-    assert servo.baud_rate == 2_000_000
-
-
-def test_a_shifted_position_does_not_move_the_motor(servo):
-    write(servo, "operating_mode", 4)
-    goal = servo.command().goal
-    servo.shift_position(-131_073)
-    assert servo.read(132, 4) == b"\xff\xff\xfd\xff"
-    assert servo.command().goal == goal
-
-
-def test_addresses_behind_the_table_cannot_be_read(servo):
-    with pytest.raises(RefusalError, match="absent"):
-        servo.read(226, 4)

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from s2c2a.arm import load_arm, save_arm
+from s2c2a.lab.emulation.emulator import PROTOCOLS
 from s2c2a.lab.emulation.faults import LineFaults
-from s2c2a.lab.emulation.protocols import PROTOCOLS
 from s2c2a.lab.emulation.servo import MotorState
 
 IDS = list(range(1, 10))

@@ -1,17 +1,14 @@
 """Calibration files: round trip, and files that are damaged or belong elsewhere."""
 
 import json
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from homes import calibration_with
 
 from s2c2a.arm import load_arm
 from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
     CalibrationError,
-    default_path,
     load_calibration,
     save_calibration,
 )
@@ -21,12 +18,7 @@ ARM = load_arm("twin_arm")
 
 @pytest.fixture
 def calibration():
-    servos = [
-        CalibratedServo(id=id, model="xl330-m288", firmware=52, home=100 * id)
-        for id in range(1, 10)
-    ]
-    date = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
-    return Calibration(arm=ARM.name, date=date, servos=tuple(servos))
+    return calibration_with(ARM, {id: 100 * id for id in range(1, 10)})
 
 
 @pytest.fixture
@@ -48,10 +40,6 @@ def test_a_calibration_comes_back_from_its_file(calibration, tmp_path):
 def test_homes_have_the_places_of_the_cables(calibration):
     expected = 100 * np.arange(1, 10).reshape(3, 3)
     np.testing.assert_array_equal(calibration.home(ARM), expected)
-
-
-def test_the_default_file_is_named_after_the_arm():
-    assert default_path(ARM).name == f"{ARM.name}.calibration.json"
 
 
 def test_a_missing_file_tells_how_to_make_one(tmp_path):

@@ -1,9 +1,10 @@
-"""First motions of an arm with ideal servos."""
+"""First motions of an arm whose servos reach their goals at once."""
 
-from datetime import UTC, datetime
+from dataclasses import replace
 
 import pytest
-from ideal_bus import IdealBus
+from fake_servo_bus import SOUND, FakeClock, FakeServoBus
+from homes import calibration_with
 
 from s2c2a.arm import load_arm, servos_of
 from s2c2a.errors import RobotError
@@ -11,8 +12,6 @@ from s2c2a.lab.hardware import bring_up, servo_robot
 from s2c2a.lab.hardware.bring_up import BringUp
 from s2c2a.lab.hardware.bus import BusError
 from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
     load_calibration,
     save_calibration,
 )
@@ -24,58 +23,38 @@ IDS = range(1, 10)
 
 @pytest.fixture
 def calibration_file(tmp_path):
-    servos = [
-        CalibratedServo(id=id, model="xl330-m288", firmware=52, home=0) for id in IDS
-    ]
-    calibration = Calibration(arm=ARM.name, date=datetime.now(UTC), servos=servos)
     path = tmp_path / "homes.json"
-    save_calibration(calibration, path)
+    save_calibration(calibration_with(ARM, dict.fromkeys(IDS, 0)), path)
     return path
 
 
 def test_a_jog_asks_only_the_servo_that_moves(monkeypatch):
     monkeypatch.setattr(bring_up, "STILL_TIME", 0.0)
-    bus = IdealBus()
+    bus = FakeServoBus([4], FakeClock())
     moved = BringUp(bus, ARM, lambda _: True, print).jog(4, 0.003)
     assert moved == pytest.approx(0.003, abs=1e-4)
-    assert bus.prepared == {4}
-
-
-@pytest.mark.parametrize("has_watchdog", [True, False])
-def test_an_arm_opens_and_is_released_with_and_without_a_watchdog(
-    monkeypatch, calibration_file, has_watchdog
-):
-    bus = IdealBus(has_watchdog)
-    monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
-    monkeypatch.setattr(servo_robot, "SETTLING_TIME", 0.0)
-    with DynamixelRobot(ARM, calibration=str(calibration_file)):
-        assert bus.torque == dict.fromkeys(IDS, True)
-    assert bus.torque == dict.fromkeys(IDS, False)
-
-
-def test_a_calibration_accepts_firmware_of_three_digits():
-    assert CalibratedServo(id=1, model="sts3215", firmware=310, home=0).firmware == 310
+    assert [ids for ids, _ in bus.prepared] == [(4,)]
 
 
 def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
-    bus = IdealBus()
+    bus = FakeServoBus(IDS, FakeClock())
 
     def switch_all_but_the_last(ids, on):
-        bus.torque |= dict.fromkeys(ids[:-1] if on else ids, on)
+        bus.torques |= dict.fromkeys(ids[:-1] if on else ids, on)
         if on:
             raise BusError("servo 9 does not answer")
 
     bus.set_torque = switch_all_but_the_last
     with pytest.raises(BusError, match="servo 9"):
         BringUp(bus, ARM, lambda _: True, print).home(bus.scan(IDS))
-    assert not any(bus.torque.values())
+    assert not any(bus.torques.values())
 
 
 def test_homing_names_servos_that_do_not_answer_before_anything_moves():
-    bus = IdealBus()
+    bus = FakeServoBus(IDS, FakeClock())
     with pytest.raises(BusError, match=r"no answer from servos \[8, 9\]"):
         BringUp(bus, ARM, lambda _: True, print).home(bus.scan(range(1, 8)))
-    assert bus.torque == {}
+    assert bus.torques == {}
 
 
 def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration_file):
@@ -83,13 +62,13 @@ def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit(calibration
     limits = servos.limits.model_copy(update={"displacement": 0.01})
     table = servos.model_copy(update={"limits": limits})
     arm = ARM.model_copy(update={"servos": table})
-    bus = IdealBus()
-    bus.positions = {5: 2000}
+    bus = FakeServoBus(IDS, FakeClock())
+    bus.states[5] = replace(SOUND, position=2000)
     calibration = load_calibration(calibration_file, arm)
     with pytest.raises(RobotError, match=r"servos \[5\] stand at"):
         BringUp(bus, arm, lambda _: True, print).check(calibration)
-    assert bus.positions[5] == 2000
-    assert not any(bus.torque.values())
+    assert bus.states[5].position == 2000
+    assert not any(bus.torques.values())
 
 
 def test_an_arm_file_with_other_ticks_than_its_servos_moves_nothing(
@@ -97,7 +76,7 @@ def test_an_arm_file_with_other_ticks_than_its_servos_moves_nothing(
 ):
     motor = ARM.motor.model_copy(update={"ticks_per_turn": 1024})
     arm = ARM.model_copy(update={"motor": motor})
-    bus = IdealBus()
+    bus = FakeServoBus(IDS, FakeClock())
     monkeypatch.setattr(servo_robot, "open_bus", lambda *_: bus)
     message = "is 1024; its servos have 4096"
     with pytest.raises(BusError, match=message):

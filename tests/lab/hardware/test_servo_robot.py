@@ -1,11 +1,11 @@
 """The robot above a servo bus: limits of commands, faults, halt and close."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from fake_servo_bus import FakeClock, FakeServoBus
+from homes import calibration_with
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,8 +13,6 @@ from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.errors import ActionError, RobotError
 from s2c2a.lab.hardware.bus import BusError, HardwareError
 from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
     save_calibration,
 )
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot
@@ -47,14 +45,8 @@ class Bench:
         self.robot = DynamixelRobot(arm, "fake", str(self._calibration(folder)))
 
     def _calibration(self, folder):
-        servos = [
-            CalibratedServo(id=id, model="xl330-m288", firmware=52, home=HOME)
-            for id in IDS
-        ]
         path = folder / "calibration.json"
-        date = datetime(2026, 1, 1, tzinfo=UTC)
-        calibration = Calibration(arm=self.arm.name, date=date, servos=tuple(servos))
-        save_calibration(calibration, path)
+        save_calibration(calibration_with(self.arm, dict.fromkeys(IDS, HOME)), path)
         return path
 
     @property
@@ -223,26 +215,17 @@ def test_a_missing_servo_is_named_when_the_robot_opens(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("choice", "torque"), [("hold", True), ("release", False)])
-def test_a_halt_stops_where_the_arm_is(tmp_path, monkeypatch, choice, torque):
-    bench = Bench(tmp_path, arm_with(on_emergency=choice), monkeypatch)
+def test_a_halt_stops_where_the_arm_is_and_closing_does_not_undo_it(
+    tmp_path, monkeypatch, choice, torque
+):
+    table = {"on_emergency": choice, "on_exit": "release"}
+    bench = Bench(tmp_path, arm_with(**table), monkeypatch)
     bench.robot.open()
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 123)
     bench.robot.halt()
     _, goals = bench.bus.goals[-1]
     assert goals[5] == HOME + 123
     assert bench.bus.torques == dict.fromkeys(IDS, torque)
-    bench.robot.close()
-    assert bench.bus.torques == dict.fromkeys(IDS, torque)
-
-
-@pytest.mark.parametrize(("choice", "torque"), [("hold", True), ("release", False)])
-def test_closing_a_halted_robot_does_not_undo_the_halt(
-    tmp_path, monkeypatch, choice, torque
-):
-    table = {"on_emergency": choice, "on_exit": "release"}
-    bench = Bench(tmp_path, arm_with(**table), monkeypatch)
-    bench.robot.open()
-    bench.robot.halt()
     bench.robot.close()
     assert bench.bus.torques == dict.fromkeys(IDS, torque)
 

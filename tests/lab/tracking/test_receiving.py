@@ -1,16 +1,15 @@
 """The thread that trackers share: it outlives failures, and pauses when a source is lost."""
 
 import threading
-import time
 from enum import Enum
 
 import pytest
+from streams import PATIENCE
 
 from s2c2a.lab.tracking import PoseFrame, TrackingError, receiving
 from s2c2a.lab.tracking.receiving import ReceivingTracker
 from s2c2a.lab.tracking.tracker import DropError
 
-PATIENCE = 300.0  # s, on a busy machine
 LOST = TrackingError("the source is lost")
 
 
@@ -66,13 +65,6 @@ class PauseEvent(threading.Event):
         return self.is_set()
 
 
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
-
-
 def test_pauses_double_while_the_source_is_lost_and_begin_again_after_a_frame():
     tracker = Scripted(*[[LOST]] * 7, [1, LOST], [LOST], [LOST])
     stop = PauseEvent(10)
@@ -123,9 +115,3 @@ def test_a_driver_that_hangs_is_left_behind_and_changes_nothing_later(monkeypatc
     assert not hung.is_alive()
     assert tracker.latest() is None
     assert tracker.counts.accepted == 0
-
-
-def test_the_newest_frame_is_kept():
-    with Scripted([1, 1, 1]) as tracker:
-        wait_until(lambda: tracker.counts.accepted == 3)
-        assert tracker.latest().number == 1

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 import pytest
+from streams import wait_until
 
 from s2c2a.lab.tracking import DropReason, ModuleEnds, TrackingError, UdpTracker
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "extending" / "send_poses.py"
 BODY = {"position": [0.0, 0.0, 0.2], "rotation": [0.0, 0.0, 0.0, 1.0]}
-PATIENCE = 300.0  # [s], on a busy machine
 
 
 @pytest.fixture
@@ -35,19 +35,8 @@ def datagram(frame):
     ).encode()
 
 
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
-
-
 def dropped(tracker):
     return sum(tracker.counts.dropped.values())
-
-
-def test_before_the_first_datagram_there_is_no_frame(tracker):
-    assert tracker.latest() is None
 
 
 def test_the_newest_frame_is_kept_with_its_arrival_time(tracker, sender):
@@ -81,18 +70,6 @@ def test_a_second_sender_is_refused(tracker, sender):
         other.sendto(datagram(2), tracker.address)
         wait_until(lambda: tracker.counts.dropped[DropReason.OTHER_SENDER] == 1)
     assert tracker.latest().number == 1
-
-
-def test_the_receiver_survives_a_failure_of_its_own(tracker, sender, monkeypatch):
-    def fail(*_):
-        raise ZeroDivisionError
-
-    with monkeypatch.context() as patch:
-        patch.setattr("s2c2a.lab.tracking.udp.parse_datagram", fail)
-        sender.sendto(datagram(1), tracker.address)
-        wait_until(lambda: tracker.counts.dropped[DropReason.FAILED] == 1)
-    sender.sendto(datagram(2), tracker.address)
-    wait_until(lambda: tracker.counts.accepted == 1)
 
 
 def test_a_flood_of_random_bytes_leaves_the_receiver_alive(tracker, sender):
@@ -147,11 +124,6 @@ def test_the_example_sender_moves_a_module_end(tracker):
     wait_until(lambda: tracker.counts.accepted == 3)
     (state,) = ModuleEnds.of(1, base=None).states(tracker.latest())
     assert state.tolist() == pytest.approx([0.002, 0, 0.2, 0, 0, 1])
-
-
-def test_the_example_sender_has_ten_lines_of_code():
-    (_, _, code) = EXAMPLE.read_text().split('"""')
-    assert len([line for line in code.splitlines() if line]) == 10
 
 
 def test_a_tracker_says_why_it_has_no_frames():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from held_arm import action_for, bends
 from s2c2a.arm import ArmGeometry, Cable
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -11,12 +12,6 @@ from rod import rod_shape
 WEIGHTLESS = (0.0, 0.0, 0.0)
 LENGTH, RADIUS, MASS = 0.2, 0.027, 0.075
 PULL = {"actuation": "tension", "gravity_direction": WEIGHTLESS}
-
-
-@pytest.fixture(params=FIDELITIES)
-def fidelity(request):
-    """Each fidelity by name."""
-    return request.param
 
 
 def settled(
@@ -29,23 +24,6 @@ def settled(
     for _ in range(round(seconds * arm.control_rate)):
         robot.step(ArmGeometry.of(arm).action_neutral if action is None else action)
     return robot
-
-
-def action_for(arm, shares) -> np.ndarray:
-    """The action that asks for shares of the full bend, shape (modules, cables)."""
-    geometry = ArmGeometry.of(arm)
-    pulls = np.einsum("mck,mk->mc", geometry.cable_matrices, np.array(shares))
-    return geometry.action_neutral + geometry.action_scale[:, None] * pulls
-
-
-def bends(robot) -> np.ndarray:
-    """Bend vectors [rad] of all modules, shape (modules, 2)."""
-    axes = robot.configurations()
-    angles = np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2])
-    return (
-        axes[:, :2]
-        * (angles / np.maximum(np.linalg.norm(axes[:, :2], axis=-1), 1e-12))[:, None]
-    )
 
 
 def test_one_cable_bends_a_weightless_module_by_its_moment_over_the_rigidity(
@@ -164,15 +142,6 @@ def test_gravity_bends_a_standing_arm_further_and_straightens_a_hanging_one(make
         reach.append(settled(arm, [[3.0, 0, 0]] * 3).states()[-1, 0])
     standing, weightless, hanging = reach
     assert standing > 1.05 * weightless > 1.05 * 1.05 * hanging > 0.05
-
-
-def test_a_payload_sags_a_bent_arm(twin):
-    action = action_for(twin, [[0.8, 0.0]] * 3)
-    bare, loaded = (
-        settled(twin, action, payload=payload).states()[-1] for payload in (0.0, 0.03)
-    )
-    assert loaded[2] < bare[2] - 0.005
-    assert np.linalg.norm(loaded[:2]) > np.linalg.norm(bare[:2]) + 0.005
 
 
 def test_both_fidelities_agree_on_the_same_bent_arm(simulated):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from held_arm import action_for
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -17,13 +18,6 @@ def held(arm, action, fidelity="fast", steps=30) -> np.ndarray:
         for _ in range(steps):
             robot.step(action)
         return robot.states()
-
-
-def action_for(arm, shares) -> np.ndarray:
-    """The action that asks for shares of the full bend, shape (modules, cables)."""
-    geometry = ArmGeometry.of(arm)
-    pulls = np.einsum("mck,mk->mc", geometry.cable_matrices, np.array(shares))
-    return geometry.action_neutral + geometry.action_scale[:, None] * pulls
 
 
 def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
@@ -61,30 +55,6 @@ def test_mirrored_actions_give_mirrored_states(preset, request):
         held(arm, action_for(arm, shares * [1, side])) for side in (1, -1)
     )
     np.testing.assert_allclose(mirrored, here * [1, -1, 1, 1, -1, 1], atol=1e-6)
-
-
-@pytest.mark.parametrize("fidelity", slow_after(1, FIDELITIES))
-@pytest.mark.parametrize("preset", PRESETS)
-def test_every_module_bends_towards_the_cable_that_pulls(preset, fidelity, request):
-    arm = request.getfixturevalue(preset)
-    geometry = ArmGeometry.of(arm)
-    pulling = (
-        geometry.action_high if arm.actuation == "tension" else geometry.action_low
-    )
-    for module in range(arm.module_count):
-        for cable, angle in enumerate(np.deg2rad(arm.modules[module].cable_angles_deg)):
-            action = geometry.action_neutral.copy()
-            action[module, cable] += (
-                0.3 * (pulling - geometry.action_neutral)[module, cable]
-            )
-            with SimulatedRobot(arm, fidelity) as robot:
-                for _ in range(4):
-                    robot.step(action)
-                axis = robot.configurations()[module]
-            assert axis[:2] @ [np.cos(angle), np.sin(angle)] > 0.05
-            assert axis[:2] @ [-np.sin(angle), np.cos(angle)] == pytest.approx(
-                0, abs=0.01
-            )
 
 
 def pushed_aside(robot, distance: float) -> np.ndarray:
@@ -140,29 +110,3 @@ def test_a_force_at_the_tip_moves_it_along_the_force(
             robot.step(ArmGeometry.of(arm).action_neutral)
         moved = robot.states()[-1, :3] - [0, 0, arm.length]
     assert moved @ direction > max(0.003, aligned * np.linalg.norm(moved))
-
-
-def test_opening_again_removes_the_force(twin):
-    robot = SimulatedRobot(twin)
-    robot.open()
-    robot.apply_force([0.2, 0, 0])
-    robot.step(np.zeros((3, 3)))
-    rest = robot.open()["states"]
-    np.testing.assert_allclose(rest[-1], [0, 0, twin.length, 0, 0, 1], atol=1e-9)
-
-
-@pytest.mark.parametrize("cables", [3, 5, 8])
-@pytest.mark.parametrize("modules", [1, 4, 6])
-def test_arms_of_any_size_open_straight_and_move(make_arm, modules, cables):
-    arm = make_arm(modules, cables, {"length": 0.6 / modules, "bending_stiffness": 0.3})
-    action = action_for(arm, [[0.3 / modules**0.5, 0.0]] * modules)
-    with SimulatedRobot(arm) as robot:
-        first = robot.read()
-        for _ in range(20):
-            robot.step(action)
-        last = robot.read()
-    assert first["cables"].shape == (modules, cables)
-    assert first["states"].shape == (modules, 6)
-    np.testing.assert_allclose(first["states"][-1], [0, 0, 0.6, 0, 0, 1], atol=1e-6)
-    assert last["states"][-1, 0] > 0.02
-    assert abs(last["states"][-1, 1]) < 1e-3

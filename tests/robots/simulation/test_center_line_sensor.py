@@ -44,11 +44,6 @@ def test_recording_the_center_line_changes_nothing(both):
         np.testing.assert_array_equal(one["states"], other["states"])
 
 
-def test_a_robot_without_recording_has_no_center_line(both):
-    _, (_, readings) = both
-    assert [reading.get("center_line") for reading in readings] == [None] * (STEPS + 1)
-
-
 def test_the_center_line_has_five_points_a_module_at_every_physics_step(both):
     """At the start of every physics step, and at the end of the last."""
     (robot, readings), _ = both
@@ -74,14 +69,6 @@ def test_the_oldest_sample_is_the_newest_of_the_previous_reading(both):
         )
 
 
-def test_the_center_line_moves_between_samples_without_jumps(both):
-    (_, readings), _ = both
-    tips = np.concatenate([reading["center_line"][:-1, -1] for reading in readings[1:]])
-    moves = np.linalg.norm(np.diff(tips, axis=0), axis=-1)
-    assert np.median(moves) > 1e-5
-    assert moves.max() < 0.02
-
-
 def test_points_come_from_base_to_tip_a_fifth_of_a_module_apart(both):
     (_, readings), _ = both
     for reading in readings:
@@ -94,17 +81,6 @@ def test_points_come_from_base_to_tip_a_fifth_of_a_module_apart(both):
         )
 
 
-def test_recording_the_center_line_keeps_the_physics_identical(both):
-    (watched, seen), (unwatched, unseen) = both
-    np.testing.assert_array_equal(watched.data.qpos, unwatched.data.qpos)
-    np.testing.assert_array_equal(watched.data.qvel, unwatched.data.qvel)
-    assert [one.time for one in seen] == [one.time for one in unseen]
-    for name in ("cables", "states", "configurations"):
-        np.testing.assert_array_equal(
-            [one[name] for one in seen], [one[name] for one in unseen]
-        )
-
-
 def test_the_center_line_from_states_is_near_the_recorded_one(both):
     """Two ways to the same line, on arms in motion."""
     (robot, readings), _ = both
@@ -112,15 +88,3 @@ def test_the_center_line_from_states_is_near_the_recorded_one(both):
     for reading in readings:
         guessed = center_line(reading["states"].astype(np.float32), lengths)
         np.testing.assert_allclose(guessed, reading["center_line"][-1], atol=0.005)
-
-
-def test_the_center_line_of_an_arm_of_another_size_is_recorded(make_arm):
-    with SimulatedRobot(
-        make_arm(5, 4, {"bending_stiffness": 0.5}), center_line=True
-    ) as robot:
-        robot.step(np.zeros((5, 4)))
-        line = robot.read()["center_line"]
-    assert line.shape[1:] == (25, 3)
-    np.testing.assert_allclose(
-        line[-1], [[0, 0, 0.04 * point] for point in range(1, 26)], atol=1e-6
-    )

@@ -3,19 +3,12 @@
 import numpy as np
 import pytest
 
+from held_arm import bends
 from s2c2a.arm import ArmGeometry, Mismatch
-from s2c2a.kinematics import PCC
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.spaces import POSITION
 
 EI, LENGTH, RADIUS, CABLES = 0.16, 0.2, 0.027, 4
 PULL = {"actuation": "tension", "gravity_direction": (0.0, 0.0, 0.0), "cables": CABLES}
-
-
-@pytest.fixture(params=FIDELITIES)
-def fidelity(request):
-    """Each fidelity by name."""
-    return request.param
 
 
 @pytest.fixture
@@ -43,16 +36,6 @@ def settled(arm, tensions, fidelity="fast", seconds=4.0, **options) -> Simulated
     return robot
 
 
-def bends(robot) -> np.ndarray:
-    """Bend vectors [rad] of all modules, shape (modules, 2)."""
-    axes = robot.configurations()
-    across = np.linalg.norm(axes[:, :2], axis=-1)
-    return (
-        axes[:, :2]
-        * (np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-12))[:, None]
-    )
-
-
 def bend_of(tension: float, stiffness: float = EI, radius: float = RADIUS) -> float:
     """Of a module that one cable pulls: T r L / EI."""
     return tension * radius * LENGTH / stiffness
@@ -68,13 +51,6 @@ def test_cables_act_at_their_true_angles_and_radii(pulled_arm, fidelity):
     assert np.linalg.norm(bend) == pytest.approx(
         bend_of(10.0, radius=1.1 * RADIUS), rel=0.01
     )
-
-
-def test_one_error_of_an_angle_turns_all_cables(pulled_arm):
-    (bend,) = bends(
-        settled(pulled_arm(angle_errors_deg=-20.0), [[0.0, 10.0, 0.0, 0.0]])
-    )
-    assert np.rad2deg(np.arctan2(bend[1], bend[0])) == pytest.approx(70.0, abs=0.2)
 
 
 def test_cables_through_a_module_below_bend_it_by_their_radius_there(
@@ -250,58 +226,9 @@ def test_without_force_a_module_has_its_rest_bend(pulled_arm, fidelity):
     assert np.rad2deg(np.arctan2(bend[1], bend[0])) == pytest.approx(40.0, abs=0.5)
 
 
-def test_nominal_geometry_is_independent_of_the_mismatch(make_arm):
-    mismatch = Mismatch(
-        angle_errors_deg=5.0,
-        radius_errors=0.1,
-        coupling=0.2,
-        mass_error=0.1,
-        rest_bend_deg=4.0,
-        drift=0.1,
-    )
-    plain, mismatched = make_arm(), make_arm(module={"mismatch": mismatch})
-    for name, value in vars(ArmGeometry.of(plain)).items():
-        np.testing.assert_array_equal(value, getattr(ArmGeometry.of(mismatched), name))
-    actions = np.full((3, 3), 0.003) * np.array([1, -2, 1])
-    np.testing.assert_array_equal(
-        PCC.of(plain).bends(actions), PCC.of(mismatched).bends(actions)
-    )
-    assert PCC.of(plain).bends(actions).shape == (3, 2)
-
-
 def test_an_arm_without_mismatch_has_no_additional_joints(twin, fidelity):
     model = SimulatedRobot(twin, fidelity).model
     hinges = FIDELITIES[fidelity].segments * (3 if FIDELITIES[fidelity].torsion else 2)
     assert model.njnt == model.nv == 3 * hinges
     assert not model.qpos_spring.any()
     assert not model.jnt_stiffnesspoly.any()
-
-
-def test_an_arm_with_all_mismatch_settles(twin, fidelity):
-    """Twice the mismatch of `s2c2a arm random` at strength 1."""
-    mismatch = {
-        "angle_errors_deg": (10.0, -10.0, 8.0),
-        "radius_errors": (0.12, -0.12, 0.1),
-        "coupling": 0.5,
-        "stiffness_ratio": 1.3,
-        "stiff_direction_deg": 50.0,
-        "hardening": 0.4,
-        "relaxing": (0.25, 0.25),
-        "axial_stiffness": 400.0,
-        "rest_bend_deg": 8.0,
-        "drift": 0.1,
-    }
-    modules = tuple(
-        module.model_copy(update={"mismatch": Mismatch(**mismatch)})
-        for module in twin.modules
-    )
-    arm = twin.model_copy(update={"modules": modules})
-    robot = settled(
-        arm,
-        ArmGeometry.of(arm).actions_at(np.tile([0.0, 0.9], (3, 1))),
-        fidelity,
-        aged=1.0,
-    )
-    tip = robot.states()[-1, POSITION].copy()
-    robot.step(ArmGeometry.of(arm).actions_at(np.tile([0.0, 0.9], (3, 1))))
-    assert np.linalg.norm(robot.states()[-1, POSITION] - tip) < 2e-3

@@ -5,17 +5,11 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, Cable, Mismatch, Motor
 from s2c2a.errors import S2C2AError
-from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
+from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.transmission import CableTransmission
 
 WEIGHTLESS = {"gravity_direction": (0.0, 0.0, 0.0), "modules": 1}
 NOTHING, STRAIGHT = np.zeros((1, 3)), np.zeros(1)
-
-
-@pytest.fixture(params=FIDELITIES)
-def fidelity(request):
-    """Each fidelity by name."""
-    return request.param
 
 
 def held(arm, action, steps=60, fidelity="fast", **options) -> SimulatedRobot:
@@ -34,19 +28,6 @@ def test_every_cable_has_its_own_backlash(make_arm):
     )
     felt = losing.transmit(np.full((1, 1, 3), 5e-3), np.array([0.1]), NOTHING, STRAIGHT)
     np.testing.assert_allclose(felt[0, 0], [5e-3, 4e-3, 3e-3])
-
-
-@pytest.mark.slow
-def test_homing_errors_are_of_the_stated_size_and_encoders_do_not_see_them(make_arm):
-    arm = make_arm(motor=Motor(homing_error=3e-4, noise_ticks=0), modules=3)
-    robots = [SimulatedRobot(arm, seed=seed) for seed in range(60)]
-    errors, said = [], []
-    for robot in robots:
-        said.append(robot.open()["cables"])
-        errors.append(robot.transmission.transmitted)
-    assert np.std(errors) == pytest.approx(3e-4, rel=0.1)
-    assert abs(np.mean(errors)) < 5e-5
-    assert np.abs(said).max() <= arm.motor.tick_length
 
 
 def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):

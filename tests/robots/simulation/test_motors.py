@@ -49,15 +49,6 @@ def test_a_path_in_two_parts_has_the_same_end(motor):
     )
 
 
-@pytest.mark.parametrize("motor", MOTORS.values(), ids=MOTORS)
-def test_motor_paths_are_monotone(motor):
-    gaps = (COMMANDS - compute_motor_path(STARTS, COMMANDS, TIMES, motor)) * np.sign(
-        COMMANDS - STARTS
-    )
-    assert gaps.min() >= -1e-15
-    assert np.diff(gaps, axis=0).max() <= 1e-15
-
-
 def test_after_one_time_constant_the_error_is_one_over_e():
     position = compute_motor_path(
         np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)
@@ -99,16 +90,6 @@ def test_encoder_noise_has_the_stated_size(make_arm):
     readings = (np.array(measured) - robot.motors) / tick
     assert readings.std() == pytest.approx(20.0, rel=0.03)
     assert readings.mean() == pytest.approx(0.0, abs=0.6)
-
-
-def test_encoders_measure_the_lagging_motors_and_not_the_command(make_arm):
-    motor = Motor(time_constant=0.1, noise_ticks=0.0, ticks_per_turn=2**20)
-    action = 0.01 * np.array([[-1, 0.5, 0.5]])
-    with SimulatedRobot(make_arm(modules=1, motor=motor)) as robot:
-        robot.step(action)
-        np.testing.assert_allclose(
-            robot.read()["cables"], action * (1 - np.exp(-1)), atol=1e-7
-        )
 
 
 def test_tension_sensors_have_their_own_noise(make_arm):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from s2c2a.errors import S2C2AError
-from s2c2a.runtime.checked_driver import CheckedDriver
+from s2c2a.runtime.checked import CheckedDriver
+from s2c2a.runtime.driver import choose
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.spaces import Actions
 from s2c2a.tasks import load_task
@@ -65,8 +66,7 @@ class Expert:
         if not self._started:
             driver.start(reading)
             self._started = True
-        estimate = driver.estimate(reading, self._limiter.command)
-        desired = driver.act(driver.plan(estimate, self._goals[number]), estimate)
+        desired = choose(driver, reading, self._limiter.command, self._goals[number])
         command = self._limiter.limit(desired)
         if self._limiter.changed(desired):
             driver.sent(command)

@@ -254,7 +254,7 @@ def mocap(
         poses_to: HOST:PORT of the receiver, of udp.
         duration: time after which the emulator ends [s].
     """
-    from s2c2a.lab.emulation.mocap import OPTIONS, MocapEmulator
+    from s2c2a.lab.emulation.mocap import PROTOCOLS, MocapEmulator
     from s2c2a.lab.emulation.outputs import parse_address
 
     if version and protocol == "udp":
@@ -270,7 +270,8 @@ def mocap(
     }
     # without them, the defaults of the protocol
     given = {"up": up, "version": version}
-    options = OPTIONS[protocol](
+    make_options, _ = PROTOCOLS[protocol]
+    options = make_options(
         rate=rate,
         noise=noise,
         latency=latency,

@@ -40,25 +40,39 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
     Args:
         all_rates: search at every baud rate of the protocol.
     """
+    from s2c2a.lab.hardware.bus import BusError
+    from s2c2a.lab.hardware.presence import check_presence
+    from s2c2a.lab.hardware.serial_line import list_ports
+
     spec = load_arm(arm)
+    servos = servos_of(spec)
     lines = _lines_of(spec, port)
     if not any(table.port for table, _ in lines):
-        return _list_ports()
+        ports = list_ports()
+        if not ports:
+            raise S2C2AError("no serial port is found; plug the adapter in")
+        header = ("port", "device", "serial number")
+        return print_table("Serial ports", header, ports, left_aligned=True)
     for table, ids in lines:
         # list the servos of one port
+        fault = ""
         with _opened(table, table.port) as bus:
             rates = bus.baud_rates if all_rates else (table.baud_rate,)
             rows = []
             for rate in rates:
                 bus.set_baud_rate(rate)
-                rows += [_servo_cells(spec, info, rate) for info in bus.scan()]
+                for info in bus.scan():
+                    place = servos.number_of(info.id)
+                    cells = (info.id, info.model, info.firmware, rate, place)
+                    rows.append(tuple(map(str, cells)))
             bus.set_baud_rate(table.baud_rate)
-            fault = _presence_fault(bus, spec, ids)
+            try:
+                check_presence(bus, ids, servos.number_of)
+            except BusError as error:
+                fault = str(error)
         if fault and not rows:
-            raise S2C2AError(
-                f"{table.port}: {fault}" if servos_of(spec).groups else fault
-            )
-        title = f"Servos on {table.port}" if servos_of(spec).groups else "Servos"
+            raise S2C2AError(f"{table.port}: {fault}" if servos.groups else fault)
+        title = f"Servos on {table.port}" if servos.groups else "Servos"
         print_table(title, ("id", "model", "firmware", "bit/s", "cable"), rows)
         _print_slow_adapter(table.port)
         if fault:
@@ -79,18 +93,6 @@ def _lines_of(spec: ArmSpec, port: str) -> list[tuple[Servos, list[int]]]:
     return list(lines.values())
 
 
-def _presence_fault(bus: "ServoBus", spec: ArmSpec, ids: list[int]) -> str:
-    """Describe servos of the arm that are silent, damaged or doubled, if any."""
-    from s2c2a.lab.hardware.bus import BusError
-    from s2c2a.lab.hardware.presence import check_presence
-
-    try:
-        check_presence(bus, ids, servos_of(spec).number_of)
-    except BusError as error:
-        return str(error)
-    return ""
-
-
 def _print_slow_adapter(port: str) -> None:
     """Tell the user if the adapter collects bytes before it passes them on."""
     from s2c2a.lab.hardware.serial_line import latency_of
@@ -101,21 +103,6 @@ def _print_slow_adapter(port: str) -> None:
             f"the adapter keeps bytes for {1000 * latency:.0f} ms in every control step; "
             "set its latency timer to 1 ms (docs/guides/hardware.md, Computer)"
         )
-
-
-def _list_ports() -> None:
-    from s2c2a.lab.hardware.serial_line import list_ports
-
-    rows = [(port.name, port.description, port.serial_number) for port in list_ports()]
-    if not rows:
-        raise S2C2AError("no serial port is found; plug the adapter in")
-    header = ("port", "device", "serial number")
-    print_table("Serial ports", header, rows, left_aligned=True)
-
-
-def _servo_cells(spec: ArmSpec, info: "ServoInfo", rate: int) -> tuple[str, ...]:
-    place = servos_of(spec).number_of(info.id)
-    return str(info.id), info.model, str(info.firmware), str(rate), place
 
 
 @app.command
@@ -254,17 +241,16 @@ def check(
     spec = load_arm(arm)
     homes = load_calibration(calibration or default_path(spec), spec)
     with _bring_up(spec, port, yes) as (bring_up, _):
-        results = bring_up.check(homes)
-    faults = [result for result in results if result.fault]
-    if faults:
-        ids = [result.id for result in faults]
+        faults = bring_up.check(homes)
+    ids = [id for id, fault in faults.items() if fault]
+    if ids:
         raise S2C2AError(
             f"check the cables of servos {ids}, then repeat the command. If cables or "
             f"servos were moved without power or changed since {homes.date:%Y-%m-%d %H:%M} "
             "(UTC), their homes no longer fit: home again "
             "(`s2c2a motors home --overwrite`)"
         )
-    print(f"all {len(results)} cables move as they should")
+    print(f"all {len(faults)} cables move as they should")
 
 
 @app.command

@@ -12,15 +12,17 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.servos import servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
+from s2c2a.lab.emulation.dynamixel_protocol import DynamixelProtocol
 from s2c2a.lab.emulation.fault_texts import Fault
 from s2c2a.lab.emulation.faults import GRAMMAR, FaultSchedule, LineFaults
+from s2c2a.lab.emulation.feetech_protocol import FeetechProtocol
+from s2c2a.lab.emulation.instructions import ServoProtocol
 from s2c2a.lab.emulation.line import Line
 from s2c2a.lab.emulation.mocap_server import MocapServer
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.outputs import PositionRecord, StatusFile, parse_address
 from s2c2a.lab.emulation.plant import Plant
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
-from s2c2a.lab.emulation.protocols import protocol_of
 from s2c2a.lab.emulation.real_time import RealTimeArm
 from s2c2a.lab.emulation.servo import MotorState, Servo
 from s2c2a.lab.emulation.winch import Pulley, Winch
@@ -29,6 +31,10 @@ from s2c2a.lab.emulation.xl330 import firmware_of
 _PATIENCE = 0.03  # s; physics waits so long for an answer that is nearly due
 _NEARLY = 0.0006  # s
 
+PROTOCOLS: dict[str, ServoProtocol] = {
+    "dynamixel": DynamixelProtocol(),
+    "feetech": FeetechProtocol(),
+}
 Output = StatusFile | PositionRecord
 
 _TURN_STREAM = 12
@@ -119,7 +125,14 @@ class Emulator(RealTimeArm):
                     "emulated servos have the addresses of the X series; leave out "
                     "servos.own_model.registers in the arm file of the emulator"
                 )
-            self._protocol = protocol_of(part)
+            self._protocol = PROTOCOLS[part.protocol]
+            baud_rates = self._protocol.make_servo.baud_rates
+            if part.baud_rate not in baud_rates:
+                raise S2C2AError(
+                    f"servos.baud_rate {part.baud_rate} is not a speed of "
+                    f"{part.protocol} servos; choose one of "
+                    f"{', '.join(map(str, baud_rates))}"
+                )
         self._schedule = FaultSchedule(self._parse_faults())
         plant = Plant(
             arm, options.fidelity, options.seed, options.payload, options.homed
@@ -208,15 +221,12 @@ class Emulator(RealTimeArm):
             on_ready(", ".join(links))
             self._loop()
         finally:
-            self._close()
-
-    def _close(self) -> None:
-        for line in self.lines:
-            line.unplug()
-        for opened in (*self._outputs, *self._servers):
-            opened.close()
-        if self._folder is not None:
-            self._folder.rmdir()
+            for line in self.lines:
+                line.unplug()
+            for opened in (*self._outputs, *self._servers):
+                opened.close()
+            if self._folder is not None:
+                self._folder.rmdir()
 
     @property
     def _files(self) -> list[int | socket.socket]:
@@ -304,21 +314,16 @@ class Emulator(RealTimeArm):
 
     def _make_lines(self) -> list[Line]:
         """One line a port; the second one's link ends in -2."""
-        link = self._choose_link()
+        link = self.options.link
+        if link is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
+            link = self._folder / "port"
         rates = {part.port: part.baud_rate for part, _ in self._parts}
-        return [
-            Line(
-                link if not number else link.with_name(f"{link.name}-{number + 1}"),
-                rate,
-            )
-            for number, rate in enumerate(rates.values())
-        ]
-
-    def _choose_link(self) -> Path:
-        if self.options.link is not None:
-            return self.options.link
-        self._folder = Path(tempfile.mkdtemp(prefix="s2c2a-servos-"))
-        return self._folder / "port"
+        first, *others = rates.values()
+        lines = [Line(link, first)]
+        for number, rate in enumerate(others, 2):
+            lines.append(Line(link.with_name(f"{link.name}-{number}"), rate))
+        return lines
 
     def _random_stream(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([self.options.seed, stream])
@@ -330,26 +335,24 @@ class Emulator(RealTimeArm):
         directions = [1] * len(ids)
         if self.table.directions is not None:
             directions = [one for row in self.table.directions for one in row]
-        ticks = random.uniform(0, self.plant.arm.motor.ticks_per_turn, len(ids))
-        return [
-            self._make_winch(cable, ids[cable], directions[cable], float(ticks[cable]))
-            for cable in range(len(ids))
-        ]
-
-    def _make_winch(self, cable: int, id: int, direction: int, ticks: float) -> Winch:
         motor = self.plant.arm.motor
-        table = self.table.of(id)
-        firmware = firmware_of(table.model_number, self.options.firmware)
-        servo = self._protocol.make_servo(id, MotorState(ticks=ticks), firmware)
-        servo.ticks_per_turn = motor.ticks_per_turn
-        servo.baud_rate = table.baud_rate
-        servo["model_number"] = table.model_number
-        if self.options.homed:
-            servo.set_up(table.limits.current)
-        if table.torque_constant is not None:
-            servo.torque_constant = table.torque_constant
+        ticks = random.uniform(0, motor.ticks_per_turn, len(ids))
         pulley = Pulley(motor.pulley_radius, self.table.layer_growth)
-        winch = Winch(servo, id, cable, direction, pulley)
-        start = float(self.plant.positions[cable])
-        winch.home_ticks = ticks - winch.ticks(start)
-        return winch
+        winches = []
+        for cable, id in enumerate(ids):
+            table = self.table.of(id)
+            firmware = firmware_of(table.model_number, self.options.firmware)
+            state = MotorState(ticks=float(ticks[cable]))
+            servo = self._protocol.make_servo(id, state, firmware)
+            servo.ticks_per_turn = motor.ticks_per_turn
+            servo.baud_rate = table.baud_rate
+            servo["model_number"] = table.model_number
+            if self.options.homed:
+                servo.set_up(table.limits.current)
+            if table.torque_constant is not None:
+                servo.torque_constant = table.torque_constant
+            winch = Winch(servo, id, cable, directions[cable], pulley)
+            start = float(self.plant.positions[cable])
+            winch.home_ticks = state.ticks - winch.ticks(start)
+            winches.append(winch)
+        return winches

@@ -1,7 +1,6 @@
 """An emulated laboratory in a folder: arm file, servos and motion capture."""
 
 import json
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,10 +61,19 @@ def open_lab(
             f"{path} is not an arm file of an emulated laboratory; choose another "
             "--folder"
         )
-    _check_is_status(folder / STATUS_FILE)
-    _check_unused(folder / PORT)
-    link = folder.absolute() / PORT
     status = folder / STATUS_FILE
+    if status.exists() and not _is_status(status):
+        raise S2C2AError(
+            f"{status} is not the status of an emulated laboratory; choose another "
+            "--folder"
+        )
+    link = folder / PORT
+    if link.exists():
+        raise S2C2AError(
+            f"{link} leads to a port: another laboratory uses this folder. Choose "
+            "another --folder, or delete the link if none runs"
+        )
+    link = folder.absolute() / PORT
     settings = EmulatorOptions(link=link, status_file=status, mocap=mocap, **options)
     emulator = Emulator(arm, settings)
     folder.mkdir(parents=True, exist_ok=True)
@@ -82,25 +90,13 @@ def open_lab(
     return Laboratory(emulator, welcome)
 
 
-def _check_is_status(path: Path) -> None:
-    """A killed laboratory leaves its status file, which may be replaced."""
-    if not path.exists():
-        return
-    with suppress(S2C2AError, ValueError, RecursionError):
+def _is_status(path: Path) -> bool:
+    """Whether a file is one that a killed laboratory leaves, which may be replaced."""
+    try:
         status = json.loads(read_text(path))
-        if isinstance(status, dict) and {"packets", "plugged"} <= status.keys():
-            return
-    raise S2C2AError(
-        f"{path} is not the status of an emulated laboratory; choose another --folder"
-    )
-
-
-def _check_unused(link: Path) -> None:
-    if link.exists():
-        raise S2C2AError(
-            f"{link} leads to a port: another laboratory uses this folder. Choose "
-            "another --folder, or delete the link if none runs"
-        )
+    except (S2C2AError, ValueError, RecursionError):
+        return False
+    return isinstance(status, dict) and {"packets", "plugged"} <= status.keys()
 
 
 def _in_lab(arm: ArmSpec, emulator: Emulator, mocap: MotiveOptions) -> ArmSpec:

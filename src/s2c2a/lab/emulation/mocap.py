@@ -1,7 +1,7 @@
 """Event loop of emulated motion capture of a simulated arm, in real time."""
 
 import socket
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -15,17 +15,12 @@ from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
 from s2c2a.lab.emulation.real_time import RealTimeArm
 
-OPTIONS: Mapping[str, type[StreamOptions]] = {
-    "natnet": MotiveOptions,
-    "qualisys": QtmOptions,
-    "udp": DatagramOptions,
+PROTOCOLS: Mapping[str, tuple[type[StreamOptions], Callable[..., MocapServer]]] = {
+    "natnet": (MotiveOptions, Motive),
+    "qualisys": (QtmOptions, Qtm),
+    "udp": (DatagramOptions, PoseDatagrams),
 }
-"""Options by protocol."""
-_SERVERS: Mapping[type[StreamOptions], Callable[..., MocapServer]] = {
-    MotiveOptions: Motive,
-    QtmOptions: Qtm,
-    DatagramOptions: PoseDatagrams,
-}
+"""Options and server of each protocol."""
 MOTIONS = ("none", "babble")
 _SPEED = 0.1  # m/s
 _TENSION = 100.0  # N
@@ -60,19 +55,6 @@ class SlowMotion:
         bends = _LARGEST_BEND / np.sqrt(2) * ramp * sines.mean(axis=-1)
         actions = geometry.actions_at(bends)
         return np.clip(actions, geometry.action_low, geometry.action_high).ravel()
-
-
-def make_server(names: Sequence[str], options: StreamOptions) -> MocapServer:
-    """Return the server of the protocol that the options are of.
-
-    Args:
-        names: of the rigid bodies.
-        options: of Motive, of QTM or of JSON datagrams.
-
-    Raises:
-        S2C2AError: a fault is invalid.
-    """
-    return _SERVERS[type(options)](names, options)
 
 
 class MocapEmulator(RealTimeArm):
@@ -110,7 +92,9 @@ class MocapEmulator(RealTimeArm):
             raise S2C2AError(f"duration {duration} s is not allowed; give more than 0")
         plant = Plant(arm, fidelity, options.seed, payload, homed=True)
         super().__init__(plant, duration)
-        self.server = make_server(list(self.plant.poses()), options)
+        self.server = dict(PROTOCOLS.values())[type(options)](
+            list(self.plant.poses()), options
+        )
         self._babbling = SlowMotion(arm, options.seed) if motion == "babble" else None
         targets = self.plant.targets
         targets.torque[:] = True

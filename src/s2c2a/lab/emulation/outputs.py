@@ -86,6 +86,7 @@ def describe(emulator: "Emulator") -> dict[str, Any]:
     `largest_command` [m] and `largest_current` [A] are over the whole time, from goals
     of powered motors and from measurements.
     """
+    plant = emulator.plant
     return {
         "time": emulator.now,
         "late": emulator.late,
@@ -95,25 +96,20 @@ def describe(emulator: "Emulator") -> dict[str, Any]:
         "largest_command": emulator.largest_command,
         "largest_current": emulator.largest_current,
         "servos": [
-            _describe_servo(emulator, number) for number in range(len(emulator.winches))
+            {
+                "id": winch.servo.id,
+                "torque": winch.servo.torque,
+                "position": round(winch.servo.position),
+                "displacement": float(plant.positions[winch.cable]),
+                "goal": float(plant.targets.goal[winch.cable]),
+                "current": winch.servo.state.current,
+                "tension": float(plant.tensions[winch.cable]),
+                "temperature": winch.servo.temperature,
+                "errors": list(winch.servo.errors),
+                "watchdog_tripped": winch.servo.watchdog_tripped,
+            }
+            for winch in emulator.winches
         ],
-    }
-
-
-def _describe_servo(emulator: "Emulator", cable: int) -> dict[str, Any]:
-    servo = emulator.winches[cable].servo
-    plant = emulator.plant
-    return {
-        "id": servo.id,
-        "torque": servo.torque,
-        "position": round(servo.position),
-        "displacement": float(plant.positions[cable]),
-        "goal": float(plant.targets.goal[cable]),
-        "current": servo.state.current,
-        "tension": float(plant.tensions[cable]),
-        "temperature": servo.temperature,
-        "errors": list(servo.errors),
-        "watchdog_tripped": servo.watchdog_tripped,
     }
 
 

@@ -43,12 +43,6 @@ class Targets:
     speed: np.ndarray
     tension: np.ndarray
 
-    @classmethod
-    def without_power(cls, count: int) -> "Targets":
-        """Return the targets of motors that are not powered."""
-        zeros = np.zeros(count)
-        return cls(zeros.astype(bool), zeros.copy(), zeros.copy(), zeros.copy())
-
 
 @dataclass(frozen=True)
 class FramePose:
@@ -132,7 +126,9 @@ class Plant:
         self._limit = np.inf if arm.motor.speed_limit is None else arm.motor.speed_limit
         self.snapped = np.zeros(count, bool)
         self.stalled = np.zeros(count, bool)
-        self.targets = Targets.without_power(count)
+        self.targets = Targets(
+            np.zeros(count, bool), np.zeros(count), np.zeros(count), np.zeros(count)
+        )
         random = np.random.default_rng([seed, _SLACK_STREAM])
         slack = random.uniform(*SLACK, count)
         self.positions = np.zeros(count) if homed else slack
@@ -181,8 +177,16 @@ class Plant:
         return self._robot.states()
 
     def poses(self) -> dict[str, FramePose]:
-        """Return the frames of the base and of the module ends, by name."""
-        return end_poses(self._robot.data, self.arm.module_count)
+        """Return the true frames of the base and of the module ends, by name."""
+        poses = {"base": FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
+        for module in range(self.arm.module_count):
+            site = self._robot.data.site(f"end_{module}")
+            quaternion = np.empty(4)
+            mujoco.mju_mat2Quat(quaternion, site.xmat)
+            poses[f"end-{module + 1}"] = FramePose(
+                site.xpos.copy(), np.roll(quaternion, -1)
+            )
+        return poses
 
     def pulls(self) -> Cables:
         """Return the force of the cables as springs [N]: negative in slack cables."""
@@ -227,19 +231,6 @@ class Plant:
         errors = np.abs(self.targets.goal - self.positions)
         jammed = self.stalled & self.targets.torque & (errors > _JAM)
         self.tensions = np.where(jammed, self.targets.tension, self.tensions)
-
-
-def end_poses(data: mujoco.MjData, modules: int) -> dict[str, FramePose]:
-    """Return the true frames of base and module ends in a simulation, by name."""
-    poses = {"base": FramePose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
-    for module in range(modules):
-        site = data.site(f"end_{module}")
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, site.xmat)
-        poses[f"end-{module + 1}"] = FramePose(
-            site.xpos.copy(), np.roll(quaternion, -1)
-        )
-    return poses
 
 
 def _with_ideal_motors(arm: ArmSpec) -> ArmSpec:

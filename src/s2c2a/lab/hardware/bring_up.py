@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -15,7 +14,6 @@ import numpy as np
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoState
-from s2c2a.lab.hardware.cable_range import check_plausible
 from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
@@ -23,6 +21,7 @@ from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.winch import (
     NO_SERVO,
     Winches,
+    check_plausible,
     check_ticks,
     servo_ids,
     taut_windings,
@@ -55,26 +54,6 @@ Report = Callable[[str], None]
 
 class DeclinedError(S2C2AError):
     """The operator declined a motion."""
-
-
-@dataclass(frozen=True)
-class CableCheck:
-    """Result of a small motion of one cable.
-
-    Attributes:
-        id: servo of the cable.
-        place: module and cable, for users.
-        error: of the position at the end of the motion [m].
-        rise: of the tension while the cable was wound in [N]; NaN if it is not
-            measured.
-        fault: description with advice; empty if there is none.
-    """
-
-    id: int
-    place: str
-    error: float
-    rise: float
-    fault: str = ""
 
 
 class BringUp:
@@ -171,7 +150,12 @@ class BringUp:
             DeclinedError: the operator declined.
         """
         self._check_presence(self._everyone)
-        self._check_identities(infos)
+        missing = set(self._everyone) - {info.id for info in infos}
+        if missing:
+            raise BusError(
+                f"no answer from servos {sorted(missing)}; check cable, power and id "
+                "(`s2c2a motors scan`)"
+            )
         done = {servo.id: servo for servo in before.servos} if before else {}
         calibration = self._calibration(done, adapter)
         for module, row in enumerate(self._servos.ids, 1):
@@ -191,8 +175,11 @@ class BringUp:
             save(calibration)
         return calibration
 
-    def check(self, calibration: Calibration) -> list[CableCheck]:
+    def check(self, calibration: Calibration) -> dict[int, str]:
         """Move every cable a little and compare position and tension.
+
+        Returns:
+            The fault of every cable by its servo, with advice; empty if there is none.
 
         Raises:
             BusError: a servo does not answer.
@@ -211,19 +198,11 @@ class BringUp:
             winches = winches.in_same_turn(positions)
             check_plausible(winches.displacements(positions), self._arm)
             self._wind(dict.fromkeys(ids, 0.0), winches)
-            return [self._check_cable(id, winches) for id in ids]
+            return {id: self._check_cable(id, winches) for id in ids}
 
     def _check_presence(self, ids: list[int]) -> None:
         """Check that servos answer, before the operator is asked."""
         check_presence(self._bus, ids, self._servos.number_of, self._everyone)
-
-    def _check_identities(self, infos: Sequence[ServoInfo]) -> None:
-        missing = set(self._everyone) - {info.id for info in infos}
-        if missing:
-            raise BusError(
-                f"no answer from servos {sorted(missing)}; check cable, power and id "
-                "(`s2c2a motors scan`)"
-            )
 
     def _home_module(
         self, module: int, ids: list[int], repeat: int
@@ -243,7 +222,7 @@ class BringUp:
                 for id in ids:
                     homes[id].append(int(at_home[self._places[id]]))
                 if number + 1 < repeat:
-                    self._relax(ids)
+                    self._wind(dict.fromkeys(ids, RELAXATION), self._winches_at(ids))
             self._wind(dict.fromkeys(ids, 0.0), Winches.of(self._arm, at_home))
         means = {id: round(float(np.mean(values))) for id, values in homes.items()}
         self._report(f"module {module + 1}: home at {means} ticks")
@@ -272,11 +251,7 @@ class BringUp:
                     "pulley, or does servos.directions have the wrong sign?"
                 )
 
-    def _relax(self, ids: list[int]) -> None:
-        winches = self._winches_at(ids)
-        self._wind(dict.fromkeys(ids, RELAXATION), winches)
-
-    def _check_cable(self, id: int, winches: Winches) -> CableCheck:
+    def _check_cable(self, id: int, winches: Winches) -> str:
         before = self._tension(id, winches)
         self._wind({id: -CHECK_TRAVEL}, winches)
         error = self._displacement(winches, id) + CHECK_TRAVEL
@@ -289,7 +264,7 @@ class BringUp:
             f"servo {id} ({place}): position off by {1000 * error:+.2f} mm, tension "
             f"{tension}{': ' if fault else ''}{fault}"
         )
-        return CableCheck(id, place, error, rise, fault)
+        return fault
 
     def _calibrated(
         self, ids: list[int], homes: dict[int, list[int]], infos: Sequence[ServoInfo]

@@ -10,8 +10,8 @@ limit speed and current by themselves, and such a motion ends where it is.
 import time
 
 from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.runtime.clock import STANDSTILL, time_with_sleep
 from s2c2a.runtime.emergency import EMERGENCY_STOP
-from s2c2a.runtime.standstill import STANDSTILL, time_with_sleep
 
 
 class MotionWatch:

@@ -1,6 +1,6 @@
 """Which servos of a bus answer, and what the silence of others means."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from s2c2a.lab.hardware.bus import BusError, Hearing, ServoBus
 
@@ -39,19 +39,8 @@ def check_presence(
     hearings = {id: bus.listen(id) for id in ids}
     if Hearing.SILENT in hearings.values():
         hearings |= {id: bus.listen(id) for id in others if id not in hearings}
-    if fault := describe_hearings(hearings, place):
-        raise BusError(fault)
-
-
-def describe_hearings(hearings: Mapping[int, Hearing], place: Place) -> str:
-    """Describe what is wrong with the answers of servos; empty if nothing is.
-
-    Args:
-        hearings: by id.
-        place: of a servo, for users.
-    """
     if len(hearings) > 1 and set(hearings.values()) == {Hearing.SILENT}:
-        return (
+        raise BusError(
             f"none of the {len(hearings)} servos answers, nothing at all: {ALL_SILENT}"
         )
 
@@ -66,7 +55,8 @@ def describe_hearings(hearings: Mapping[int, Hearing], place: Place) -> str:
         texts.append(f"damaged answers from servo {damaged}: {DAMAGED}")
     if silent := names(Hearing.SILENT):
         texts.append(f"no answer from servo {silent}: {SOME_SILENT}")
-    return ". ".join(texts)
+    if texts:
+        raise BusError(". ".join(texts))
 
 
 def hear(

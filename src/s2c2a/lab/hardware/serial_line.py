@@ -4,7 +4,6 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from s2c2a.errors import S2C2AError
@@ -196,28 +195,16 @@ def import_serial():
     return serial
 
 
-@dataclass(frozen=True)
-class SerialPort:
-    """A serial port of this computer.
+def list_ports() -> list[tuple[str, str, str]]:
+    """Return name, device and adapter's serial number of this computer's ports.
 
-    Attributes:
-        name: to open it.
-        description: of the device.
-        serial_number: of the adapter; empty if it has none.
+    A serial number that is missing is empty.
     """
-
-    name: str
-    description: str
-    serial_number: str
-
-
-def list_ports() -> list[SerialPort]:
-    """Return the serial ports of this computer."""
     import_serial()
     from serial.tools import list_ports as ports  # noqa: PLC0415
 
     return [
-        SerialPort(port.device, port.description or "", port.serial_number or "")
+        (port.device, port.description or "", port.serial_number or "")
         for port in sorted(ports.comports())
     ]
 
@@ -225,7 +212,7 @@ def list_ports() -> list[SerialPort]:
 def adapter_of(port: str) -> str:
     """Return the serial number of the adapter of a port; empty if it has none."""
     device = str(Path(port).resolve())
-    numbers = {found.name: found.serial_number for found in list_ports()}
+    numbers = {name: number for name, _, number in list_ports()}
     return numbers.get(device, "")
 
 

@@ -21,15 +21,16 @@ from s2c2a.lab.hardware.bus import (
     ServoState,
 )
 from s2c2a.lab.hardware.buses import open_bus
-from s2c2a.lab.hardware.cable_range import MARGIN, check_plausible
 from s2c2a.lab.hardware.calibration import default_path, load_calibration
 from s2c2a.lab.hardware.monitor import CableMonitor, describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.winch import (
+    MARGIN,
     NO_SERVO,
     Cables,
     Winches,
+    check_plausible,
     check_ticks,
     servo_ids,
     servo_values,

@@ -8,13 +8,16 @@ from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmSpec, Servos, servos_of
 from s2c2a.arm.geometry import cables_present, per_cable, per_module
+from s2c2a.errors import RobotError
 from s2c2a.lab.hardware.bus import BusError, ServoBus
+from s2c2a.runtime.limits import command_range
 from s2c2a.spaces import Actions
 
 Ticks = Int[np.ndarray, "modules cables"]
 Cables = Float[np.ndarray, "modules cables"]
 
 NO_SERVO = -1
+MARGIN = 0.25  # of the range, beyond the limits; more shows a wrong calibration
 
 
 def servo_ids(arm: ArmSpec) -> Ticks:
@@ -38,6 +41,29 @@ def check_ticks(arm: ArmSpec, bus: ServoBus) -> None:
         raise BusError(
             f"motor.ticks_per_turn of '{arm.name}' is {arm.motor.ticks_per_turn}; its "
             f"servos have {bus.ticks_per_turn}. Correct the arm file"
+        )
+
+
+def check_plausible(displacements: Actions, arm: ArmSpec) -> None:
+    """Check that the cables of an arm that begins to move can be where they seem to be.
+
+    Args:
+        displacements: measured [m], shape (modules, cables).
+        arm: with its range.
+
+    Raises:
+        RobotError: a cable is further out of its range than `MARGIN`.
+    """
+    low, high = command_range(arm)
+    room = MARGIN * (high - low)
+    outside = (displacements < low - room) | (displacements > high + room)
+    if outside.any():
+        ids = servo_ids(arm)[outside].tolist()
+        places = 1000 * displacements[outside]
+        raise RobotError(
+            f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "
+            "out of their range; the calibration no longer fits. Home the arm "
+            "again (`s2c2a motors home`)"
         )
 
 

@@ -132,7 +132,17 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
         jac_sparsity=problem.dependencies(),
     )
     frames = problem.frames(solution.x)
-    _check_residuals(frames)
+    position = frames.position_residuals.max()
+    rotation = frames.rotation_residuals.max()
+    if position > MAX_POSITION_RESIDUAL or rotation > MAX_ROTATION_RESIDUAL:
+        module = int(frames.position_residuals.argmax()) + 1
+        raise FrameError(
+            f"the frames leave {1000 * position:.1f} mm and {np.rad2deg(rotation):.1f} "
+            f"deg unexplained (end-{module} most); at most "
+            f"{1000 * MAX_POSITION_RESIDUAL:g} mm and "
+            f"{np.rad2deg(MAX_ROTATION_RESIDUAL):g} deg are accepted. Check the lengths "
+            "of the arm file, and that no marker slips or is hidden"
+        )
     return frames
 
 
@@ -175,11 +185,6 @@ class _Measured:
         turned = self.rotations @ self.rotations[0].swapaxes(-1, -2)
         return _vectors(turned)
 
-    @property
-    def bend_sums(self) -> np.ndarray:
-        """Bends of all modules up to each end, less those of rest, (K, modules, 2)."""
-        return np.cumsum(self.bends - self.bends[0], axis=1)
-
 
 def _vectors(matrices: np.ndarray) -> np.ndarray:
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
@@ -215,7 +220,9 @@ def _align(measured: _Measured) -> Float[np.ndarray, "3 3"]:
     The ends turn about axes that are perpendicular to the bends of the encoders; the
     rotation between both sets of axes is found as in Kabsch's method.
     """
-    expected = turn_axes(measured.bend_sums).reshape(-1, 3)
+    # bends of all modules up to each end, less those of rest
+    bend_sums = np.cumsum(measured.bends - measured.bends[0], axis=1)
+    expected = turn_axes(bend_sums).reshape(-1, 3)
     turns = measured.turns.reshape(-1, 3)
     rotation = Rotation.align_vectors(turns, expected)[0].as_matrix()
     strong = np.linalg.norm(expected, axis=1) > MIN_TURN
@@ -344,17 +351,3 @@ def _pose(position: np.ndarray, rotation: np.ndarray) -> Pose:
 def _root_mean_square(errors: np.ndarray) -> np.ndarray:
     """Over configurations, of the lengths of vectors, shape (modules,)."""
     return np.sqrt((errors**2).sum(axis=-1).mean(axis=0))
-
-
-def _check_residuals(frames: Frames) -> None:
-    position = frames.position_residuals.max()
-    rotation = frames.rotation_residuals.max()
-    if position > MAX_POSITION_RESIDUAL or rotation > MAX_ROTATION_RESIDUAL:
-        module = int(frames.position_residuals.argmax()) + 1
-        raise FrameError(
-            f"the frames leave {1000 * position:.1f} mm and {np.rad2deg(rotation):.1f} "
-            f"deg unexplained (end-{module} most); at most "
-            f"{1000 * MAX_POSITION_RESIDUAL:g} mm and "
-            f"{np.rad2deg(MAX_ROTATION_RESIDUAL):g} deg are accepted. Check the lengths "
-            "of the arm file, and that no marker slips or is hidden"
-        )

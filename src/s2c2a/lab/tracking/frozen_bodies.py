@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmGeometry
 from s2c2a.lab.tracking.states import ModuleEnds
 from s2c2a.lab.tracking.tracker import PoseFrame
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Actions
 
 FROZEN_CHANGE = 0.1
@@ -24,7 +24,7 @@ FROZEN_CHANGE = 0.1
 action range. The backlash of the twins is 0.015 to 0.043 of it."""
 RESPONSE = 0.5
 """Time that an end has to answer [s], as readings of the cables have
-(`runtime.following.MAX_LAG`)."""
+(`measurements.following.MAX_LAG`)."""
 FROZEN_FRAMES = 3
 """Frames in which other bodies change."""
 

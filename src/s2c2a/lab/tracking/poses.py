@@ -1,6 +1,7 @@
 """Poses: a position and a rotation, also used as a rigid transform between frames."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Self
 
@@ -12,6 +13,7 @@ from s2c2a.errors import S2C2AError
 
 MAX_COORDINATE = 100.0  # [m]; larger values are mistakes of units
 MAX_LENGTH_ERROR = 0.01  # of a unit quaternion
+UP_AXES = ("y", "z")  # of streams; in this package, z is up
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
 
@@ -117,6 +119,31 @@ def stored_rotation(rotation: tuple[float, ...]) -> tuple[float, ...]:
 StoredRotation = Annotated[
     tuple[float, float, float, float], AfterValidator(stored_rotation)
 ]
+
+
+def turn_up(position: Sequence[float], rotation: Sequence[float], up: str) -> Pose:
+    """Return `T_world_body` with the z axis up.
+
+    Coordinates (x, y, z) with y up become (x, -z, y). The vector of the quaternion
+    turns alike, so that a body with the axes of the world keeps them.
+
+    Args:
+        position: of the body [m], in the axes of the stream.
+        rotation: unit quaternion (x, y, z, w), in the axes of the stream.
+        up: vertical axis of the stream.
+
+    Raises:
+        PoseError: the pose is implausible.
+    """
+    if up == "z":
+        return Pose.measured(position, rotation)
+    *vector, scalar = rotation
+    turned = np.array([*_turn(*vector), scalar])
+    return Pose.measured(_turn(*position), turned)
+
+
+def _turn(x: float, y: float, z: float) -> tuple[float, float, float]:
+    return x, -z, y
 
 
 def angle_between(first: Pose, second: Pose) -> float:

@@ -133,25 +133,11 @@ def _set_time_step(model: mujoco.MjModel, arm: ArmSpec, fidelity: Fidelity) -> N
     step = time_step(arm, fidelity.explicit_time_step)
     hardening = max(module.mismatch.hardening for module in arm.modules)
     # The cubic spring of a joint is three times as stiff locally at full bend.
-    if _explicit_springs_are_stable(model, step, 1.0 + 3.0 * hardening):
-        model.opt.timestep = step
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-
-
-def _explicit_springs_are_stable(
-    model: mujoco.MjModel, step: float, hardening_factor: float
-) -> bool:
-    """Check the stability of explicit springs of the straight arm with taut cables.
-
-    With stiffness k, implicit damping d and mass m, a step h is stable while h^2 k <
-    4 m + 2 h d; for matrices, while h^2 times the largest generalized eigenvalue is
-    below one. Half of that is the limit here.
-
-    Args:
-        model: the model.
-        step: physics step [s].
-        hardening_factor: stiffness of the joints at full bend over that at rest.
-    """
+    hardening_factor = 1.0 + 3.0 * hardening
+    # Explicit springs of the straight arm with taut cables: with stiffness k, implicit
+    # damping d and mass m, a step h is stable while h^2 k < 4 m + 2 h d; for matrices,
+    # while h^2 times the largest generalized eigenvalue is below one. Half of that is
+    # the limit here.
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     masses = np.zeros((model.nv, model.nv))
@@ -170,7 +156,9 @@ def _explicit_springs_are_stable(
     stiffness = stiffness + levers.T @ (cable_stiffnesses[:, None] * levers)
     limit = 4.0 * masses + 2.0 * step * np.diag(model.dof_damping)
     largest = scipy.linalg.eigh(stiffness, limit, eigvals_only=True)[-1]
-    return bool(step**2 * largest < 0.5)
+    if step**2 * largest < 0.5:
+        model.opt.timestep = step
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
 def joint_name(module: int, segment: int, axis: str) -> str:
@@ -357,7 +345,15 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             along = sum(arm.modules[number].length for number in routing)
             rest_length = along + float(steps.sum())
         else:
-            _wrap_joints(tendon, arm, fidelity.segments, owner, cable)
+            # a constant lever arm about every hinge and slide that it passes
+            for number, share in cable_routing(arm, owner).items():
+                levers = share * modules[owner].cable_levers(modules[number].axes)
+                about_x, about_y = map(float, levers[cable, :2])
+                for segment in range(fidelity.segments):
+                    tendon.wrap_joint(joint_name(number, segment, "y"), about_y)
+                    tendon.wrap_joint(joint_name(number, segment, "x"), about_x)
+                if arm.modules[number].mismatch.axial_stiffness is not None:
+                    tendon.wrap_joint(slide_name(number), 1.0)
         parameters = arm.modules[owner].cable
         # add an actuator that pulls with the commanded tension less viscous friction
         actuator = spec.add_actuator(
@@ -381,16 +377,3 @@ def _add_cables(spec: mujoco.MjSpec, arm: ArmSpec, fidelity: Fidelity) -> None:
             actuator.gainprm[0] = stiffness
             actuator.biasprm[0] = stiffness * rest_length - pretension
             actuator.biasprm[1] = -stiffness
-
-
-def _wrap_joints(tendon, arm: ArmSpec, segments: int, owner: int, cable: int) -> None:
-    """Give a cable a constant lever arm about every hinge and slide that it passes."""
-    owner_module = MismatchedModule.of(arm.modules[owner])
-    for number, share in cable_routing(arm, owner).items():
-        axes = MismatchedModule.of(arm.modules[number]).axes
-        levers = share * owner_module.cable_levers(axes)[cable]
-        for segment in range(segments):
-            tendon.wrap_joint(joint_name(number, segment, "y"), float(levers[1]))
-            tendon.wrap_joint(joint_name(number, segment, "x"), float(levers[0]))
-        if arm.modules[number].mismatch.axial_stiffness is not None:
-            tendon.wrap_joint(slide_name(number), 1.0)

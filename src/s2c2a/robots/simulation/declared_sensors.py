@@ -23,13 +23,11 @@ def declare_sensors(
     """
     modules = arm.module_count
     max_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
-    # encoders or tension sensors: a quarter of the range plus noise beyond the limits is
-    # still plausible
     noise = NOISE_LIMIT * arm.motor.measurement_noise(arm.actuation)
     scale = np.abs(geometry.action_scale)[:, None]
-    bend_rate = RATE_FACTOR * geometry.step_limit * arm.control_rate
-    rate = scale / geometry.action_bends[:, None] * bend_rate
+    rate = scale / geometry.action_bends[:, None] * max_rate
     margin = 0.25 * scale + noise
+    # a quarter of the range plus noise beyond the limits is still plausible
     cables = Sensor(
         geometry.action_neutral.shape,
         arm.unit,

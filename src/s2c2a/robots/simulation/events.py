@@ -94,17 +94,14 @@ def _is_valid(event: Event) -> bool:
     return True
 
 
-def _suggested(text: str) -> str:
-    kinds = [*KINDS, *sensor_faults.KINDS]
-    kind = "".join(text.split()[1:2])
-    return "" if kind in kinds else did_you_mean(kind, kinds)
-
-
 def _invalid_event(text: str) -> S2C2AError:
+    names = [*KINDS, *sensor_faults.KINDS]
+    kind = "".join(text.split()[1:2])
+    advice = "" if kind in names else did_you_mean(kind, names)
     kinds = [f"{kind} ({count} numbers)" for kind, count in KINDS.items()]
     faults = [f"{kind} ({count})" for kind, count in sensor_faults.KINDS.items()]
     return S2C2AError(
-        f"'{text.strip()}' is not an event{_suggested(text)}; write a time [s], a "
+        f"'{text.strip()}' is not an event{advice}; write a time [s], a "
         f"kind and its numbers: "
         f"{', '.join(kinds)}; or a time, a fault, a sensor and the fault's numbers: "
         f'{", ".join(faults)}; for example "{EXAMPLE}", '

@@ -46,8 +46,8 @@ class FlexStrips:
         configurations = configurations_from_states(states)
         lateral = np.linalg.norm(configurations[:, :2], axis=-1, keepdims=True)
         angles = np.arctan2(lateral, configurations[:, 2:])
-        sines = np.maximum(lateral, np.finfo(float).tiny)
-        module_bends = configurations[:, :2] * angles / sines
+        sizes = np.maximum(lateral, np.finfo(float).tiny)
+        module_bends = configurations[:, :2] * angles / sizes
         bends = np.einsum("mskc,kc->ms", self._bend_gains, module_bends)
         self._strip_bends = play(
             self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis

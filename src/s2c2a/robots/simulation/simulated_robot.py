@@ -102,7 +102,13 @@ class SimulatedRobot(Robot):
         self._payload = payload
         self._remaining_stiffness = 1.0
         self._events = parse_events(events)
-        self._check_events()
+        true_bends = arm.sensing == "true" or arm.sensors.bends
+        if true_bends and any(event.kind == "sensor_loss" for event in self._events):
+            raise S2C2AError(
+                "the event sensor_loss is not allowed for an arm with true bends "
+                '(sensing = "true" or sensors.bends): they are also the simulation\'s '
+                "ground truth; remove the event or choose another sensing"
+            )
         self.model = self._build_model(payload)
         self.data = mujoco.MjData(self.model)
         self._rollout = Rollout(nthread=0)
@@ -116,18 +122,6 @@ class SimulatedRobot(Robot):
         self._relaxes = per_module(self._true_arm, "mismatch.relaxing").any()
         self._relaxation = Relaxation(self._true_arm, self.model)
         self._reset()
-        self._check_sensor_faults()
-
-    def _check_events(self) -> None:
-        true_bends = self.arm.sensing == "true" or self.arm.sensors.bends
-        if true_bends and any(event.kind == "sensor_loss" for event in self._events):
-            raise S2C2AError(
-                "the event sensor_loss is not allowed for an arm with true bends "
-                '(sensing = "true" or sensors.bends): they are also the simulation\'s '
-                "ground truth; remove the event or choose another sensing"
-            )
-
-    def _check_sensor_faults(self) -> None:
         allowed = sorted(self.sensors.keys() - GROUND_TRUTH)
         for event in self._events:
             if event.is_sensor_fault and event.sensor not in allowed:
@@ -232,24 +226,6 @@ class SimulatedRobot(Robot):
         self._check_finite()
         self._schedule.apply_until(self.data.time, self)
         times = self.physics_times(seconds)
-        commands = self._move_motors(times)
-        positions = self.data.qpos.copy()
-        wrenches = self.tip_wrenches() if self._force.any() else None
-        measurements = run_physics_steps(
-            self._rollout, self.model, self.data, commands, wrenches
-        )
-        self.relax(positions, times[-1])
-        mujoco.mj_forward(self.model, self.data)
-        self._record_measurements(measurements)
-        self._step += 1
-        self._check_finite()
-        self._last_states = self.states()
-        self._extra_sensors.observe(self.data.time, seconds, self._last_states)
-
-    def _move_motors(
-        self, times: Float[np.ndarray, " times"]
-    ) -> Float[np.ndarray, "times cables"]:
-        """Move the motors; returns the commands of the actuators at the modules."""
         path = compute_motor_path(
             self.motors, self._command, times, self._true_arm.motor
         )
@@ -258,23 +234,31 @@ class SimulatedRobot(Robot):
         )
         self.motors = path[-1]
         self._currents.move(self.motors)
-        return transmitted[:, self._present]
+        commands = transmitted[:, self._present]
+        positions = self.data.qpos.copy()
+        wrenches = self.tip_wrenches() if self._force.any() else None
+        measurements = run_physics_steps(
+            self._rollout, self.model, self.data, commands, wrenches
+        )
+        self.relax(positions, times[-1])
+        mujoco.mj_forward(self.model, self.data)
+        if self.model.nsensordata:
+            # MuJoCo evaluates sensors at the start of a physics step.
+            samples = np.vstack([measurements, self.data.sensordata])
+            if self._has_center_line:
+                points = samples[:, : self._center_line_size]
+                self._center_line = points.reshape(len(samples), -1, 3)
+            self._extra_sensors.sample_inertial(samples[1:, self._center_line_size :])
+        self._step += 1
+        self._check_finite()
+        self._last_states = self.states()
+        self._extra_sensors.observe(self.data.time, seconds, self._last_states)
 
     def relax(self, positions: Float[np.ndarray, " joints"], seconds: float) -> None:
         """Relax the modules after a motion of some time from joint positions [rad]."""
         if self._relaxes:
             self._relaxation.advance((positions + self.data.qpos) / 2, seconds)
             self.model.qpos_spring = self._relaxation.spring_references
-
-    def _record_measurements(self, measurements: Float[np.ndarray, "times n"]) -> None:
-        if not self.model.nsensordata:
-            return
-        # MuJoCo evaluates sensors at the start of a physics step.
-        samples = np.vstack([measurements, self.data.sensordata])
-        if self._has_center_line:
-            points = samples[:, : self._center_line_size]
-            self._center_line = points.reshape(len(samples), -1, 3)
-        self._extra_sensors.sample_inertial(samples[1:, self._center_line_size :])
 
     def step(self, action: Actions, seconds: float | None = None) -> Actions:
         """Send an action and advance the simulation; returns the action sent.

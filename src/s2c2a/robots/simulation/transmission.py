@@ -159,7 +159,6 @@ class CableTransmission:
             path = path - self._drift * (path - self._neutral)
         creeps = self._creep.any()
         if creeps:
-            # the creep changes in every physics step
             durations = np.diff(times, prepend=0.0).reshape(-1, *[1] * (path.ndim - 1))
             shares = 1.0 - np.exp(-durations / self._creep_time)
             creep_path = np.empty_like(path)

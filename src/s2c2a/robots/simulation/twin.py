@@ -13,8 +13,9 @@ def load_twin(arm: ArmSpec, file: str) -> ArmSpec:
         S2C2AError: the two arms differ in modules, cables or actuation.
     """
     twin = load_arm(file)
-    layout = _describe_layout(arm)
-    twin_layout = _describe_layout(twin)
+    layout, twin_layout = (
+        f"{each.layout} with {each.actuation} actuation" for each in (arm, twin)
+    )
     if layout != twin_layout:
         raise S2C2AError(
             f"{arm.name} has {layout}, its twin {file} has {twin_layout}; "
@@ -23,7 +24,3 @@ def load_twin(arm: ArmSpec, file: str) -> ArmSpec:
     # Physics steps divide the control period.
     update = {"control_rate": arm.control_rate, "sensors": arm.sensors}
     return twin.model_copy(update=update)
-
-
-def _describe_layout(arm: ArmSpec) -> str:
-    return f"{arm.layout} with {arm.actuation} actuation"

@@ -1,6 +1,5 @@
 """The bus against scripted servos."""
 
-import os
 from math import pi
 
 import pytest
@@ -344,11 +343,6 @@ def test_a_reboot_names_the_error_that_remains(bus, port):
         bus.reboot(1)
 
 
-def test_there_is_no_watchdog(bus):
-    with pytest.raises(BusError, match="no watchdog"):
-        bus.arm_watchdog([1], 0.4)
-
-
 @pytest.mark.parametrize(
     "use",
     [
@@ -375,58 +369,6 @@ def test_a_lost_port_is_reported_as_such(bus, port, use):
 def test_an_unknown_model_or_rate_is_rejected(port, arguments, message):
     with pytest.raises(BusError, match=message):
         FeetechBus(*arguments)
-
-
-def test_a_missing_port_is_reported_by_name():
-    with pytest.raises(BusError, match="/dev/no-such-port"):
-        FeetechBus("/dev/no-such-port", 1_000_000)
-
-
-@pytest.fixture
-def terminal():
-    """A pseudo-terminal: its other end, and its name."""
-    other, port = os.openpty()
-    name = os.ttyname(port)
-    os.close(port)
-    yield other, name
-    os.close(other)
-
-
-def test_a_port_in_use_is_refused_by_name(terminal):
-    (_, name) = terminal
-    with FeetechBus(name, 1_000_000), pytest.raises(BusError, match=name):
-        FeetechBus(name, 1_000_000)
-
-
-def test_a_closed_port_can_be_opened_again(terminal):
-    (_, name) = terminal
-    FeetechBus(name, 1_000_000).close()
-    bus = FeetechBus(name, 500_000)
-    bus.close()
-    bus.close()
-    with pytest.raises(PortLostError):
-        bus.read_states([1])
-
-
-def test_bytes_pass_through_a_real_terminal(terminal):
-    (other, name) = terminal
-    with FeetechBus(name, 1_000_000) as bus:
-        bus.send_goals({1: 4096, 2: -1})
-        assert os.read(other, 100) == bytes.fromhex("ffff fe0a832a02010010020180b4")
-
-
-def test_an_unplugged_port_is_lost():
-    other, port = os.openpty()
-    bus = FeetechBus(os.ttyname(port), 1_000_000)
-    os.close(port)
-    os.close(other)
-    with pytest.raises(PortLostError):
-        bus.read_states([1])
-    with pytest.raises(PortLostError):
-        bus.send_goals({1: 0})
-    with pytest.raises(PortLostError):
-        bus.set_baud_rate(500_000)
-    bus.close()
 
 
 def test_servos_have_baud_rates_and_no_watchdog(bus):

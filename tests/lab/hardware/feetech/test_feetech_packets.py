@@ -67,23 +67,6 @@ def test_a_write_switches_the_torque_on():
     assert packets.write(1, REGISTERS["torque"], 1) == expected
 
 
-def test_one_packet_writes_the_goals_of_all_servos():
-    expected = bytes.fromhex("ff ff fe 0a 83 2a 02 01 00 10 02 01 80 b4")
-    goals = {1: 4096, 2: -1}
-    assert packets.sync_write(goals, REGISTERS["goal_position"]) == expected
-
-
-def test_one_packet_reads_the_states_of_all_servos():
-    expected = bytes.fromhex("ff ff fe 06 82 2e 19 01 02 2f")
-    assert packets.sync_read((1, 2), REGISTERS["state"]) == expected
-
-
-def test_the_state_block_reaches_from_speed_limit_to_current():
-    block = REGISTERS["state"]
-    assert block.address == 46
-    assert block.address + block.size - 1 == 70
-
-
 def test_too_many_servos_for_a_packet_are_rejected():
     with pytest.raises(BusError, match="fewer servos"):
         packets.sync_write(dict.fromkeys(range(100), 0), SIGNED)

@@ -14,10 +14,6 @@ def counter():
     return TurnCounter(4096)
 
 
-def test_the_first_position_stays_as_it_is(counter):
-    assert counter.unwrap(1, 4000) == 4000
-
-
 @pytest.mark.parametrize(
     ("first", "second", "expected"), [(4090, 5, 4101), (5, 4090, -6), (100, 90, 90)]
 )
@@ -29,13 +25,6 @@ def test_a_step_over_the_end_of_a_turn_is_counted(counter, first, second, expect
 def test_servos_are_counted_apart(counter):
     counter.unwrap(1, 4090)
     assert counter.unwrap(2, 5) == 5
-
-
-def test_a_forgotten_servo_begins_again(counter):
-    counter.unwrap(1, 4090)
-    counter.unwrap(1, 5)
-    counter.forget((1, 7))
-    assert counter.unwrap(1, 6) == 6
 
 
 @given(st.integers(0, 4095), STEPS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from streaming import POSES
+from streams import POSES
 
 from s2c2a.lab.emulation import natnet_protocol
 from s2c2a.lab.emulation.natnet_protocol import StreamedBody

@@ -23,7 +23,6 @@ from natnet_bytes import (
 )
 
 from s2c2a.lab.tracking import DropReason
-from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError
 from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, Version
 from s2c2a.lab.tracking.natnet.messages import (
@@ -35,7 +34,7 @@ from s2c2a.lab.tracking.natnet.messages import (
     parse_server_info,
     split_message,
 )
-from s2c2a.lab.tracking.poses import PoseError, TrackingError
+from s2c2a.lab.tracking.poses import PoseError, TrackingError, turn_up
 
 VERSIONS = sorted(LAYOUTS)
 IDENTITY = (0.0, 0.0, 0.0, 1.0)

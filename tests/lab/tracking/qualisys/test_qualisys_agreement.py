@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from qtm_stream import POSES, qtm_streaming
+from streams import POSES, qtm_streaming
 
 from s2c2a.lab.emulation import qualisys_protocol
 from s2c2a.lab.emulation.tracked_bodies import StreamedBody

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from s2c2a.lab.tracking.datagrams import DatagramError, DropReason
-from s2c2a.lab.tracking.poses import Pose, PoseError
+from s2c2a.lab.tracking.poses import PoseError
 from s2c2a.lab.tracking.qualisys.packets import (
     MAX_PACKET,
     PacketKind,
@@ -58,21 +58,6 @@ def test_y_up_becomes_z_up():
     pose = body_pose(BODY, "+y")
     np.testing.assert_allclose(pose.position, [0.1, 0.3, 0.2])
     np.testing.assert_allclose(pose.rotation, [0, -QUARTER, 0, QUARTER], atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_quaternion_and_its_matrix_are_the_same_rotation(seed):
-    numbers = np.random.default_rng(seed).normal(size=4)
-    matrix = Pose(np.zeros(3), numbers / np.linalg.norm(numbers)).matrix
-    again = Pose(np.zeros(3), quaternion(matrix)).matrix
-    np.testing.assert_allclose(again, matrix, atol=1e-12)
-
-
-@pytest.mark.parametrize("signs", [(1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
-def test_half_turns_have_quaternions(signs):
-    matrix = np.diag(np.array(signs, dtype=float))
-    again = Pose(np.zeros(3), quaternion(matrix)).matrix
-    np.testing.assert_allclose(again, matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize(

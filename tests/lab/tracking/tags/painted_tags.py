@@ -4,12 +4,12 @@ import math
 from functools import cache
 
 import numpy as np
+from pictures import BACKGROUND, Effects, Lens, paint
 from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking.poses import Pose
 from s2c2a.lab.tracking.tags import CameraModel, TagLayout
 from s2c2a.lab.tracking.tags.opencv import cv2
-from s2c2a.lab.tracking.tags.pictures import BACKGROUND, Effects, Lens, paint
 
 CAMERA = CameraModel(
     width=640,

@@ -118,10 +118,6 @@ def test_collars_that_cannot_be_are_refused(options):
         TagLayout.collars(**{"modules": 2, **options})
 
 
-def test_base_and_tip_alone_are_a_layout():
-    assert TagLayout.collars(3, bodies=["base", "end-3"]).bodies == ("base", "end-3")
-
-
 def test_a_file_without_keys_is_answered_with_the_command_that_makes_one(tmp_path):
     path = tmp_path / "camera.json"
     path.write_text("{}")

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from painted_tags import CAMERA, LAYOUT, collar_pose, errors, picture
+from streams import wait_until
 
 from s2c2a.lab.tracking import ModuleEnds, TrackingError, receiving
 from s2c2a.lab.tracking.tags import (
@@ -20,7 +21,6 @@ from s2c2a.lab.tracking.tags.opencv import cv2
 BASE = collar_pose((0, 0.06, 0.5), turn_deg=135, tilt_deg=0)
 TIP = collar_pose((0, -0.06, 0.5), turn_deg=135, tilt_deg=0)
 IMAGE = picture({"base": BASE, "end-1": TIP})
-PATIENCE = 300.0  # s
 
 
 class FakeCamera:
@@ -40,13 +40,6 @@ class FakeCamera:
 
     def close(self):
         self.is_closed = True
-
-
-def wait_until(condition) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.005)
-    assert condition()
 
 
 def test_a_camera_gives_the_states_of_the_module_ends():
@@ -142,16 +135,6 @@ def test_a_hidden_base_keeps_its_average():
         wait_until(lambda: tracker.counts.accepted > 5)
         frame = tracker.latest()
     assert errors(frame.poses["base"], BASE)[0] < 2
-
-
-def test_a_tracker_starts_again_after_close():
-    tracker = TagTracker(FakeCamera, CAMERA, LAYOUT)
-    for _ in range(2):
-        tracker.start()
-        tracker.start()
-        wait_until(lambda: tracker.latest() is not None)
-        tracker.close()
-        tracker.close()
 
 
 def test_files_give_a_tracker(tmp_path):

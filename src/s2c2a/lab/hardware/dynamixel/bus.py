@@ -1,7 +1,7 @@
 """Servo bus of DYNAMIXEL X-series servos."""
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from s2c2a.lab.hardware.bus import (
     UNKNOWN,
@@ -205,7 +205,12 @@ class DynamixelBus(SerialBus):
         found: dict[int, ServoState] = {}
         for address, group in self._groups(order):
             blocks = self._read_group(address, group)
-            self._count_misses(group, blocks)
+            for id in blocks:
+                self._misses[id] = 0
+            missing = [id for id in group if id not in blocks]
+            if missing:
+                # those behind it may be silent because of it
+                self._misses[missing[0]] = self._misses.get(missing[0], 0) + 1
             states = {id: self._state(id, block) for id, block in blocks.items()}
             found |= {id: state for id, state in states.items() if state is not None}
         return found
@@ -276,14 +281,6 @@ class DynamixelBus(SerialBus):
         packet = self.packets.encode(id, WRITE, data)
         self._ask(id, packet, 0, "writing indirect addresses")
 
-    def _count_misses(self, asked: list[int], found: Collection[int]) -> None:
-        """Count a miss of the first silent servo, not of those behind it."""
-        for id in found:
-            self._misses[id] = 0
-        missing = [id for id in asked if id not in found]
-        if missing:
-            self._misses[missing[0]] = self._misses.get(missing[0], 0) + 1
-
     def _groups(self, ids: Iterable[int]) -> list[tuple[int, list[int]]]:
         """Servos by the address of their joined state."""
         groups: dict[int, list[int]] = {}
@@ -337,7 +334,11 @@ class DynamixelBus(SerialBus):
             else math.nan,
             voltage=values["voltage"] * tables.VOLTAGE_UNIT,
             temperature=float(values["temperature"]),
-            errors=_hardware_errors(values["hardware_error"]),
+            errors=frozenset(
+                HardwareError[name]
+                for bit, name in tables.HARDWARE_ERROR_BITS.items()
+                if values["hardware_error"] & (1 << bit)
+            ),
             watchdog_tripped=values["watchdog"] == tables.WATCHDOG_TRIPPED,
         )
 
@@ -365,11 +366,3 @@ def _blocks(packet: Answer, count: int) -> Iterator[tuple[int, bytes]]:
         return
     for start in range(0, len(joint), size):
         yield joint[start + 1], joint[start + 2 : start + 2 + STATE_SIZE]
-
-
-def _hardware_errors(bits: int) -> frozenset[HardwareError]:
-    return frozenset(
-        HardwareError[name]
-        for bit, name in tables.HARDWARE_ERROR_BITS.items()
-        if bits & (1 << bit)
-    )

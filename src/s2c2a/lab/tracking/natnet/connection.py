@@ -6,7 +6,7 @@ Only state and times; `tracker` has the sockets.
 from collections import Counter
 from collections.abc import Mapping
 
-from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, MessageLayout, Version
+from s2c2a.lab.tracking.natnet.layouts import LAYOUTS, MessageLayout
 from s2c2a.lab.tracking.natnet.messages import MessageKind, ServerInfo
 from s2c2a.lab.tracking.receiving import FIRST_PAUSE, LONGEST_PAUSE
 
@@ -64,24 +64,15 @@ class Connection:
             self._restart_requests(now)
         if now < self._next:
             return None
-        kind = self._wanted()
         self._requested = now
-        self._next = now + self._advance_pause(kind)
-        return kind
-
-    def _wanted(self) -> MessageKind:
+        if self.is_connected and not self._outdated:
+            self._next = now + KEEP_ALIVE_PERIOD
+            return MessageKind.KEEP_ALIVE
+        self._next = now + self._pause
+        self._pause = min(2 * self._pause, LONGEST_PAUSE)
         if self.layout is None:
             return MessageKind.CONNECT
-        if self.names is None or self._outdated:
-            return MessageKind.REQUEST_DEFINITIONS
-        return MessageKind.KEEP_ALIVE
-
-    def _advance_pause(self, kind: MessageKind) -> float:
-        if kind is MessageKind.KEEP_ALIVE:
-            return KEEP_ALIVE_PERIOD
-        pause = self._pause
-        self._pause = min(2 * pause, LONGEST_PAUSE)
-        return pause
+        return MessageKind.REQUEST_DEFINITIONS
 
     def _restart_requests(self, now: float) -> None:
         self._pause = FIRST_PAUSE
@@ -99,7 +90,12 @@ class Connection:
             return
         self.layout = LAYOUTS.get(info.version)
         if self.layout is None:
-            self.problem = _unsupported(info.version)
+            allowed = ", ".join(map(str, LAYOUTS))
+            self.problem = (
+                f"Motive streams NatNet {info.version}, and s2c2a reads {allowed}; choose "
+                "one of these versions in Motive's streaming settings, or install such "
+                "a Motive"
+            )
             return
         self.problem = (
             f"Motive at {self._address} answers, but sends no frames; switch on live "
@@ -133,11 +129,3 @@ class Connection:
             self._outdated = True
             self._pause = FIRST_PAUSE
             self._next = max(now, self._requested + KEEP_ALIVE_PERIOD)
-
-
-def _unsupported(version: Version) -> str:
-    allowed = ", ".join(map(str, LAYOUTS))
-    return (
-        f"Motive streams NatNet {version}, and s2c2a reads {allowed}; choose one of "
-        "these versions in Motive's streaming settings, or install such a Motive"
-    )

@@ -1,5 +1,6 @@
 """Poses of rigid bodies from OptiTrack Motive."""
 
+import os
 import select
 import socket
 import time
@@ -7,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from threading import Event
 
-from s2c2a.lab.tracking.axes import UP_AXES, turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError, DropReason, named_poses
 from s2c2a.lab.tracking.hosts import LOCALHOST, check_port
 from s2c2a.lab.tracking.natnet.connection import Connection
@@ -21,14 +21,14 @@ from s2c2a.lab.tracking.natnet.messages import (
     parse_server_info,
     split_message,
 )
-from s2c2a.lab.tracking.natnet.sockets import open_command_socket, open_group_socket
-from s2c2a.lab.tracking.poses import TrackingError
+from s2c2a.lab.tracking.poses import UP_AXES, TrackingError, turn_up
 from s2c2a.lab.tracking.receiving import MocapTracker
 from s2c2a.lab.tracking.tracker import PoseFrame
 
 COMMAND_PORT = 1510
 DATA_PORT = 1511
 CONNECT_TIMEOUT = 5.0  # [s]
+RECEIVE_BUFFER = 1 << 20  # bytes; frames wait here while the computer is busy
 POLL_PERIOD = 0.05  # [s]; requests are late by no more, and `close` waits no longer
 
 
@@ -92,7 +92,7 @@ class NatNetTracker(MocapTracker):
 
     def _open(self) -> None:
         super()._open()
-        self._sockets = [open_command_socket(self._local)]
+        self._sockets = [_open_socket(self._local)]
         if self._multicast is not None:
             self._join(self._multicast, self._data_port)
 
@@ -102,7 +102,7 @@ class NatNetTracker(MocapTracker):
         self._sockets = []
 
     def _join(self, group: str, port: int) -> None:
-        self._sockets.append(open_group_socket(group, port, self._local))
+        self._sockets.append(_open_socket(self._local, group, port))
 
     def _packets(self, stop: Event) -> Iterator[tuple]:
         while not stop.is_set():
@@ -170,3 +170,39 @@ class NatNetTracker(MocapTracker):
             dialog.request_definitions(arrival)
         dialog.take_frame(arrival)
         self._keep(newest)
+
+
+def _open_socket(local: str, group: str = "", port: int = 0) -> socket.socket:
+    """Return a socket for requests, their answers and unicast frames; or for multicast.
+
+    Several programs may listen to a group.
+
+    Args:
+        local: address of this computer in the network of Motive.
+        group: multicast address; empty: unicast.
+        port: of the frames of a group.
+
+    Raises:
+        TrackingError: the address is not of this computer, or the group cannot be
+            joined.
+    """
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        if group:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # bound to the group, the socket gets no frames of other groups; Windows refuses it
+            opened.bind((local if os.name == "nt" else group, port))
+            membership = socket.inet_aton(group) + socket.inet_aton(local)
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        else:
+            opened.bind((local, port))
+    except (OSError, ValueError, TypeError) as error:
+        opened.close()
+        place = f"the group {group!a}:{port} on " if group else ""
+        raise TrackingError(
+            f"cannot listen to {place}{local!a}: {error}; give the address of this "
+            "computer in the network of Motive"
+        ) from error
+    opened.setblocking(False)
+    return opened

@@ -15,9 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from s2c2a.lab.tracking.axes import turn_up
 from s2c2a.lab.tracking.datagrams import DatagramError, DropReason
-from s2c2a.lab.tracking.poses import Pose, PoseError
+from s2c2a.lab.tracking.poses import Pose, PoseError, turn_up
 
 MAX_PACKET = 1 << 20
 """Largest packet [bytes]; a frame of 100 bodies takes 5 kB."""
@@ -178,7 +177,14 @@ def parse_frame(content: bytes) -> QtmFrame:
             raise _malformed(f"a component of {size} bytes")
         if kind == _SIX_DOF:
             section = content[offset + HEADER.size : offset + size]
-            bodies = _parse_bodies(section)
+            count, _, _ = _unpack(_BODIES, section, 0)
+            section = section[_BODIES.size :]
+            if len(section) != count * _BODY.size:
+                raise _malformed(f"{count} bodies in {len(section)} bytes")
+            bodies = tuple(
+                None if all(map(math.isnan, values[:3])) else values
+                for values in _BODY.iter_unpack(section)
+            )
         offset += size
     if bodies is None or offset != len(content):
         raise _malformed("a frame without 6D, or with bytes too many,")
@@ -189,19 +195,6 @@ def _unpack(layout: Struct, content: bytes, offset: int) -> tuple:
     if len(content) < offset + layout.size:
         raise _malformed("a truncated frame")
     return layout.unpack_from(content, offset)
-
-
-def _parse_bodies(section: bytes) -> tuple[tuple[float, ...] | None, ...]:
-    count, _, _ = _unpack(_BODIES, section, 0)
-    content = section[_BODIES.size :]
-    if len(content) != count * _BODY.size:
-        raise _malformed(f"{count} bodies in {len(content)} bytes")
-    return tuple(map(_body_or_lost, _BODY.iter_unpack(content)))
-
-
-def _body_or_lost(values: tuple[float, ...]) -> tuple[float, ...] | None:
-    is_lost = all(map(math.isnan, values[:3]))
-    return None if is_lost else values
 
 
 def body_pose(values: tuple[float, ...], up: str) -> Pose:

@@ -92,21 +92,6 @@ class CameraModel(BaseModel):
             raise ValueError("distortion: write coefficients of at most 10")
         return self
 
-    @classmethod
-    def of_field(cls, width: int, height: int, degrees: float) -> "CameraModel":
-        """Return an ideal camera by its horizontal field of view.
-
-        Args:
-            width: of the pictures [pixels].
-            height: of the pictures [pixels].
-            degrees: horizontal field of view.
-        """
-        focal = width / 2 / math.tan(math.radians(degrees) / 2)
-        center = ((width - 1) / 2, (height - 1) / 2)
-        return cls(
-            width=width, height=height, focal_lengths=(focal, focal), center=center
-        )
-
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """Intrinsic matrix [pixels]."""

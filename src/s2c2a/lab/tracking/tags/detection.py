@@ -106,18 +106,14 @@ def detect_tags(gray: np.ndarray, known: Iterable[int]) -> Detections:
         elif counts[id] > 1:
             result.dropped[TagDropReason.DUPLICATE] += 1
         else:
-            _add_view(result, gray, TagView(id, points))
+            try:
+                refined = refine_corners(gray, points)
+            except TagError as error:
+                result.dropped[error.reason] += 1
+                result.rough.append(TagView(id, points))
+            else:
+                result.views.append(TagView(id, refined))
     return result
-
-
-def _add_view(result: Detections, gray: np.ndarray, rough: TagView) -> None:
-    try:
-        corners = refine_corners(gray, rough.corners)
-    except TagError as error:
-        result.dropped[error.reason] += 1
-        result.rough.append(rough)
-    else:
-        result.views.append(TagView(rough.id, corners))
 
 
 @cache
@@ -176,7 +172,11 @@ def refine_corners(
         offsets = _REACH - np.trapezoid(rises, _ACROSS, axis=2)
         points = _map(homography, _edge_points(offsets))
         lines = [_fit_line(edge) for edge in points]
-        _check_straightness(offsets)
+        along = np.stack([_ALONG, np.ones_like(_ALONG)], axis=1)
+        residuals = offsets.T - along @ np.linalg.lstsq(along, offsets.T, rcond=None)[0]
+        errors = CELLS * np.sqrt(np.mean(residuals**2, axis=0))
+        if errors.max() > MAX_EDGE_ERROR:
+            raise TagError(TagDropReason.COVERED)
         refined = np.array(
             [_intersect(lines[edge - 1], lines[edge]) for edge in range(4)]
         )
@@ -221,14 +221,6 @@ def _profiles(gray: np.ndarray, homography: np.ndarray) -> np.ndarray:
 def _map(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     homogeneous = points @ homography[:, :2].T + homography[:, 2]
     return homogeneous[..., :2] / homogeneous[..., 2:]
-
-
-def _check_straightness(offsets: np.ndarray) -> None:
-    along = np.stack([_ALONG, np.ones_like(_ALONG)], axis=1)
-    residuals = offsets.T - along @ np.linalg.lstsq(along, offsets.T, rcond=None)[0]
-    errors = CELLS * np.sqrt(np.mean(residuals**2, axis=0))
-    if errors.max() > MAX_EDGE_ERROR:
-        raise TagError(TagDropReason.COVERED)
 
 
 def _fit_line(points: np.ndarray) -> np.ndarray:

@@ -119,9 +119,12 @@ class TagTracker(ReceivingTracker):
 
     def _handle(self, content: np.ndarray, source: float, arrival: float) -> None:
         """Use a picture; its source is the time of its exposure."""
-        found = estimate_poses(
-            content, self._camera, self._layout, self._recent_poses(arrival)
-        )
+        recent = {
+            name: pose
+            for name, (seen, pose) in self._previous.items()
+            if arrival - seen < CONTINUITY_TIME
+        }
+        found = estimate_poses(content, self._camera, self._layout, recent)
         for reason, count in found.dropped.items():
             self._dropped[reason] += count
         for name, pose in found.poses.items():
@@ -135,13 +138,6 @@ class TagTracker(ReceivingTracker):
                 poses[BASE] = average
         self._arrivals.append(arrival)
         self._keep(PoseFrame(arrival, source, self._accepted, poses))
-
-    def _recent_poses(self, now: float) -> dict[str, Pose]:
-        return {
-            name: pose
-            for name, (seen, pose) in self._previous.items()
-            if now - seen < CONTINUITY_TIME
-        }
 
 
 def _read(source: PictureSource) -> Picture:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.runtime.following import FollowingMonitor
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.following import FollowingMonitor
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading, Sensor
 
 MAX_SILENCE = 3
@@ -87,19 +87,16 @@ class ReadingCheck:
     def _time_fault(self, reading: Reading, now: float) -> str:
         if not np.isfinite(reading.time):
             return "the reading has no time"
-        if self._is_no_newer(reading.time):
+        last = self._last_sound_time
+        self._repeated_times = self._repeated_times + 1 if reading.time == last else 0
+        is_older = last is not None and reading.time < last
+        # it may be repeated within a period of the sensors
+        if is_older or self._repeated_times >= self._steps:
             return "the reading is no newer than the last one"
         age = now - reading.time
         if age > MAX_SILENCE * self._period:
             return f"the reading is {age:.2f} s old"
         return ""
-
-    def _is_no_newer(self, time: float) -> bool:
-        """Whether a reading is older than the last one, or repeated for a whole period."""
-        last = self._last_sound_time
-        self._repeated_times = self._repeated_times + 1 if time == last else 0
-        is_older = last is not None and time < last
-        return is_older or self._repeated_times >= self._steps
 
     def _value_fault(self, name: str, reading: Reading) -> str:
         values = reading.get(name)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from s2c2a.runtime.readings import ReadingCheck
-from s2c2a.runtime.repeats import RepeatDetector
+from s2c2a.measurements.readings import ReadingCheck
+from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading, Sensor
 
 PERIOD = 0.1

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from s2c2a.runtime.repeats import repeated_rows
+from s2c2a.measurements.repeats import repeated_rows
 
 FALSE_RUNS = 0.01
 """Runs of equal poses that a whole log may have by chance."""
@@ -42,9 +42,19 @@ def find_frozen(
         return is_frozen
     is_repeated = repeated_rows(poses[known])
     is_repeated[1:] &= np.diff(stretches[known]) == 0
-    if is_repeated.any():
-        rows = _Rows(drives[known], poses[known, :3], stretches[known])
-        is_frozen[known] = _frozen_runs(is_repeated, rows)
+    if not is_repeated.any():
+        return is_frozen
+    rows = _Rows(drives[known], poses[known, :3], stretches[known])
+    may_rest = rows.has_hidden_noise(is_repeated)
+    numbers = np.flatnonzero(known)
+    edges = np.flatnonzero(np.diff(is_repeated, append=False, prepend=False))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        first = rows.last_at_rest(begin - 1, end)
+        repeated = range(first + 1, end)
+        if may_rest and not rows.has_caught_up(first, end):
+            continue
+        if any(len(rows) * rows.chance(first, row) < FALSE_RUNS for row in repeated):
+            is_frozen[numbers[first + 1 : end]] = True
     return is_frozen
 
 
@@ -133,20 +143,3 @@ def _resolution(values: Float[np.ndarray, " rows"]) -> float:
     differences = np.diff(np.unique(values))
     differences = differences[differences > _ARITHMETIC * np.abs(values).max()]
     return float(differences.min(initial=1.0))
-
-
-def _frozen_runs(
-    is_repeated: Bool[np.ndarray, " rows"], rows: _Rows
-) -> Bool[np.ndarray, " rows"]:
-    """Rows of the runs that are no chance."""
-    edges = np.flatnonzero(np.diff(is_repeated, append=False, prepend=False))
-    may_rest = rows.has_hidden_noise(is_repeated)
-    is_frozen = np.zeros(len(is_repeated), bool)
-    for begin, end in edges.reshape(-1, 2).tolist():
-        first = rows.last_at_rest(begin - 1, end)
-        repeated = range(first + 1, end)
-        if may_rest and not rows.has_caught_up(first, end):
-            continue
-        if any(len(rows) * rows.chance(first, row) < FALSE_RUNS for row in repeated):
-            is_frozen[first + 1 : end] = True
-    return is_frozen

@@ -1,4 +1,4 @@
-"""Pictures of an arm with tags by a given camera: for tests, studies and emulation.
+"""Pictures of tags by a given camera.
 
 An ideal picture has no distortion and is larger than that of the camera. A `Lens` makes
 the camera's picture of it. Painting needs no graphics.
@@ -7,7 +7,6 @@ the camera's picture of it. Painting needs no graphics.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -22,9 +21,7 @@ OVERSAMPLING = 2
 BACKGROUND = 130  # gray value
 WHITE = 225  # gray value of printed paper
 BLACK = 25
-ARM = 75
 CELL_PIXELS = 8  # of a texture
-_ARM_POINTS = 9  # of a module
 _NEAREST = 0.01  # m; what is nearer to the camera is not painted
 
 
@@ -131,17 +128,13 @@ def tag_texture(id: int) -> np.ndarray:
     return np.kron(cells, np.ones((CELL_PIXELS, CELL_PIXELS))).astype(np.uint8)
 
 
-def paint(
-    lens: Lens, layout: TagLayout, poses: Mapping[str, Pose], arm_radius: float = 0.0
-) -> np.ndarray:
-    """Return an ideal picture of tags and of the arm between the bodies.
+def paint(lens: Lens, layout: TagLayout, poses: Mapping[str, Pose]) -> np.ndarray:
+    """Return an ideal picture of the tags of all bodies that have a pose.
 
     Args:
         lens: of the camera.
         layout: of the tags.
-        poses: `T_camera_body` by name, from the base to the tip; bodies without a pose
-            are not painted.
-        arm_radius: of the arm [m]; 0 for none.
+        poses: `T_camera_body` by name.
     """
     canvas = Canvas(lens)
     for tag in layout.tags:
@@ -150,9 +143,6 @@ def paint(
             is_seen = pose.z_axis @ pose.position < 0
             corners = square(SHEET * tag.size) @ pose.matrix.T + pose.position
             canvas.paint(corners, tag_texture(tag.id) if is_seen else _plain(WHITE))
-    if arm_radius:
-        for start, end in pairwise(_center_line(list(poses.values()))):
-            canvas.paint(_strip(start, end, arm_radius), _plain(ARM))
     return canvas.image
 
 
@@ -212,26 +202,3 @@ class Canvas:
 
 def _plain(gray: int) -> np.ndarray:
     return np.full((2, 2), gray, np.uint8)
-
-
-def _strip(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
-    """Corners of a strip along a line that faces the camera."""
-    side = np.cross(end - start, start)
-    side = radius * side / np.linalg.norm(side)
-    return np.array([start - side, start + side, end + side, end - side])
-
-
-def _center_line(poses: list[Pose]) -> np.ndarray:
-    """Points of cubic curves through poses along their z axes [m], shape (points, 3)."""
-    if len(poses) < 2:
-        return np.empty((0, 3))
-    shares = np.linspace(0, 1, _ARM_POINTS)[:, None]
-    curves = [poses[0].position[None]]
-    for start, end in pairwise(poses):
-        length = np.linalg.norm(end.position - start.position)
-        difference = end.position - start.position
-        cubic = shares**2 * (3 - 2 * shares) * difference
-        outgoing = shares * (1 - shares) ** 2 * length * start.z_axis
-        incoming = shares**2 * (shares - 1) * length * end.z_axis
-        curves.append((start.position + cubic + outgoing + incoming)[1:])
-    return np.concatenate(curves)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from s2c2a.data.frozen_ends import find_frozen
-from s2c2a.data.outliers import MeasuredEnds, find_outliers
+from s2c2a.measurements.frozen_ends import find_frozen
+from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
 
 ROWS = 800
 NOISE = 1e-4  # m

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.data.outliers import MAX_SHARE, MeasuredEnds, find_outliers
+from s2c2a.measurements.outliers import MAX_SHARE, MeasuredEnds, find_outliers
 
 ROWS = 600
 LENGTH = 0.1  # m

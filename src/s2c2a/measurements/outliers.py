@@ -2,7 +2,7 @@
 
 A pose, which is one end in one row, is compared with a robust regression on the drives
 and with its neighbors in time: a true error grows and decays in several rows. Poses that
-are only repeated are found before (`data.frozen_ends`), so that they calibrate nothing.
+are only repeated are found before (`measurements.frozen_ends`), so that they calibrate nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm.tracking import MOUNTING, STRETCH
-from s2c2a.data.frozen_ends import MIN_ROWS, find_frozen
+from s2c2a.measurements.frozen_ends import MIN_ROWS, find_frozen
 
 MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""
@@ -134,7 +134,11 @@ def find_outliers(
             None where it is unknown, as for the first end.
     """
     measured = np.isfinite(ends.positions).all(axis=-1)
-    frozen = _find_frozen(ends)
+    poses = np.concatenate([ends.positions, ends.axes], axis=-1)
+    columns = [
+        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
+    ]
+    frozen = np.stack(columns, axis=1)
     ends = ends.without(frozen)
     positions = ends.positions
     least = SPREAD_RATIO * _spread(positions[:, -1])
@@ -149,14 +153,6 @@ def find_outliers(
     rest = np.where(is_jump[..., None], np.nan, rest)
     lengths = _find_lengths(rest, predicted, reaches or [None] * rest.shape[1])
     return Outliers(frozen, is_jump, swaps, lengths, measured)
-
-
-def _find_frozen(ends: MeasuredEnds) -> Bool[np.ndarray, "rows ends"]:
-    poses = np.concatenate([ends.positions, ends.axes], axis=-1)
-    columns = [
-        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
-    ]
-    return np.stack(columns, axis=1)
 
 
 def _channels(values: Float[np.ndarray, "rows ends 3"]) -> Iterator[np.ndarray]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
+from s2c2a.measurements.following import MARGIN, MAX_LAG, SUDDEN, FollowingMonitor
 from s2c2a.robots.simulation.transmission import compute_motor_path
-from s2c2a.runtime.following import MARGIN, MAX_LAG, SUDDEN, FollowingMonitor
 from s2c2a.spaces import Reading
 
 STEPS = 120

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from s2c2a.runtime.repeats import RepeatDetector, repeated_rows
+from s2c2a.measurements.repeats import RepeatDetector, repeated_rows
 
 
 def test_rows_and_readings_repeat_alike():
