@@ -6,8 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
-from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.errors import (
+    MAX_BYTES,
+    MAX_COLUMNS,
+    MAX_ROWS,
+    LogError,
+    needs_extra,
+    reading_as,
+)
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
 MAX_VALUES = MAX_BYTES // 8
