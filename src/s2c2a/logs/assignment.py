@@ -21,8 +21,6 @@ UNEVEN_COST = 5.0
 MIN_EIGENVALUE = 1e-3  # of the correlations of independent columns
 # largest cost of a difference in reach: such a motor has hardly moved
 MAX_REACH_COST = 0.25
-# signs that a larger number may have, 1 where it pulls
-SIGNS = {"pulls": (1,), "releases": (-1,), "unknown": (1, -1)}
 
 Group = tuple[int, ...]
 Grouping = tuple[Group, ...]
@@ -145,7 +143,8 @@ def _best_signs(
     group: Group, tip: np.ndarray, reach: np.ndarray, log_map: LogMap
 ) -> tuple[float, tuple[int, ...]] | None:
     """Cost and most likely signs of a group; None if its cables cannot bend a module."""
-    choices = [SIGNS[log_map.drives[drive].effect] for drive in group]
+    stated = [log_map.drives[drive].sign for drive in group]
+    choices = [(sign,) if sign else (1, -1) for sign in stated]
     trials = []
     for signs in product(*choices):
         angles = _cable_angles_deg(group, signs, tip, log_map)

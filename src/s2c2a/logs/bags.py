@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, reading_as
-from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, needs_extra, reading_as
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, list_names
 
 TIME = "time"
@@ -121,9 +120,7 @@ def _leaves(message: Any) -> Iterator[tuple[str, float]]:
 
 
 def table_of_rows(
-    path: str | os.PathLike,
-    rows: Iterator[dict[str, float]],
-    request: ColumnRequest,
+    path: str | os.PathLike, rows: Iterator[dict[str, float]], request: ColumnRequest
 ) -> Table:
     """Table of the numbers of messages, one row each.
 

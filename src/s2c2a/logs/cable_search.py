@@ -15,6 +15,7 @@ from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
 from s2c2a.logs.assignment import can_bend, rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
+from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 from s2c2a.logs.priors import with_stated_angles
@@ -29,12 +30,6 @@ AMBIGUOUS_RATIO = 0.8
 IMPROVED_RATIO = 0.98  # a cost below this ratio is an improvement
 FIRST_ITERATIONS = 5
 TRIAL_ITERATIONS = 15
-# range of column values for which the effect on the cable is clear
-PULLING_RANGE = {
-    "pulls": (0.0, np.inf),
-    "releases": (-np.inf, 0.0),
-    "unknown": (-np.inf, np.inf),
-}
 
 
 @dataclass(frozen=True)
@@ -91,9 +86,7 @@ def identify_cables(
         LogError: no assignment gives every module cables that bend it in all
             directions.
     """
-    # evenly spread rows
-    count = len(observations.columns)
-    rows = np.linspace(0, count - 1, min(count, max_rows)).astype(int)
+    rows = evenly_spread(len(observations.columns), max_rows)
     subset = replace(
         observations,
         columns=observations.columns[rows],
@@ -174,11 +167,11 @@ def _estimate_effects(
     observations: Observations, log_map: LogMap
 ) -> Iterator[Float[np.ndarray, "drives ends 2"]]:
     """Effects of pulling alone, since slack cables have none, and of all motion."""
-    ranges = []
-    for drive in log_map.drives:
-        goes_slack = len(drive.cables) == 1 and not drive.pushes
-        ranges.append(PULLING_RANGE[drive.positive if goes_slack else "unknown"])
-    low, high = np.array(ranges).T
+    # range of column values for which the effect on the cable is clear
+    goes_slack = [len(each.cables) == 1 and not each.pushes for each in log_map.drives]
+    signs = np.array([drive.sign for drive in log_map.drives]) * goes_slack
+    low = np.where(signs > 0, 0.0, -np.inf)
+    high = np.where(signs < 0, 0.0, np.inf)
     pulling = replace(observations, columns=np.clip(observations.columns, low, high))
     yield _regress(pulling, differences=False)
     if (np.isfinite(low) | np.isfinite(high)).all():

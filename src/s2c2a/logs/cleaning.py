@@ -75,10 +75,12 @@ def exclude_outliers(
     is_excluded[:, order] = found.all
     borders = np.cumsum([len(take) for take in takes])[:-1]
     parts = np.split(is_excluded, borders)
-    pairs = zip(takes, parts, strict=True)
-    return [_without(take, part) for take, part in pairs], Excluded(
-        ends, modules, found, rows
-    )
+    cleaned = []
+    for take, part in zip(takes, parts, strict=True):
+        known = np.where(part[..., None], np.nan, 1.0)
+        places = known * take.positions
+        cleaned.append(replace(take, positions=places, axes=known * take.axes))
+    return cleaned, Excluded(ends, modules, found, rows)
 
 
 def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
@@ -91,15 +93,6 @@ def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
         return [None] * len(ends)
     heights = np.cumsum(lengths)[ends]
     return [None, *np.diff(heights)]
-
-
-def _without(take: LogTake, is_excluded: np.ndarray) -> LogTake:
-    masked = is_excluded[..., None]
-    return replace(
-        take,
-        positions=np.where(masked, np.nan, take.positions),
-        axes=np.where(masked, np.nan, take.axes),
-    )
 
 
 def _describe_rows(found: Outliers, takes: Sequence[LogTake], log_map: LogMap) -> str:

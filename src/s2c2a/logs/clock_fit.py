@@ -15,7 +15,7 @@ from scipy.linalg import lstsq, solve
 from scipy.optimize import approx_fprime, least_squares
 
 from s2c2a.logs.drive_features import MAX_FITTED, DriveFeatures
-from s2c2a.logs.interpolation import is_near
+from s2c2a.logs.interpolation import evenly_spread, is_near
 from s2c2a.logs.timed_motion import TimedMotion
 
 MIN_ROWS = 60
@@ -83,10 +83,7 @@ class ClockProblem:
     ):
         self._features = features
         self._middle = ends.span / 2
-        # at most `MAX_FITTED` rows, evenly spread
-        last = len(ends.time) - 1
-        count = min(len(ends.time), MAX_FITTED)
-        rows = np.linspace(0, last, count).astype(int)
+        rows = evenly_spread(len(ends.time), MAX_FITTED)
         thinned = TimedMotion(ends.time[rows], ends.values[rows])
         samples = self._samples(thinned.time, start)
         longest_gap = LONGEST_GAP * drives.interval
@@ -96,10 +93,7 @@ class ClockProblem:
         self._time = thinned.time[inside]
         self._values = thinned.values[inside]
         scale = ClockParameters(
-            offset=step,
-            drift=step / ends.span,
-            lag=step,
-            width=WIDTH_SCALE,
+            offset=step, drift=step / ends.span, lag=step, width=WIDTH_SCALE
         )
         self._scale = np.array(scale)
         self._start = start
@@ -141,10 +135,7 @@ class ClockProblem:
         total = _mean_square(values - mean, weights)
         explained = 1 - error / total
         return ClockFit(
-            parameters=parameters,
-            explained=explained,
-            problem=self,
-            weights=weights,
+            parameters=parameters, explained=explained, problem=self, weights=weights
         )
 
     def deviations(self, fit: ClockFit) -> ClockParameters:
@@ -158,15 +149,14 @@ class ClockProblem:
         for stretch in np.array_split(np.arange(self.rows), BLOCKS):
             weights = fit.weights.copy()
             weights[stretch] = 0.0
-            steps.append(self._newton_step(scaled, weights))
+            residuals = self._residuals(scaled, weights)
+            jacobian = self._jacobian(scaled, weights)
+            step, *_ = lstsq(jacobian, -residuals)
+            steps.append(step)
         spread = np.std(steps, axis=0) * np.sqrt(BLOCKS - 1)
         return self._parameters(spread)
 
-    def _solve(
-        self,
-        start: np.ndarray,
-        weights: np.ndarray,
-    ) -> np.ndarray:
+    def _solve(self, start: np.ndarray, weights: np.ndarray) -> np.ndarray:
         result = least_squares(
             self._residuals,
             start,
@@ -179,21 +169,7 @@ class ClockProblem:
         )
         return result.x
 
-    def _newton_step(
-        self,
-        scaled: np.ndarray,
-        weights: np.ndarray,
-    ) -> np.ndarray:
-        residuals = self._residuals(scaled, weights)
-        jacobian = self._jacobian(scaled, weights)
-        step, *_ = lstsq(jacobian, -residuals)
-        return step
-
-    def _samples(
-        self,
-        time: np.ndarray,
-        parameters: ClockParameters,
-    ) -> np.ndarray:
+    def _samples(self, time: np.ndarray, parameters: ClockParameters) -> np.ndarray:
         """Times of the drives' clock."""
         drifted = parameters.drift * (time - self._middle)
         return time + parameters.offset + drifted
@@ -206,29 +182,19 @@ class ClockProblem:
         samples = self._samples(self._time, parameters)
         return self._features.at(samples, parameters.lag, parameters.width)
 
-    def _residuals(
-        self,
-        scaled: np.ndarray,
-        weights: np.ndarray,
-    ) -> np.ndarray:
+    def _residuals(self, scaled: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Weighted residuals of the regression on the features, in one row."""
         features = self._at(self._parameters(scaled))
         slopes = _regress(features, self._values, weights)
         errors = self._values - features @ slopes
         return (weights[:, None] * errors).ravel()
 
-    def _jacobian(
-        self,
-        scaled: np.ndarray,
-        weights: np.ndarray,
-    ) -> np.ndarray:
+    def _jacobian(self, scaled: np.ndarray, weights: np.ndarray) -> np.ndarray:
         return approx_fprime(scaled, self._residuals, DIFFERENCE, weights)
 
 
 def _regress(
-    features: np.ndarray,
-    values: np.ndarray,
-    weights: np.ndarray,
+    features: np.ndarray, values: np.ndarray, weights: np.ndarray
 ) -> Float[np.ndarray, "features channels"]:
     """Weighted linear regression."""
     weighted = features * weights[:, None]
@@ -239,9 +205,6 @@ def _regress(
     return solve(matrix, products, assume_a="pos")
 
 
-def _mean_square(
-    errors: np.ndarray,
-    weights: np.ndarray,
-) -> float:
+def _mean_square(errors: np.ndarray, weights: np.ndarray) -> float:
     weighted = errors * weights[:, None]
     return float(np.mean(weighted**2))

@@ -30,9 +30,7 @@ class ClockCandidate(NamedTuple):
 
 
 def search_clocks(
-    drives: TimedMotion,
-    ends: TimedMotion,
-    step: float,
+    drives: TimedMotion, ends: TimedMotion, step: float
 ) -> list[ClockCandidate]:
     """Highest peaks of the correlation of speeds, over offsets and drifts.
 
@@ -59,10 +57,7 @@ def search_clocks(
 
 
 def _peaks(
-    speeds: np.ndarray,
-    ends: TimedMotion,
-    drift: float,
-    step: float,
+    speeds: np.ndarray, ends: TimedMotion, drift: float, step: float
 ) -> list[ClockCandidate]:
     """Peaks of the correlation at one drift."""
     middle = ends.span / 2
@@ -91,19 +86,12 @@ def _peaks(
     highest = indices[order[-CANDIDATES:]]
     offsets = lags * step - start
     return [
-        ClockCandidate(
-            correlation=values[index],
-            offset=offsets[index],
-            drift=drift,
-        )
+        ClockCandidate(correlation=values[index], offset=offsets[index], drift=drift)
         for index in highest
     ]
 
 
-def _speeds(
-    motion: TimedMotion,
-    step: float,
-) -> Float[np.ndarray, " cells"]:
+def _speeds(motion: TimedMotion, step: float) -> Float[np.ndarray, " cells"]:
     """Speeds on a grid, from means of its cells; NaN where a cell is empty."""
     cells = np.floor(motion.time / step)
     count = np.bincount(cells.astype(int))
@@ -123,9 +111,6 @@ def _centered(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.nan_to_num(centered), known.astype(float)
 
 
-def _sums(
-    first: np.ndarray,
-    later: np.ndarray,
-) -> np.ndarray:
+def _sums(first: np.ndarray, later: np.ndarray) -> np.ndarray:
     """Sums of products at every lag."""
     return correlate(first, later, method="fft")

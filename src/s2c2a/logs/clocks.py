@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.logs.clock_fit import MIN_ROWS, ClockFit, ClockParameters, ClockProblem
-from s2c2a.logs.clock_search import ClockCandidate, search_clocks
+from s2c2a.logs.clock_fit import MIN_ROWS, ClockParameters, ClockProblem
+from s2c2a.logs.clock_search import search_clocks
 from s2c2a.logs.drive_features import MAX_FITTED, MAX_GRID, DriveFeatures
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.timed_motion import TimedMotion
@@ -81,10 +81,7 @@ class LogClock(NamedTuple):
         )
 
 
-def estimate_clock(
-    drives: TimedMotion,
-    ends: TimedMotion,
-) -> LogClock:
+def estimate_clock(drives: TimedMotion, ends: TimedMotion) -> LogClock:
     """Conversion of times of the ends to the clock of the drives.
 
     Raises:
@@ -96,9 +93,19 @@ def estimate_clock(
     ends_begin = float(ends.time[0])
     drives = drives.normalized()
     ends = ends.normalized()
-    step = _step(drives, ends)
+    # interval of the grid of the search [s]
+    rows = 2 * max(drives.interval, ends.interval)
+    step = max(rows, drives.span / MAX_GRID, ends.span / MAX_GRID)
     # best fit; it must explain the motion, and clearly better than other offsets
-    fits = _fits(drives, ends, step)
+    features = DriveFeatures(drives, min(len(ends.time), MAX_FITTED))
+    fits = []
+    for candidate in search_clocks(drives, ends, step):
+        start = ClockParameters(
+            candidate.offset, candidate.drift, step / 4, START_WIDTH
+        )
+        problem = ClockProblem(drives, ends, features, start, step)
+        if problem.rows >= MIN_ROWS:
+            fits.append(problem.fit())
     explained = max((fit.explained for fit in fits), default=0.0)
     if not explained > MIN_EXPLAINED:
         raise LogError(
@@ -117,7 +124,11 @@ def estimate_clock(
                 f"the motion about equally well, since it repeats itself; {ADVICE}"
             )
     deviations = best.problem.deviations(best)
-    _check_deviation(deviations.offset, drives.interval + ends.interval)
+    if not deviations.offset < drives.interval + ends.interval:
+        raise LogError(
+            f"the motion determines the offset between the clocks only within "
+            f"{deviations.offset:.2g} s; {ADVICE}"
+        )
     parameters = best.parameters
     return LogClock(
         offset=parameters.offset + begin - ends_begin,
@@ -130,10 +141,7 @@ def estimate_clock(
     )
 
 
-def _check_motion(
-    name: str,
-    motion: TimedMotion,
-) -> None:
+def _check_motion(name: str, motion: TimedMotion) -> None:
     if len(motion.time) < MIN_ROWS:
         raise LogError(
             f"{len(motion.time)} rows with time and values of all {name}; at least "
@@ -143,48 +151,4 @@ def _check_motion(
         raise LogError(
             f"the {name} do not move, so the offset between the clocks is unknown; "
             f"{ADVICE}"
-        )
-
-
-def _step(
-    drives: TimedMotion,
-    ends: TimedMotion,
-) -> float:
-    """Interval of the grid of the search [s]."""
-    rows = 2 * max(drives.interval, ends.interval)
-    return max(rows, drives.span / MAX_GRID, ends.span / MAX_GRID)
-
-
-def _fits(
-    drives: TimedMotion,
-    ends: TimedMotion,
-    step: float,
-) -> list[ClockFit]:
-    """Fits from all candidates with enough rows."""
-    rows = min(len(ends.time), MAX_FITTED)
-    features = DriveFeatures(drives, rows)
-    fits = []
-    for candidate in search_clocks(drives, ends, step):
-        start = _start(candidate, step)
-        problem = ClockProblem(drives, ends, features, start, step)
-        if problem.rows >= MIN_ROWS:
-            fits.append(problem.fit())
-    return fits
-
-
-def _start(
-    candidate: ClockCandidate,
-    step: float,
-) -> ClockParameters:
-    return ClockParameters(candidate.offset, candidate.drift, step / 4, START_WIDTH)
-
-
-def _check_deviation(
-    deviation: float,
-    tolerance: float,
-) -> None:
-    if not deviation < tolerance:
-        raise LogError(
-            f"the motion determines the offset between the clocks only within "
-            f"{deviation:.2g} s; {ADVICE}"
         )

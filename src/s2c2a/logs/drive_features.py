@@ -24,11 +24,7 @@ ROWS_PER_FEATURE = 10  # more features would fit the noise
 class DriveFeatures:
     """Polynomials of the drives after backlash and a first-order lag."""
 
-    def __init__(
-        self,
-        drives: TimedMotion,
-        rows: int,
-    ):
+    def __init__(self, drives: TimedMotion, rows: int):
         self._interval = max(drives.interval / 4, drives.span / MAX_GRID)
         points = int(drives.span / self._interval) + 2
         self._grid = self._interval * np.arange(points)
@@ -44,10 +40,7 @@ class DriveFeatures:
         self._polynomials = _Polynomials(values, rows)
 
     def at(
-        self,
-        times: Float[np.ndarray, " rows"],
-        lag: float,
-        width: float,
+        self, times: Float[np.ndarray, " rows"], lag: float, width: float
     ) -> Float[np.ndarray, "rows features"]:
         """Features at some times, after a lag [s] and backlash."""
         played = self._played(width)
@@ -65,10 +58,7 @@ class DriveFeatures:
         return self._polynomials.at(values)
 
 
-def _played(
-    values: np.ndarray,
-    width: float,
-) -> np.ndarray:
+def _played(values: np.ndarray, width: float) -> np.ndarray:
     """Drives after backlash."""
     return play_along(values[0], values - width, values + width)
 
@@ -76,11 +66,7 @@ def _played(
 class _Polynomials:
     """Products of principal components up to the third degree, if the rows suffice."""
 
-    def __init__(
-        self,
-        values: np.ndarray,
-        rows: int,
-    ):
+    def __init__(self, values: np.ndarray, rows: int):
         self._mean = values.mean(axis=0)
         stride = max(len(values) // MAX_FITTED, 1)
         thinned = values[::stride] - self._mean

@@ -35,3 +35,19 @@ def reading_as(path: str | os.PathLike, form: str, way_out: str) -> Iterator[Non
         raise LogError(
             f"{path} cannot be read as {form}: {error!s:.200}; {way_out}"
         ) from error
+
+
+@contextmanager
+def needs_extra(path: str | os.PathLike, form: str) -> Iterator[None]:
+    """Explain a missing package of the extra `tables`, imported in the block.
+
+    Raises:
+        LogError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise LogError(
+            f"{path} cannot be read. {form}: export as CSV, or install the extra: "
+            'pip install "s2c2a[tables]"'
+        ) from error

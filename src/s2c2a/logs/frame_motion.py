@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
+from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.take import LogTake, effective_drives
 
@@ -93,8 +94,7 @@ def find_frame_motion(
     rows = np.flatnonzero(known)
     if len(rows) < _MIN_ROWS:
         return None
-    chosen = np.linspace(0, len(rows) - 1, min(len(rows), _REFERENCES)).astype(int)
-    rows = rows[chosen]
+    rows = rows[evenly_spread(len(rows), _REFERENCES)]
     drives = drives[rows]
     centers = positions[rows].mean(axis=1)
     motion = _largest_motion(drives, centers, rows, time)
@@ -142,14 +142,20 @@ def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
         yield np.concatenate([blocks[k] for k in random.permutation(_BLOCKS)])
 
 
+def quadratic_terms(
+    values: Float[np.ndarray, "rows drives"],
+) -> Float[np.ndarray, "rows terms"]:
+    """One, the values, and the products of two of them."""
+    first, second = np.triu_indices(values.shape[1])
+    products = values[:, first] * values[:, second]
+    return np.hstack([np.ones((len(values), 1)), values, products])
+
+
 def _smooth_map(
     drives: Float[np.ndarray, "rows drives"], centers: Float[np.ndarray, "rows 3"]
 ) -> Float[np.ndarray, "rows 3"]:
     """Quadratic regression of the ends' center on the drives."""
-    drives = drives - drives.mean(axis=0)
-    first, second = np.triu_indices(drives.shape[1])
-    ones = np.ones((len(drives), 1))
-    features = np.hstack([ones, drives, drives[:, first] * drives[:, second]])
+    features = quadratic_terms(drives - drives.mean(axis=0))
     return features @ np.linalg.lstsq(features, centers, rcond=1e-9)[0]
 
 

@@ -1,17 +1,18 @@
-"""Interpolation of columns in time: numbers linearly, rotations along the shortest arc.
+"""Linear interpolation of columns in time.
 
 Nothing is interpolated between neighbors that are further apart than a limit.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+
+
+def evenly_spread(count: int, most: int) -> np.ndarray:
+    """Indices of at most this many of `count` rows."""
+    return np.linspace(0, count - 1, min(count, most)).astype(int)
 
 
 def interpolate(
-    time: np.ndarray,
-    values: np.ndarray,
-    samples: np.ndarray,
-    limit: float,
+    time: np.ndarray, values: np.ndarray, samples: np.ndarray, limit: float
 ) -> np.ndarray:
     """Linear interpolation; NaN between neighbors further apart than a limit.
 
@@ -25,10 +26,7 @@ def interpolate(
 
 
 def _interpolate_channel(
-    time: np.ndarray,
-    channel: np.ndarray,
-    samples: np.ndarray,
-    limit: float,
+    time: np.ndarray, channel: np.ndarray, samples: np.ndarray, limit: float
 ) -> np.ndarray:
     known = np.isfinite(channel)
     if not known.any():
@@ -38,31 +36,8 @@ def _interpolate_channel(
     return np.where(is_near(times, samples, limit), values, np.nan)
 
 
-def is_near(
-    times: np.ndarray,
-    samples: np.ndarray,
-    limit: float,
-) -> np.ndarray:
+def is_near(times: np.ndarray, samples: np.ndarray, limit: float) -> np.ndarray:
     """Whether the neighbors of each sample are no further apart than a limit."""
     after = np.searchsorted(times, samples).clip(0, len(times) - 1)
     before = (np.searchsorted(times, samples, side="right") - 1).clip(0)
     return times[after] - times[before] <= limit
-
-
-def interpolate_rotations(
-    time: np.ndarray,
-    rotations: Rotation,
-    samples: np.ndarray,
-    limit: float,
-) -> tuple[Rotation, np.ndarray]:
-    """Spherical interpolation, and which samples have near neighbors.
-
-    Args:
-        time: increasing times of the rotations, at least two.
-        rotations: as many rotations.
-        samples: times of the results.
-        limit: largest distance of neighbors in time.
-    """
-    inside = (samples >= time[0]) & (samples <= time[-1])
-    inside &= is_near(time, samples, limit)
-    return Slerp(time, rotations)(samples.clip(time[0], time[-1])), inside

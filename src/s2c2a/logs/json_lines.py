@@ -32,14 +32,9 @@ def read_json_lines(path: str | os.PathLike, request: ColumnRequest) -> Table:
             fault = f"{_BROKEN}; write one object a line"
             builder.add(f"line {line}", list(values.values()), fault)
             continue
-        values |= {name: value for name, value in _leaves(entry) if name in values}
+        values |= {name: value for name, value in leaves(entry) if name in values}
         builder.add(f"line {line}", list(values.values()))
     return builder.build()
-
-
-def is_json_lines(text: str) -> bool:
-    """Whether a text begins with a complete JSON object on its first line."""
-    return next((entry for _, entry in _objects(text)), None) is not None
 
 
 def _names(path: str | os.PathLike, text: str) -> dict[str, None]:
@@ -51,7 +46,7 @@ def _names(path: str | os.PathLike, text: str) -> dict[str, None]:
                 f"{path}, line {line}: {_BROKEN}; JSON is read one object a line (JSON "
                 "lines): write it so, or save the log as CSV"
             )
-        for name, _ in _leaves(entry or {}):
+        for name, _ in leaves(entry or {}):
             names[name] = None
             if len(names) > MAX_COLUMNS:
                 raise LogError(
@@ -73,7 +68,7 @@ def _objects(text: str) -> Iterator[tuple[int, dict[str, Any] | None]]:
         yield number, entry if isinstance(entry, dict) else None
 
 
-def _leaves(entry: Any) -> Iterator[tuple[str, Any]]:
+def leaves(entry: Any) -> Iterator[tuple[str, Any]]:
     """Yield name and value of each number, text or null in an object."""
     waiting = [("", entry)]
     while waiting:

@@ -42,7 +42,14 @@ def read_lerobot(path: str | os.PathLike, request: ColumnRequest) -> Table:
     ):
         info = _info_of(Path(path))
         columns = _columns(Path(path), request)
-        columns = _named(columns, info["features"])
+        # columns by the names of their numbers in a feature
+        renamed = {}
+        for feature, description in info["features"].items():
+            for place, name in enumerate(_names_in(description)):
+                renamed[f"{feature}.{place}"] = f"{feature}.{name}"
+                if description["shape"] == [1]:
+                    renamed[feature] = f"{feature}.{name}"
+        columns = {renamed.get(name, name): values for name, values in columns.items()}
         if TIME not in columns and len(columns[INDEX]):
             columns[TIME] = columns[INDEX] / float(info["fps"])
         return table_of_arrays(path, columns, request)
@@ -83,19 +90,6 @@ def _columns(path: Path, request: ColumnRequest) -> dict[str, np.ndarray]:
     if not files:
         raise LogError(f"{path} has no tables in data; check that it is complete")
     return {name: np.concatenate(values) for name, values in parts.items()}
-
-
-def _named(
-    columns: Mapping[str, np.ndarray], features: Mapping[str, Mapping[str, Any]]
-) -> dict[str, np.ndarray]:
-    """Columns by the names of their numbers in a feature."""
-    renamed = {}
-    for feature, description in features.items():
-        for place, name in enumerate(_names_in(description)):
-            renamed[f"{feature}.{place}"] = f"{feature}.{name}"
-            if description["shape"] == [1]:
-                renamed[feature] = f"{feature}.{name}"
-    return {renamed.get(name, name): values for name, values in columns.items()}
 
 
 def _names_in(description: Mapping[str, Any]) -> list[str]:

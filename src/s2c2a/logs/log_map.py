@@ -49,8 +49,7 @@ LogDirection = Annotated[
     _direction("x, y and z are the first, second and third column of `position`"),
 ]
 BodyDirection = Annotated[
-    str | Vector,
-    _direction("x, y and z are the axes of the tracked frame"),
+    str | Vector, _direction("x, y and z are the axes of the tracked frame")
 ]
 ModuleIndex = Annotated[int, Field(ge=0, lt=MAX_MODULES)]
 MapText = Annotated[str, Field(max_length=MAX_TEXT)]
@@ -260,6 +259,11 @@ class Drive(MapTable):
     def effect(self) -> Literal["pulls", "releases", "unknown"]:
         """Effect of a larger number, as stated or known from the unit."""
         return "releases" if self.pushes else self.positive
+
+    @property
+    def sign(self) -> int:
+        """1 if a larger number pulls, -1 if it releases, 0 if that is unknown."""
+        return {"pulls": 1, "releases": -1, "unknown": 0}[self.effect]
 
     @property
     def name(self) -> str:

@@ -134,8 +134,7 @@ def _are_reversed(found: Identified, log_map: LogMap) -> bool:
 
 
 def _signs(log_map: LogMap) -> np.ndarray:
-    signs = {"pulls": 1, "releases": -1, "unknown": 0}
-    return np.array([signs[drive.effect] for drive in log_map.drives])
+    return np.array([drive.sign for drive in log_map.drives])
 
 
 def _angles(log_map: LogMap) -> Float[np.ndarray, " drives"]:

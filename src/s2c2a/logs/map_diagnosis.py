@@ -4,9 +4,8 @@ The cable model is fitted once more without what the map states about frame, end
 drives. The change that turns the identified into the stated values is named.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -60,21 +59,6 @@ class Given(NamedTuple):
     residual: float
 
 
-@dataclass(frozen=True)
-class _FreeFit:
-    """Fit without what the map states.
-
-    Attributes:
-        found: what it identifies.
-        errors: share of the motion that is missed in each held-out stretch.
-        held_out: rows of these stretches.
-    """
-
-    found: Identified
-    errors: np.ndarray
-    held_out: "_KnownRows"
-
-
 class _KnownRows(NamedTuple):
     """Rows: drives, and ends in the frame and order of the map, by stretch."""
 
@@ -84,18 +68,6 @@ class _KnownRows(NamedTuple):
 
     def take(self, chosen: np.ndarray) -> "_KnownRows":
         return _KnownRows(*(values[chosen] for values in self))
-
-
-@contextmanager
-def explained_errors(takes: Sequence[LogTake], log_map: LogMap) -> Iterator[None]:
-    """Add a diagnosis of the map to errors of an import."""
-    try:
-        yield
-    except S2C2AError as error:
-        sentence = _diagnose(takes, log_map, None)
-        if not sentence:
-            raise
-        raise LogError(f"{error}\n{sentence}") from error
 
 
 def diagnose_map(takes: Sequence[LogTake], log_map: LogMap, given: Given) -> str:
@@ -119,24 +91,23 @@ def diagnose_map(takes: Sequence[LogTake], log_map: LogMap, given: Given) -> str
         and not drive_unit_change(float(np.exp(parameters.gain)), length, log_map)
     ):
         return ""
-    return _diagnose(takes, log_map, given)
+    return diagnose(takes, log_map, given)
 
 
-def _diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> str:
+def diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> str:
+    """Sentence that names the change; `given` is None if the fit has failed."""
     try:
-        free = _fit_freely(takes, log_map)
+        found, free_errors, rows = _fit_freely(takes, log_map)
     except S2C2AError:
         return ""
-    found = free.found
     sizes = end_unit_change(found.lengths, log_map)
     if not sizes:
         sizes = drive_unit_change(found.gain, float(found.lengths.min()), log_map)
     if sizes:
         return f"the map contradicts the log: {sizes} (nothing was changed)"
-    stated = np.ones_like(free.errors)  # a model without motion misses all of it
+    stated = np.ones_like(free_errors)  # a model without motion misses all of it
     if given is not None:
         # errors of the fit as given, with the stated angles, which it may leave
-        rows = free.held_out
         angles = stated_angles(given.fit.parameters.angles, log_map)
         parameters = given.fit.parameters._replace(angles=angles)
         states = np.full((len(rows.columns), log_map.arm.modules, 6), np.nan)
@@ -146,11 +117,11 @@ def _diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) ->
             replace(given.fit, parameters=parameters), observations, rows.stretches
         )
     old = float(np.sqrt(np.mean(stated**2)))
-    new = float(np.sqrt(np.mean(free.errors**2)))
-    better = int((free.errors < stated).sum())
+    new = float(np.sqrt(np.mean(free_errors**2)))
+    better = int((free_errors < stated).sum())
     if better < len(stated) - 1 or new > min(CLEARLY * old, MOST):
         return ""
-    changes = find_changes(free.found, log_map)
+    changes = find_changes(found, log_map)
     if not changes:
         return ""
     return (
@@ -160,8 +131,15 @@ def _diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) ->
     )
 
 
-def _fit_freely(takes: Sequence[LogTake], log_map: LogMap) -> _FreeFit:
-    """Fit half of the stretches with free frame, ends, drives, and sizes."""
+def _fit_freely(
+    takes: Sequence[LogTake], log_map: LogMap
+) -> tuple[Identified, np.ndarray, _KnownRows]:
+    """Fit half of the stretches with free frame, ends, drives, and sizes.
+
+    Returns:
+        What it identifies, the share of the motion that is missed in each held-out
+        stretch, and the rows of these stretches.
+    """
     rows = _rows(takes, log_map)
     place = np.arange(len(rows.columns)) * STRETCHES / len(rows.columns)
     is_middle = np.abs(place % 1 - 0.5) < 0.25
@@ -201,7 +179,7 @@ def _fit_freely(takes: Sequence[LogTake], log_map: LogMap) -> _FreeFit:
     errors = missed_shares(
         fit, replace(unseen, axes=observations.axes), held_out.stretches
     )
-    return _FreeFit(found, errors, held_out)
+    return found, errors, held_out
 
 
 def _rows(takes: Sequence[LogTake], log_map: LogMap) -> _KnownRows:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from s2c2a.logs.bags import NANOSECOND, TIME, read_bag, table_of_rows
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, reading_as
-from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError, needs_extra, reading_as
+from s2c2a.logs.json_lines import leaves
 from s2c2a.logs.tables import ColumnRequest, Table, list_names
 
 MAX_MESSAGE_BYTES = 1_000_000  # 4096 numbers in full precision have 100,000
@@ -75,35 +75,26 @@ def _rows_of(path: Path, topic: str) -> Iterator[dict[str, float]]:
         elif getattr(record, "channel_id", None) in channels and hasattr(
             record, "data"
         ):
-            row = dict(_leaves(_parsed(record.data)))
+            # a message; a long one is refused before it takes a hundred times its size
+            data = record.data
+            if len(data) > MAX_MESSAGE_BYTES:
+                raise LogError(
+                    f"a message has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are read. "
+                    "Choose a topic of numbers"
+                )
+            row = dict(_numbers(json.loads(data)))
             yield row | {TIME: record.log_time * NANOSECOND}
 
 
-def _parsed(data: bytes) -> Any:
-    """A message; a long one is refused before it takes a hundred times its size."""
-    if len(data) > MAX_MESSAGE_BYTES:
-        raise LogError(
-            f"a message has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are read. "
-            "Choose a topic of numbers"
-        )
-    return json.loads(data)
-
-
-def _leaves(message: Any) -> Iterator[tuple[str, float]]:
+def _numbers(message: Any) -> Iterator[tuple[str, float]]:
     """Name and value of each number of a message; missing numbers are null."""
-    waiting = [("", message)]
-    for count, (name, value) in enumerate(waiting):
+    for count, (name, value) in enumerate(leaves(message)):
         if count > MAX_COLUMNS:
             raise LogError(
                 f"a message has more than {MAX_COLUMNS} values; choose a topic of "
                 "numbers"
             )
-        begin = f"{name}." if name else ""
-        if isinstance(value, dict):
-            waiting += [(f"{begin}{key}", part) for key, part in value.items()]
-        elif isinstance(value, list):
-            waiting += [(f"{begin}{place}", part) for place, part in enumerate(value)]
-        elif value is None:
+        if value is None:
             yield name, float("nan")
         elif isinstance(value, int | float):
             yield name, float(value)

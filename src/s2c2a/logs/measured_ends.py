@@ -6,7 +6,6 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 
 from s2c2a.measurements.outliers import MeasuredEnds, Outliers
@@ -21,9 +20,19 @@ from s2c2a.viz.colors import INK, MUTED
 
 WIDTH, HEIGHT = 11.0, 2.1  # of the figure, and of the panel of each end [inches]
 COORDINATES = {"x": "#1f5fc4", "y": "#2b9a4b", "z": "#6b7280"}
-FROZEN = "#c77d0a"
-OTHER = "#b8327f"
 LINE: dict[str, Any] = {"linewidth": 0.7}
+BAND: dict[str, Any] = {
+    "color": "#c77d0a",
+    "alpha": 0.35,
+    "label": "frozen pose, excluded",
+}
+CROSSES: dict[str, Any] = {
+    "marker": "x",
+    "markersize": 4,
+    "linestyle": "none",
+    "color": "#b8327f",
+    "label": "other excluded pose",
+}
 
 
 class RowMark(NamedTuple):
@@ -73,11 +82,18 @@ def measured_ends_figure(
         shared = shared or axes
         axes.label_outer()
         axes.margins(x=0.01)
-        _draw_positions(axes, ends.positions[:, end])
+        positions = ends.positions[:, end]
+        for (name, color), values in zip(COORDINATES.items(), positions.T, strict=True):
+            axes.plot(values, color=color, label=name, **LINE)
         if outliers is not None:
-            _draw_frozen(axes, outliers.frozen[:, end])
-            others = outliers.all[:, end] & ~outliers.frozen[:, end]
-            _draw_others(axes, ends.positions[:, end], others)
+            is_frozen = outliers.frozen[:, end]
+            # a band over each run of frozen rows, at least a row wide
+            edges = np.flatnonzero(np.diff(is_frozen, prepend=False, append=False))
+            for first, after in edges.reshape(-1, 2).tolist():
+                axes.axvspan(first - 0.5, after - 0.5, **BAND)
+            rows = np.flatnonzero(outliers.all[:, end] & ~is_frozen)
+            for values in positions[rows].T if len(rows) else ():
+                axes.plot(rows, values, **CROSSES)
         for border in np.flatnonzero(np.diff(ends.stretches)):
             axes.axvline(border + 0.5, color=MUTED, linewidth=0.7, linestyle=":")
         for mark in marks:
@@ -96,32 +112,3 @@ def measured_ends_figure(
             fontsize=9,
         )
     return save_figure(figure, path)
-
-
-def _draw_positions(axes: Axes, positions: Float[np.ndarray, "rows 3"]) -> None:
-    for (name, color), values in zip(COORDINATES.items(), positions.T, strict=True):
-        axes.plot(values, color=color, label=name, **LINE)
-
-
-def _draw_frozen(axes: Axes, is_frozen: Bool[np.ndarray, " rows"]) -> None:
-    """A band over each run of frozen rows, at least a row wide."""
-    edges = np.flatnonzero(np.diff(is_frozen, prepend=False, append=False))
-    for first, end in edges.reshape(-1, 2).tolist():
-        label = "frozen pose, excluded"
-        axes.axvspan(first - 0.5, end - 0.5, color=FROZEN, alpha=0.35, label=label)
-
-
-def _draw_others(
-    axes: Axes,
-    positions: Float[np.ndarray, "rows 3"],
-    is_outlier: Bool[np.ndarray, " rows"],
-) -> None:
-    rows = np.flatnonzero(is_outlier)
-    style: dict[str, Any] = {
-        "marker": "x",
-        "markersize": 4,
-        "linestyle": "none",
-        "color": OTHER,
-    }
-    for values in positions[rows].T if len(rows) else ():
-        axes.plot(rows, values, label="other excluded pose", **style)

@@ -6,8 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
-from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.errors import (
+    MAX_BYTES,
+    MAX_COLUMNS,
+    MAX_ROWS,
+    LogError,
+    needs_extra,
+    reading_as,
+)
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
 MAX_VALUES = MAX_BYTES // 8
@@ -78,7 +84,10 @@ def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
     """Yield name and values of each column within a column."""
     kind = values.type
     if hasattr(kind, "index_type"):
-        yield name, _words_of(values)
+        # elements of a dictionary array, equal ones as one object; None is missing
+        words = np.array([*values.dictionary.to_pylist(), None], dtype=object)
+        indices = values.indices.fill_null(len(words) - 1)
+        yield name, words[indices.to_numpy(zero_copy_only=False)]
     elif hasattr(kind, "fields"):
         for field, part in zip(kind.fields, values.flatten(), strict=True):
             yield from _leaves(f"{name}.{field.name}", part)
@@ -95,10 +104,3 @@ def _leaves(name: str, values: Any) -> Iterator[tuple[str, np.ndarray]]:
 
 def _is_text(kind: Any) -> bool:
     return str(kind) in ("string", "large_string", "binary", "large_binary")
-
-
-def _words_of(values: Any) -> np.ndarray:
-    """Elements of a dictionary array, equal ones as one object; None is missing."""
-    words = np.array([*values.dictionary.to_pylist(), None], dtype=object)
-    indices = values.indices.fill_null(len(words) - 1)
-    return words[indices.to_numpy(zero_copy_only=False)]

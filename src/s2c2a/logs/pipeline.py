@@ -12,6 +12,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
+from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import tilt_rotation
@@ -21,12 +22,12 @@ from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_diagnosis import Given, diagnose_map, explained_errors
+from s2c2a.logs.map_diagnosis import Given, diagnose, diagnose_map
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
 from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
-from s2c2a.logs.registration import Registration, estimate_registration
+from s2c2a.logs.registration import estimate_registration
 from s2c2a.logs.resampling import split_segments
 from s2c2a.logs.rests import estimate_rests, from_rests
 from s2c2a.logs.rig import (
@@ -128,8 +129,13 @@ def import_logs(
     read = _read_takes(paths, log_map)
     rests = estimate_rests(read, log_map)
     read = [from_rests(take, rests) for take in read]
-    with explained_errors(read, log_map):
+    try:
         return _identify(read, rests, log_map, arm)
+    except S2C2AError as error:
+        sentence = diagnose(read, log_map, None)
+        if not sentence:
+            raise
+        raise LogError(f"{error}\n{sentence}") from error
 
 
 def _identify(
@@ -137,8 +143,29 @@ def _identify(
 ) -> Imported:
     """Identify the arm from takes whose drives count from their rests."""
     segments = _build_segments(read, log_map)
-    registration = _register(segments.takes, log_map)
-    observations = _observe(segments.takes, registration, log_map)
+    positions = np.concatenate([take.positions for take in segments.takes])
+    registration = estimate_registration(positions, log_map)
+    length = float(registration.lengths.sum())
+    columns = np.concatenate(
+        [effective_drives(take, log_map) for take in segments.takes]
+    )
+    travel = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
+    for drive, distance in zip(log_map.drives, travel, strict=True):
+        is_stated = drive.unit != "free" and not log_map.by_force
+        if is_stated and distance > length:  # more cable than the arm is long
+            raise LogError(
+                f"'{drive.name}' moves by {distance:.3g} m, and the arm is "
+                f"{length:.3g} m long; correct its unit in the map"
+            )
+    observations = Observations(
+        columns,
+        _measured_states(segments.takes, log_map),
+        registration.axes,
+        log_map.by_force,
+        prior_std(log_map),
+        length,
+        stated_bounds(registration, log_map),
+    )
     start = first_guess(registration, log_map)
     fit, assignment, ambiguities = identify_cables(
         observations, start, log_map, MAX_FITTED
@@ -178,7 +205,7 @@ def _identify(
         fit,
         assignment,
         residual,
-        _is_at_rest(log_map),
+        log_map.rows.kind == "steps",
         tuple(ambiguities),
         segments,
         diagnosis,
@@ -229,20 +256,22 @@ def import_take(
     segments = _build_segments([from_rests(take, rests) for take in read], log_map)
     states = _measured_states(segments.takes, log_map)
     episodes = _build_episodes(segments.takes, states, first.arm, rig, log_map)
-    _check_reach(episodes, first.arm)
     cables, positions = _cables_and_ends(episodes)
+    reach = float(np.nanmax(np.abs(positions), initial=0.0))
+    if reach > MAX_REACH * first.arm.length:
+        raise LogError(
+            f"ends are up to {reach:.3g} m from the base of an arm of "
+            f"{first.arm.length:.3g} m, in the frame of the first recording; correct "
+            "their unit in the map or, if cameras have moved, import the log "
+            "without --like"
+        )
     first_cables, first_positions = _cables_and_ends(first.episodes)
     similar = find_similar_rows(
         cables, positions[:, -1], first_cables, first_positions[:, -1]
     )
     change = find_change(cables, positions, first_cables, first_positions, first.arm)
     return ImportedTake(
-        episodes,
-        rig,
-        similar,
-        change,
-        _is_at_rest(log_map),
-        segments,
+        episodes, rig, similar, change, log_map.rows.kind == "steps", segments
     )
 
 
@@ -252,23 +281,8 @@ def _cables_and_ends(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarra
     return cables, states[..., POSITION]
 
 
-def _check_reach(episodes: Sequence[Episode], arm: ArmSpec) -> None:
-    for episode in episodes:
-        positions = np.abs(episode.sensor("states")[..., POSITION])
-        reach = float(np.nanmax(positions, initial=0.0))
-        if reach > MAX_REACH * arm.length:
-            raise LogError(
-                f"ends are up to {reach:.3g} m from the base of an arm of "
-                f"{arm.length:.3g} m, in the frame of the first recording; correct "
-                "their unit in the map or, if cameras have moved, import the log "
-                "without --like"
-            )
-
-
 def save_imported(
-    imported: Imported | ImportedTake,
-    path: str | os.PathLike,
-    options: dict[str, Any],
+    imported: Imported | ImportedTake, path: str | os.PathLike, options: dict[str, Any]
 ) -> Path | None:
     """Write the recording, and the arm file of an identified arm.
 
@@ -351,46 +365,6 @@ def _request(log_map: LogMap, place: int) -> ColumnRequest:
     )
 
 
-def _register(segments: Sequence[LogTake], log_map: LogMap) -> Registration:
-    """Estimate the base frame, and check the drives against the arm's length."""
-    positions = np.concatenate([segment.positions for segment in segments])
-    registration = estimate_registration(positions, log_map)
-    columns = np.concatenate(
-        [effective_drives(segment, log_map) for segment in segments]
-    )
-    _check_travel(columns, float(registration.lengths.sum()), log_map)
-    return registration
-
-
-def _check_travel(
-    columns: Float[np.ndarray, "rows drives"], length: float, log_map: LogMap
-) -> None:
-    """Refuse a drive that winds more cable than the arm is long: its unit is wrong."""
-    if log_map.by_force:
-        return
-    travel = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
-    for drive, distance in zip(log_map.drives, travel, strict=True):
-        if drive.unit != "free" and distance > length:
-            raise LogError(
-                f"'{drive.name}' moves by {distance:.3g} m, and the arm is "
-                f"{length:.3g} m long; correct its unit in the map"
-            )
-
-
-def _observe(
-    segments: Sequence[LogTake], registration: Registration, log_map: LogMap
-) -> Observations:
-    return Observations(
-        np.concatenate([effective_drives(segment, log_map) for segment in segments]),
-        _measured_states(segments, log_map),
-        registration.axes,
-        log_map.by_force,
-        prior_std(log_map),
-        float(registration.lengths.sum()),
-        stated_bounds(registration, log_map),
-    )
-
-
 def _measured_states(
     segments: Sequence[LogTake], log_map: LogMap
 ) -> Float[np.ndarray, "rows modules 6"]:
@@ -411,10 +385,6 @@ def _rotation_about_z(angle: float) -> Float[np.ndarray, "3 3"]:
     cos = np.cos(angle)
     sin = np.sin(angle)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _is_at_rest(log_map: LogMap) -> bool:
-    return log_map.rows.kind == "steps"
 
 
 def _build_episodes(

@@ -74,10 +74,7 @@ def _read_header(rows: Rows) -> tuple[dict[str, list[str]], tuple | None]:
 
 
 def _names(
-    path: str | os.PathLike,
-    row: list[str],
-    named: list[str],
-    parts: tuple[str, ...],
+    path: str | os.PathLike, row: list[str], named: list[str], parts: tuple[str, ...]
 ) -> tuple[list[str], bool]:
     """Names of the columns, and whether frames and times are to be counted.
 
@@ -101,11 +98,7 @@ def _names(
     )
 
 
-def _rows(
-    rows: Rows,
-    names: list[str],
-    period: float | None,
-) -> Rows:
+def _rows(rows: Rows, names: list[str], period: float | None) -> Rows:
     """Rows without positions of exactly zero; with frames and times if counted."""
     places = [index for index, name in enumerate(names) if name.endswith(".X")]
     for frame, (line, row) in enumerate(rows):

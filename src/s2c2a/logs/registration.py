@@ -60,7 +60,20 @@ def estimate_registration(
         base = np.array(log_map.frame.base)
     else:
         base = rest[order[-1]] - lengths[: outer + 1].sum() * z
-    return Registration(_complete_axes(z, log_map), base, lengths)
+    # axes as columns: x as stated, or along the log's axis most across the arm
+    if log_map.frame.x is None:
+        # of a plane, the axis in it
+        axes = np.eye(3)
+        if log_map.in_plane:
+            axes = axes[:2]
+        across = axes[np.argmin(np.abs(axes @ z))]
+    else:
+        across = unit_vector(log_map.frame.x)
+    x = across - (across @ z) * z
+    if np.linalg.norm(x) < 0.1:
+        raise LogError("frame.x points along the arm; give a direction across it")
+    x = x / np.linalg.norm(x)
+    return Registration(np.stack([x, np.cross(z, x), z], axis=1), base, lengths)
 
 
 def straight_rows(
@@ -165,22 +178,3 @@ def _interpolate_lengths(heights: dict[int, float], modules: int) -> np.ndarray:
         lengths[inner + 1 : outer + 1] = slope
     lengths[np.isnan(lengths)] = np.nanmean(lengths)
     return np.clip(lengths, MIN_LENGTH, MAX_LENGTH)
-
-
-def _complete_axes(
-    z: Float[np.ndarray, "3"], log_map: LogMap
-) -> Float[np.ndarray, "3 3"]:
-    """Axes as columns: x as stated, or along the log's axis most across the arm."""
-    if log_map.frame.x is None:
-        # of a plane, the axis in it
-        axes = np.eye(3)
-        if log_map.in_plane:
-            axes = axes[:2]
-        across = axes[np.argmin(np.abs(axes @ z))]
-    else:
-        across = unit_vector(log_map.frame.x)
-    x = across - (across @ z) * z
-    if np.linalg.norm(x) < 0.1:
-        raise LogError("frame.x points along the arm; give a direction across it")
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)

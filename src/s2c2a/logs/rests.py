@@ -43,7 +43,5 @@ def estimate_rests(
 def from_rests(take: LogTake, rests: Float[np.ndarray, " drives"]) -> LogTake:
     """Take whose drives count from their rest."""
     return replace(
-        take,
-        commanded=take.commanded - rests,
-        measured=take.measured - rests,
+        take, commanded=take.commanded - rests, measured=take.measured - rests
     )

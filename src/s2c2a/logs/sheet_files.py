@@ -6,8 +6,14 @@ from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from typing import Any
 
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
-from s2c2a.logs.extra_packages import needs_extra
+from s2c2a.logs.errors import (
+    MAX_BYTES,
+    MAX_COLUMNS,
+    MAX_ROWS,
+    LogError,
+    needs_extra,
+    reading_as,
+)
 from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
 
 Rows = Iterator[tuple[int, Sequence[Any]]]
@@ -54,7 +60,11 @@ def _filled(path: str | os.PathLike, rows: Iterator[Sequence[Any]]) -> Rows:
 
 
 def _read(path: str | os.PathLike, rows: Rows, request: ColumnRequest) -> Table:
-    filled: Rows = filter(_is_filled, islice(rows, request.skip_lines, None))
+    filled: Rows = (
+        (line, row)
+        for line, row in islice(rows, request.skip_lines, None)
+        if any(str(cell).strip() for cell in row if cell is not None)
+    )
     first = next(filled, None)
     if first is None:
         raise LogError(f"{path} has an empty first sheet; put the log there")
@@ -68,8 +78,3 @@ def _read(path: str | os.PathLike, rows: Rows, request: ColumnRequest) -> Table:
         cells = [row[place] if place < len(row) else None for place in places]
         builder.add(f"row {line}", cells)
     return builder.build()
-
-
-def _is_filled(numbered: tuple[int, Sequence[Any]]) -> bool:
-    _, row = numbered
-    return any(str(cell).strip() for cell in row if cell is not None)

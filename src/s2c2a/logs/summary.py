@@ -4,10 +4,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from s2c2a.episodes import Episode
 from s2c2a.logs.command_range import describe_range
 from s2c2a.logs.pipeline import Imported, ImportedTake
-from s2c2a.logs.rig import Rig, SimilarRows
+from s2c2a.logs.rig import SimilarRows
 from s2c2a.logs.take_change import describe_change
 
 SHOWN_UNITS = {
@@ -94,34 +93,7 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
     read = imported.segments
     if read.broken_rows:
         broken = f"; {read.broken_rows} unreadable rows are gaps"
-    lines = [
-        f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
-        f"{read.rows} rows{broken}",
-        f"measured: {_describe_ends(imported.episodes)}",
-    ]
-    for number, clocks in enumerate(read.clocks, 1):
-        take = f"take {number}, " if len(read.clocks) > 1 else ""
-        for file, clock in enumerate(clocks, 2):
-            lines.append(f"clock of {take}file {file}: {clock}")
-    if excluded := str(read.excluded):
-        lines.append(excluded)
-    lines += _describe_rests(imported.rig)
-    return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
-
-
-def _describe_rests(rig: Rig) -> list[str]:
-    rests = zip(rig.names, rig.rests, rig.scales, strict=False)
-    parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
-    if not parts:
-        return []
-    return [
-        f"rest: {', '.join(parts)}: their values where the arm is straightest, since "
-        "they are never near zero; state the `offset` of a drive that you know"
-    ]
-
-
-def _describe_ends(episodes: Iterable[Episode]) -> str:
-    states = np.concatenate([episode.sensor("states") for episode in episodes])
+    states = np.concatenate([each.sensor("states") for each in imported.episodes])
     known = np.isfinite(states)
     ends = []
     for module in range(states.shape[1]):
@@ -132,7 +104,26 @@ def _describe_ends(episodes: Iterable[Episode]) -> str:
                 f"end of module {module} in {100 * position:.1f} % of steps, "
                 f"its axis in {100 * axis:.1f} %"
             )
-    return "; ".join(ends)
+    lines = [
+        f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
+        f"{read.rows} rows{broken}",
+        f"measured: {'; '.join(ends)}",
+    ]
+    for number, clocks in enumerate(read.clocks, 1):
+        take = f"take {number}, " if len(read.clocks) > 1 else ""
+        for file, clock in enumerate(clocks, 2):
+            lines.append(f"clock of {take}file {file}: {clock}")
+    if excluded := str(read.excluded):
+        lines.append(excluded)
+    rig = imported.rig
+    rests = zip(rig.names, rig.rests, rig.scales, strict=False)
+    parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
+    if parts:
+        lines.append(
+            f"rest: {', '.join(parts)}: their values where the arm is straightest, since "
+            "they are never near zero; state the `offset` of a drive that you know"
+        )
+    return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 
 
 def _vector(values: Iterable[float], digits: int = 4) -> str:

@@ -2,7 +2,7 @@
 
 import os
 from array import array
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from itertools import islice
@@ -84,6 +84,25 @@ def list_names(names: Collection[str]) -> str:
         return "none"
     shown = ", ".join(name[:40] for name in islice(names, MAX_SHOWN))
     return shown + (", ..." if len(names) > MAX_SHOWN else "")
+
+
+def check_distinct(tables: Iterable["Table"], shared: str) -> None:
+    """Refuse files of a take that have a column in common but the shared one.
+
+    Raises:
+        LogError: a column occurs twice.
+    """
+    seen: set[str] = set()
+    duplicates: set[str] = set()
+    for table in tables:
+        columns = {*table.numbers, *table.labels} - {shared}
+        duplicates |= columns & seen
+        seen |= columns
+    if duplicates:
+        raise LogError(
+            f"several of the joined files have {list_names(sorted(duplicates))}; "
+            "give each column its own name"
+        )
 
 
 def check_any_found(
@@ -252,9 +271,7 @@ def seconds_of(cell: Any) -> float | None:
 
 
 def table_of_arrays(
-    path: str | os.PathLike,
-    arrays: Mapping[str, np.ndarray],
-    request: ColumnRequest,
+    path: str | os.PathLike, arrays: Mapping[str, np.ndarray], request: ColumnRequest
 ) -> Table:
     """Table of the requested columns among arrays.
 

@@ -12,7 +12,7 @@ from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import FORCE_UNITS, ROTATING_UNITS, Drive, End, LogMap, Vector
 from s2c2a.logs.row_times import row_times
-from s2c2a.logs.tables import Table, list_names
+from s2c2a.logs.tables import Table, check_distinct, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
 
 ROW = ""  # key of row numbers, which no map can name
@@ -138,10 +138,6 @@ def _join(
         return join_by_time(tables, log_map)
     if log_map.join.key is not None:
         return _join_by_key(tables, log_map.join.key), ()
-    return _join_by_row(tables), ()
-
-
-def _join_by_row(tables: Sequence[Table]) -> Table:
     counts = [len(table) for table in tables]
     if len(set(counts)) > 1:
         raise LogError(
@@ -152,7 +148,7 @@ def _join_by_row(tables: Sequence[Table]) -> Table:
         replace(table, numbers={**table.numbers, ROW: np.arange(len(table))})
         for table in tables
     ]
-    return _join_by_key(numbered, ROW)
+    return _join_by_key(numbered, ROW), ()
 
 
 def _join_by_key(tables: Sequence[Table], key: str) -> Table:
@@ -172,20 +168,13 @@ def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     if not len(common):
         paths = " and ".join(table.path for table in tables)
         raise LogError(f"{paths} have no '{key}' in common")
+    check_distinct(tables, key)
     numbers: dict[str, np.ndarray] = {}
     labels: dict[str, np.ndarray] = {}
-    duplicates: set[str] = set()
     for table in tables:
-        columns = {*table.numbers, *table.labels} - {key}
-        duplicates |= columns & {*numbers, *labels}
         rows = table.select(_find_rows(table.numbers[key], common))
         numbers |= rows.numbers
         labels |= rows.labels
-    if duplicates:
-        raise LogError(
-            f"several of the joined files have {list_names(sorted(duplicates))}; "
-            "give each column its own name"
-        )
     path = " + ".join(table.path for table in tables)
     broken_rows = sum(table.broken_rows for table in tables)
     stamps = frozenset().union(*(table.stamps for table in tables))
@@ -266,10 +255,7 @@ def _axes(table: Table, end: End) -> np.ndarray:
 
 
 def _check_rotations(
-    table: Table,
-    columns: Sequence[str],
-    values: np.ndarray,
-    known: np.ndarray,
+    table: Table, columns: Sequence[str], values: np.ndarray, known: np.ndarray
 ) -> None:
     """Refuse matrices that are no rotations."""
     matrices = values.reshape(-1, 3, 3)

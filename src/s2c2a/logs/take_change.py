@@ -22,6 +22,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from s2c2a.arm import ArmSpec
+from s2c2a.logs.frame_motion import quadratic_terms
 
 COMPARED_SHARE = 0.5  # of the rows: those with the most similar cables
 MIN_ROWS = 20
@@ -170,8 +171,7 @@ def _explain(
 
 
 def _fit(
-    features: Float[np.ndarray, "ends 3 features"],
-    values: Float[np.ndarray, "ends 3"],
+    features: Float[np.ndarray, "ends 3 features"], values: Float[np.ndarray, "ends 3"]
 ) -> tuple[Float[np.ndarray, " features"], float]:
     """Robust least squares: weights, and mean displacement that they leave [m]."""
     rows = np.ones(len(values))
@@ -196,26 +196,25 @@ def _derivatives(
     """Derivative of the ends by the cables, from a quadratic regression of a take."""
     middle = cables.mean(axis=0)
     scale = cables.std(axis=0) + _LEAST
-    first, second = np.triu_indices(cables.shape[1])
-
-    def terms(values: np.ndarray) -> np.ndarray:
-        squares = values[:, first] * values[:, second]
-        return np.hstack([np.ones((len(values), 1)), values, squares])
-
     scaled = (cables - middle) / scale
     known = np.isfinite(positions).all(axis=-1)
     columns = []
     for module in range(positions.shape[1]):
         rows = known[:, module]
         values = positions[rows, module]
-        columns.append(np.linalg.lstsq(terms(scaled[rows]), values, rcond=_RCOND)[0])
+        columns.append(
+            np.linalg.lstsq(quadratic_terms(scaled[rows]), values, rcond=_RCOND)[0]
+        )
     weights = np.stack(columns, axis=1)  # (terms, modules, 3)
     units = np.eye(cables.shape[1])
 
     def derivative(values: np.ndarray) -> np.ndarray:
         near = (values - middle) / scale
         # the central difference of a quadratic function is exact
-        slopes = [(terms(near + unit) - terms(near - unit)) / 2 for unit in units]
+        slopes = [
+            (quadratic_terms(near + unit) - quadratic_terms(near - unit)) / 2
+            for unit in units
+        ]
         changes = [np.einsum("nt,tmx->nmx", slope, weights) for slope in slopes]
         return np.stack(changes, axis=-1) / scale
 

@@ -55,9 +55,7 @@ def _read(path: str | os.PathLike, text: str, request: ColumnRequest) -> Table:
 
 
 def _rows_of(
-    path: str | os.PathLike,
-    text: str,
-    request: ColumnRequest,
+    path: str | os.PathLike, text: str, request: ColumnRequest
 ) -> CaptureExport:
     """Names and rows of a text: an export, or a table without units."""
     for system in (motive, qualisys):

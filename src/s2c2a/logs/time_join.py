@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.interpolation import interpolate, interpolate_rotations
+from s2c2a.logs.interpolation import interpolate, is_near
 from s2c2a.logs.log_map import End, LogMap
 from s2c2a.logs.row_times import row_times
-from s2c2a.logs.tables import Table, list_names
+from s2c2a.logs.tables import Table, check_distinct
 from s2c2a.logs.timed_motion import TimedMotion
 
 # default longest gap, in median row intervals of a file
@@ -43,7 +43,7 @@ def join_by_time(
     columns = join.times or (log_map.rows.time,) * len(tables)
     units = join.units or (log_map.rows.unit,) * len(tables)
     first, *later = map(_sort_out_times, tables, columns, units)
-    _check_duplicates([first, *later])
+    check_distinct([first, *later], TIME)
     times = first.numbers[TIME]
     numbers = {name: column for name, column in first.numbers.items() if name != TIME}
     numbers[log_map.rows.time] = times
@@ -62,11 +62,7 @@ def join_by_time(
     return Table(path, numbers, labels, broken_rows, in_seconds), tuple(clocks)
 
 
-def _sort_out_times(
-    table: Table,
-    column: str,
-    unit: str | float | None,
-) -> Table:
+def _sort_out_times(table: Table, column: str, unit: str | float | None) -> Table:
     """Rows with a time, the first of equal ones; the time column is renamed, in seconds.
 
     Raises:
@@ -96,20 +92,6 @@ def _sort_out_times(
     numbers = {name: value for name, value in rows.numbers.items() if name != column}
     numbers[TIME] = times[known]
     return replace(rows, numbers=numbers)
-
-
-def _check_duplicates(tables: Sequence[Table]) -> None:
-    seen: set[str] = set()
-    duplicates: set[str] = set()
-    for table in tables:
-        columns = {*table.numbers, *table.labels} - {TIME}
-        duplicates |= columns & seen
-        seen |= columns
-    if duplicates:
-        raise LogError(
-            f"several of the joined files have {list_names(sorted(duplicates))}; "
-            "give each column its own name"
-        )
 
 
 def _find_clock(
@@ -200,10 +182,11 @@ def _resample_rotation(
         known &= np.abs(values).sum(axis=1) > 0
     result = np.full((len(samples), len(names)), np.nan)
     if known.sum() > 1:
-        rotations, near = interpolate_rotations(
-            times[known], as_rotations(values[known], end), samples, limit
-        )
-        result[near] = _as_columns(rotations[near], end)
+        times = times[known]
+        near = (samples >= times[0]) & (samples <= times[-1])
+        near &= is_near(times, samples, limit)
+        along_arc = Slerp(times, as_rotations(values[known], end))
+        result[near] = _as_columns(along_arc(samples[near]), end)
     return dict(zip(names, result.T, strict=True))
 
 

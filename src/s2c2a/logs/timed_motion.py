@@ -41,6 +41,5 @@ class TimedMotion(NamedTuple):
         centered = self.values - low
         scale = high - low
         return TimedMotion(
-            time=self.time - self.time[0],
-            values=centered[:, moves] / scale[moves],
+            time=self.time - self.time[0], values=centered[:, moves] / scale[moves]
         )

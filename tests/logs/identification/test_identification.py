@@ -77,10 +77,6 @@ def test_stiffness_backlash_and_routing_are_identified_within_their_uncertainty(
     off = (fit.coordinates - truth) / fit.posterior.std
     assert np.abs(off).max() < 3
     assert np.sqrt(np.mean(off**2)) < 1.5
-
-
-@pytest.mark.slow
-def test_the_recording_reduces_the_uncertainty_of_most_numbers(fit):
     assert np.median(fit.posterior.std) < 0.2
 
 
@@ -103,10 +99,6 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
         number.name for number in fitted_numbers(fit)[: len(commented)]
     ]
     assert all("+-" in line and "was" in line for line in commented)
-
-
-@pytest.mark.slow
-def test_found_numbers_are_those_of_the_file(fit):
     found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
     assert (

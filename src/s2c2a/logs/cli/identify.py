@@ -73,10 +73,23 @@ def identify(
     recorded = data.load_recording(recording)
     if settling is None and recorded.options.get("at_rest"):
         settling = SETTLING_TIME
-    _check_rows(rows, settling)
+    if rows is not None and rows < 1:
+        raise S2C2AError(
+            f"--rows is {rows}; take at least 1, or leave it out for {DEFAULT_ROWS}"
+        )
+    if rows is not None and settling is None:
+        raise S2C2AError(
+            "--rows leaves rows out, which needs a recording whose rows are all at "
+            "rest: say --settling too"
+        )
     others = {str(path): data.load_recording(path) for path in on}
     for tested in (recorded, *others.values()):
-        _check_same_layout(start, tested.arm)
+        layouts = _layout(start), _layout(tested.arm)
+        if layouts[0] != layouts[1]:
+            raise ArmError(
+                f"{start.name} is {layouts[0]}; the recorded arm is {layouts[1]}: give "
+                "the arm that was recorded"
+            )
     options = identification.options_for(recorded, settling, rounds, fidelity)
     parameters = identification.unknowns_of(start, groups, moving=settling is None)
     episodes: Sequence[Episode] = recorded.episodes
@@ -95,31 +108,6 @@ def identify(
     write_atomically(identification.fitted_toml(result, remark), out, ArmError)
     _print_result(result, errors)
     print(f"arm: {out}")
-
-
-def _check_rows(rows: int | None, settling: float | None) -> None:
-    if rows is None:
-        return
-    if rows < 1:
-        raise S2C2AError(
-            f"--rows is {rows}; take at least 1, or leave it out for {DEFAULT_ROWS}"
-        )
-    if settling is None:
-        raise S2C2AError(
-            "--rows leaves rows out, which needs a recording whose rows are all at "
-            "rest: say --settling too"
-        )
-
-
-def _check_same_layout(start: ArmSpec, recorded: ArmSpec) -> None:
-    """Check that the arm can replay the recorded actions."""
-    layout = _layout(start)
-    recorded_layout = _layout(recorded)
-    if layout != recorded_layout:
-        raise ArmError(
-            f"{start.name} is {layout}; the recorded arm is {recorded_layout}: give "
-            "the arm that was recorded"
-        )
 
 
 def _layout(arm: ArmSpec) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import progress_bar
+from s2c2a.cli.console import print_table, progress_bar
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
@@ -73,7 +73,9 @@ def import_(
         _draw_coverage(out)
         return
     arm_file = save_imported(imported, out, options)
-    _print_summary(imported)
+    header = ("drive", "module", "angle [deg]", "larger numbers", "gain over mean")
+    print_table("Cables", header, summary.cable_rows(imported), left_aligned=True)
+    print("\n".join(summary.summary(imported)))
     print(f"recording: {out}\narm: {arm_file}")
     _draw_ends(imported, out)
     _draw_coverage(out)
@@ -144,12 +146,3 @@ def _check_arguments(
             f"{out} is the recording of --like, or has an arm file of its own; choose "
             "another name for --out"
         )
-
-
-def _print_summary(imported: "Imported") -> None:
-    from s2c2a.cli.console import print_table
-    from s2c2a.logs.summary import cable_rows, summary
-
-    header = ("drive", "module", "angle [deg]", "larger numbers", "gain over mean")
-    print_table("Cables", header, cable_rows(imported), left_aligned=True)
-    print("\n".join(summary(imported)))

@@ -46,7 +46,15 @@ def replayed(
         for episode in episodes:
             if results and not options.one_take:
                 robot.open()
-            results.append(_replay_episode(robot, episode, options))
+            _move_to_first_row(robot, episode, options)
+            states = [robot.states()]
+            durations = _durations(episode, options)
+            for action, duration in zip(
+                episode["actions"][:-1], durations, strict=True
+            ):
+                robot.step(action, duration)
+                states.append(robot.states())
+            results.append(np.array(states))
     return results
 
 
@@ -68,16 +76,6 @@ def _widen_travel(arm: ArmSpec, episodes: Sequence[Episode]) -> ArmSpec:
         cable = module.cable.model_copy(update={"travel": travel})
         modules.append(module.model_copy(update={"cable": cable}))
     return arm.model_copy(update={"modules": tuple(modules)})
-
-
-def _replay_episode(robot: SimulatedRobot, episode: Episode, options: Replay) -> States:
-    _move_to_first_row(robot, episode, options)
-    states = [robot.states()]
-    durations = _durations(episode, options)
-    for action, duration in zip(episode["actions"][:-1], durations, strict=True):
-        robot.step(action, duration)
-        states.append(robot.states())
-    return np.array(states)
 
 
 def _move_to_first_row(
