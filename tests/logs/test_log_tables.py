@@ -216,7 +216,8 @@ def test_damaged_files_are_errors(tmp_path, ending):
         path.write_bytes(gzip.compress("\n".join(lines).encode(), mtime=0))
     content = path.read_bytes()
     errors = 0
-    for _ in range(150):
+    count = 16 if ending == "mat" else 150  # a process each
+    for _ in range(count):
         damaged = bytearray(content)
         if random.random() < 0.3:
             damaged = damaged[: random.integers(1, len(content))]
@@ -226,7 +227,7 @@ def test_damaged_files_are_errors(tmp_path, ending):
             read_table(path, AB)
         except LogError:
             errors += 1
-    assert errors > 20
+    assert errors > count / 8
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat"])

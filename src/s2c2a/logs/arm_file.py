@@ -61,7 +61,11 @@ class CableLayout:
         return columns[:, self.drive] * self.factor
 
 
-def build_layout(fit: CableFit, assignment: Assignment, log_map: LogMap) -> CableLayout:
+def build_layout(
+    fit: CableFit,
+    assignment: Assignment,
+    log_map: LogMap,
+) -> CableLayout:
     """Sort cables by module and angle; radii follow from the mean gain of a module.
 
     Raises:
@@ -121,7 +125,11 @@ def _opposed(angles_deg: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
     return opposed % 360.0
 
 
-def match_layout(layout: CableLayout, arm: ArmSpec, may_turn: bool) -> CableLayout:
+def match_layout(
+    layout: CableLayout,
+    arm: ArmSpec,
+    may_turn: bool,
+) -> CableLayout:
     """Reorder a layout to the cables of a stated arm.
 
     Args:

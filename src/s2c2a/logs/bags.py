@@ -73,7 +73,11 @@ def _topic_of(path: str | os.PathLike, topics: Any, wanted: str | None) -> str:
     return wanted
 
 
-def _rows_of(bag: Any, topic: str, is_first: bool) -> Iterator[dict[str, float]]:
+def _rows_of(
+    bag: Any,
+    topic: str,
+    is_first: bool,
+) -> Iterator[dict[str, float]]:
     """The numbers of every message of a topic, by their names."""
     from rosbags.typesys import (  # noqa: PLC0415  # an extra
         Stores,

@@ -109,7 +109,11 @@ def identify_cables(
     return fit, assignment, ambiguities
 
 
-def _refit(observations: Observations, fit: CableFit, iterations: int) -> CableFit:
+def _refit(
+    observations: Observations,
+    fit: CableFit,
+    iterations: int,
+) -> CableFit:
     return fit_parameters(observations, fit.parameters, fit.wiring, iterations)
 
 
@@ -284,13 +288,21 @@ def _exchanges(
             yield exchanged
 
 
-def _is_feasible(fit: CableFit, assignment: Assignment, log_map: LogMap) -> bool:
+def _is_feasible(
+    fit: CableFit,
+    assignment: Assignment,
+    log_map: LogMap,
+) -> bool:
     """Whether the cables of every module bend it."""
     modules = range(log_map.arm.modules)
     return all(can_bend(_cable_angles_deg(fit, assignment, m)) for m in modules)
 
 
-def _cable_angles_deg(fit: CableFit, assignment: Assignment, module: int) -> np.ndarray:
+def _cable_angles_deg(
+    fit: CableFit,
+    assignment: Assignment,
+    module: int,
+) -> np.ndarray:
     """Angles of a module's cables [deg], in the order of the map."""
     wiring = fit.wiring
     angles = np.rad2deg(fit.parameters.angles[wiring.drive] + wiring.turn)

@@ -95,7 +95,11 @@ def _reaches(log_map: LogMap, order: np.ndarray) -> list[float | None]:
     return [None, *np.diff(heights)]
 
 
-def _describe_rows(found: Outliers, takes: Sequence[LogTake], log_map: LogMap) -> str:
+def _describe_rows(
+    found: Outliers,
+    takes: Sequence[LogTake],
+    log_map: LogMap,
+) -> str:
     """The first rows with an outlier, with the number of their log if there are more."""
     rows = np.flatnonzero(found.all.any(axis=1))[:SHOWN]
     starts = np.cumsum([0, *(len(take) for take in takes)])
@@ -107,7 +111,11 @@ def _describe_rows(found: Outliers, takes: Sequence[LogTake], log_map: LogMap) -
     return ", ".join(f"{number} of log {log + 1}" for number, log in pairs)
 
 
-def _describe_excess(found: Outliers, modules: tuple[int, ...], rows: str) -> str:
+def _describe_excess(
+    found: Outliers,
+    modules: tuple[int, ...],
+    rows: str,
+) -> str:
     worst = int(np.argmax(found.shares))
     return (
         f"{100 * found.shares[worst]:.0f} % of the poses of the end of module "
