@@ -55,5 +55,5 @@ def test_a_lift_has_the_products_of_the_present_positions_and_cables():
 def test_held_out_stretches_that_are_too_short_are_refused():
     held_out = np.zeros((1, 400), bool)
     held_out[0, 210:215] = True
-    with pytest.raises(RecordingError, match="give larger blocks"):
+    with pytest.raises(RecordingError, match="no held-out stretch has"):
         _starts(a_vibrating_arm(), HeldOutSplit("blocks", held_out), STEPS, 10.0)
