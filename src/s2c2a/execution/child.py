@@ -7,10 +7,10 @@ import sys
 from contextlib import suppress
 
 
-def child_command(module: str, *arguments: str) -> list[str]:
-    """Command that runs a module of the package as a program."""
-    # -P: no module is imported from the current folder
-    return [sys.executable, "-P", "-m", module, *arguments]
+def child_command(file: str, *arguments: str) -> list[str]:
+    """Command that runs a file as a program; packages around it are not imported."""
+    # -P: no module is imported from the current folder or that of the program
+    return [sys.executable, "-P", file, *arguments]
 
 
 def limit_memory(size: int) -> None:

@@ -15,6 +15,7 @@ from s2c2a.logs.errors import MAX_BYTES, LogError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 HEADER = 128  # bytes; text that names the version
+PROGRAM = str(Path(__file__).with_name("mat_program.py"))
 PATIENCE = 60.0  # s; the largest log takes a few
 
 
@@ -40,7 +41,7 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
             f"{path} is a MAT file of version 7.3 (HDF5), which is not supported; "
             "save it with -v7 in MATLAB"
         )
-    program = child_command("s2c2a.logs.mat_program", os.path.abspath(path))
+    program = child_command(PROGRAM, os.path.abspath(path))
     try:
         done = subprocess.run(
             [*program, str(MAX_BYTES)],

@@ -55,10 +55,10 @@ class Node:
             "scouting/gossip/autoconnect": {"router": [], "peer": []},
             "transport/link/rx/max_message_size": 16 * MAX_MESSAGE,
         }
-        config = zenoh.Config()
-        for name, value in settings.items():
-            config.insert_json5(name, json.dumps(value))
         try:
+            config = zenoh.Config()
+            for name, value in settings.items():
+                config.insert_json5(name, json.dumps(value))
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             text = (

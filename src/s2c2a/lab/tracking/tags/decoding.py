@@ -40,7 +40,7 @@ class DecodingProcess:
         """
         files = [str(path.absolute()) for path in paths]
         self._process = subprocess.Popen(
-            child_command(decoder.__name__, kind, *files),
+            child_command(decoder.__file__, kind, *files),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
