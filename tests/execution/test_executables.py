@@ -1,11 +1,14 @@
 """Programs on disk: what makes them others, and what happens to strange files."""
 
 import time
+from importlib.util import find_spec
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import s2c2a
 from s2c2a.execution import executables
 from s2c2a.execution.compilation import compilations, compiled, forget_programs
 from s2c2a.kinematics import states_from_bends
@@ -27,6 +30,15 @@ def folder(monkeypatch, tmp_path):
     monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
     monkeypatch.setattr(executables, "CONFIG", settings)
     return tmp_path / "executables"
+
+
+def test_all_sources_and_what_programs_are_made_of_are_known_by_name():
+    assert Path(s2c2a.__file__).parent == executables.PACKAGE
+    names = executables.TRACED.pattern.partition("(")[2].partition(")")[0]
+    for name in names.replace("\\", "").split("|"):
+        assert find_spec(f"s2c2a.{name}") is not None
+    for function in (compiled, states_from_bends):
+        assert executables.TRACED.match(function.__module__)
 
 
 def lengthened(lengths, bends):

@@ -37,9 +37,9 @@ from s2c2a.execution.user_code import KNOWN
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import write_atomically
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 TRACED = re.compile(
-    r"s2c2a\.(arm|backlash|compilation|control|estimation|goals|kinematics"
+    r"s2c2a\.(arm|control|estimation|execution\.compilation|goals|kinematics"
     r"|models|obstacles|paper|planning|spaces|training)\b"
 )
 """Modules of whose functions and constants programs are made."""
