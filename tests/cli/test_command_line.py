@@ -141,6 +141,28 @@ def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, li
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("arm chek twin_arm", "no command 'arm chek'; did you mean check?"),
+        (
+            "tracking accuracy",
+            "no command 'tracking accuracy'; see s2c2a tracking --help",
+        ),
+    ],
+)
+def test_a_mistyped_command_of_a_group_is_named(words, message, capsys):
+    assert message in failing(capsys, *words.split())
+
+
+def test_the_list_of_commands_has_a_sentence_for_each(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    listed = capsys.readouterr().out
+    assert "Make one of the project's tables" in listed
+    assert "Table III" not in listed
+
+
 def test_a_reader_that_closes_the_output_is_no_fault():
     command = f"{sys.executable} -u -m s2c2a arm check twin_arm | true"
     done = subprocess.run(

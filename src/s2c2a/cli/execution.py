@@ -51,35 +51,24 @@ Address = Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")]
 
 
 @dataclass(frozen=True)
-class _OutputOptions:
-    """Run directory of the results.
+class _WorkOptions:
+    """Run directory and parallel execution; the results do not depend on the latter.
 
     Attributes:
         out: the run directory; by default a new one in runs/.
         overwrite: replace the run directory if it holds nothing but files of its run.
-    """
-
-    out: Path | None = None
-    overwrite: bool = False
-
-
-@dataclass(frozen=True)
-class _WorkOptions(_OutputOptions):
-    """Run directory and parallel execution; the results do not depend on the latter.
-
-    Attributes:
         jobs: parallel trainings and runs; all cores by default.
         cluster: use the workers of a dask scheduler: its address (tcp://host:8786, or
             its scheduler file), or local for one on this machine; docs/guides/cluster.md.
     """
 
+    out: Path | None = None
+    overwrite: bool = False
     jobs: int | None = None
     cluster: Address = None
 
 
-NEW_FOLDER = _OutputOptions()
 ALL_CORES = _WorkOptions()
-Folder = Annotated[_OutputOptions, tyro.conf.arg(name="")]
 Work = Annotated[_WorkOptions, tyro.conf.arg(name="")]
 
 
@@ -133,7 +122,7 @@ def uses_recipe(strategy: str) -> bool:
 def run_directory(
     label: str,
     options: dict,
-    folder: _OutputOptions,
+    work: _WorkOptions,
     *,
     alone: bool = False,
     resume: bool = False,
@@ -145,8 +134,8 @@ def run_directory(
     Args:
         label: name of a directory that the user does not name.
         options: options of the command, saved in the directory.
-        folder: where the directory is; with `_WorkOptions`, also the executor.
-        alone: whether to work in this process, whatever `folder` states.
+        work: where the directory is, and the executor.
+        alone: whether to work in this process, whatever `work` states.
         resume: whether to continue a directory with the same options.
         own_data: whether to keep recordings and networks in the directory, not in the
             cache.
@@ -157,14 +146,9 @@ def run_directory(
     from s2c2a.jobs.run_folder import open_run_directory
 
     limit_jax_to_one_thread()
-    if alone or not isinstance(folder, _WorkOptions):
-        opened: Executor = Serial()
-    else:
-        opened = make_executor(folder.jobs, folder.cluster)
+    opened = Serial() if alone else make_executor(work.jobs, work.cluster)
     with opened as executor:
-        directory = open_run_directory(
-            folder.out, label, options, folder.overwrite, resume
-        )
+        directory = open_run_directory(work.out, label, options, work.overwrite, resume)
         data = directory / "data" if own_data else cache_folder()
         cache = jobs.Cache(data, directory / "runs")
 

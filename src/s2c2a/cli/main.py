@@ -1,5 +1,6 @@
 """Command `s2c2a`: its subcommands and error messages."""
 
+import inspect
 import io
 import os
 import re
@@ -27,11 +28,7 @@ from s2c2a.cli import (
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
 from s2c2a.files.text import manifests_of_one_command
-from s2c2a.plugins.discovery import (
-    installed,
-    trust_code,
-    trust_of_one_command,
-)
+from s2c2a.plugins.discovery import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
 TRUST = "--trust"
@@ -121,10 +118,15 @@ _add_installed_commands()
 COMMANDS = (*VERBS, *GROUPS)
 
 app = SubcommandApp()
+overview = SubcommandApp()
+"""The list of commands, with a sentence for each; the help of a command has the rest."""
 for name, verb in VERBS.items():
     app.command(name=name)(verb)
+    sentence = (inspect.getdoc(verb) or "").partition("\n\n")[0]
+    overview.command(name=name, help=sentence)(verb)
 for name, (group, help_text) in GROUPS.items():
     app.command(group, name=name, help=help_text)
+    overview.command(group, name=name, help=help_text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -134,24 +136,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a {s2c2a.__version__}")
         return
     with trust_of_one_command(), manifests_of_one_command():
-        # run a command; print its error, if any, and exit
         try:
-            # trust the names of `--trust NAME`, an option of every command; return the
-            # rest
-            rest = []
-            words = iter(given)
-            for word in words:
-                option, equals, name = word.partition("=")
-                if option != TRUST:
-                    rest.append(word)
-                    continue
-                name = name if equals else next(words, "")
-                if ":" not in name:
-                    raise S2C2AError(
-                        f"{TRUST} '{name}' names no code; give module:Name or file.py:Name"
-                    )
-                trust_code(name)
-            given = rest
+            given = _without_trusted_code(given)
             _check_command(given)
             _check_options(given)
             with interrupts_as_exceptions():
@@ -172,7 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run_command(arguments: Sequence[str]) -> None:
-    app.cli(
+    is_list = not arguments or arguments[0] in ("-h", "--help")
+    (overview if is_list else app).cli(
         prog="s2c2a",
         description="Plan and control modular soft robot arms. "
         "`s2c2a --version` prints the version. Every command also takes --trust "
@@ -181,17 +168,45 @@ def _run_command(arguments: Sequence[str]) -> None:
     )
 
 
+def _without_trusted_code(given: Sequence[str]) -> list[str]:
+    """Trust the names of `--trust NAME`, an option of every command; return the rest.
+
+    Raises:
+        S2C2AError: a name is missing.
+    """
+    rest = []
+    words = iter(given)
+    for word in words:
+        option, equals, name = word.partition("=")
+        if option != TRUST:
+            rest.append(word)
+            continue
+        name = name if equals else next(words, "")
+        if ":" not in name:
+            raise S2C2AError(
+                f"{TRUST} '{name}' names no code; give module:Name or file.py:Name"
+            )
+        trust_code(name)
+    return rest
+
+
 def _check_command(given: Sequence[str]) -> None:
     """Suggest the command that a misspelled one may mean.
 
     Raises:
         S2C2AError: there is no such command.
     """
-    if not given or given[0].startswith("-") or given[0] in COMMANDS:
+    words, known = ["s2c2a"], list(COMMANDS)
+    if given and given[0] in GROUPS:
+        words.append(given[0])
+        # tyro has no public list of them
+        known = [name.replace("_", "-") for name in GROUPS[given[0]][0]._subcommands]
+    word = next(iter(given[len(words) - 1 :]), "-")
+    if word.startswith("-") or word.replace("_", "-") in known:
         return
-    nearest = nearest_name(given[0], COMMANDS)
-    advice = f"did you mean {nearest}?" if nearest else "see s2c2a --help"
-    raise S2C2AError(f"no command '{given[0]}'; {advice}")
+    nearest = nearest_name(word, known)
+    advice = f"did you mean {nearest}?" if nearest else f"see {' '.join(words)} --help"
+    raise S2C2AError(f"no command '{' '.join([*words[1:], word])}'; {advice}")
 
 
 def _check_options(given: Sequence[str]) -> None:

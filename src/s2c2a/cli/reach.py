@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from s2c2a.models.forward_model import ForwardModel
     from s2c2a.planning.reach import Reached
 
-    Moments = tuple[np.ndarray, list[Goal]]
     """Times [s] of a file of waypoints, and the goals at them."""
 
 Obstacles = Annotated[
@@ -125,7 +124,7 @@ def _goal(
     return goal_at(arm, target, axis, number - 1)
 
 
-def _path(csv: Path, arm: "ArmSpec") -> "Moments":
+def _path(csv: Path, arm: "ArmSpec") -> "tuple[np.ndarray, list[Goal]]":
     """Moments of a file of waypoints, all control steps or evenly chosen ones.
 
     Raises:

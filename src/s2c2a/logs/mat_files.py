@@ -46,6 +46,8 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
         done = subprocess.run(
             [*program, str(MAX_BYTES)],
             stdin=subprocess.DEVNULL,
+            # each thread of its own would reserve memory, which is limited
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
             capture_output=True,
             timeout=PATIENCE,
         )
