@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from s2c2a.models.forward_model import ForwardModel
     from s2c2a.planning.reach import Reached
 
-    """Times [s] of a file of waypoints, and the goals at them."""
+    Moments = tuple[np.ndarray, list[Goal]]  # times [s], and the goals at them
 
 Obstacles = Annotated[
     tuple[tuple[float, float, float, float], ...],
@@ -124,7 +124,7 @@ def _goal(
     return goal_at(arm, target, axis, number - 1)
 
 
-def _path(csv: Path, arm: "ArmSpec") -> "tuple[np.ndarray, list[Goal]]":
+def _path(csv: Path, arm: "ArmSpec") -> "Moments":
     """Moments of a file of waypoints, all control steps or evenly chosen ones.
 
     Raises:
