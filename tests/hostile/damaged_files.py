@@ -220,13 +220,20 @@ def _read_strategy(path: Path) -> list[str]:
     from s2c2a.strategies import load_networks
 
     made = load_networks(path)
-    networks = made.networks if hasattr(made, "networks") else (made.c2s, made.c2a)
     arrays = [
         np.asarray(leaf)
-        for leaf in jax.tree_util.tree_leaves(networks)
+        for leaf in jax.tree_util.tree_leaves(made.networks)
         if hasattr(leaf, "shape")
     ]
-    return [_said(made.arm, made.recipe, made.seed, dict(made.percent), *arrays)]
+    return [
+        _said(
+            made.arm,
+            made.recipe,
+            made.seed,
+            {name: each.percent for name, each in made.trained.items()},
+            *arrays,
+        )
+    ]
 
 
 def _opened_strategy(content: bytes) -> list[bytes]:

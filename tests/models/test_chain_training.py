@@ -167,7 +167,7 @@ def networks(trained, make_arm):
         "C2S": trained,
         "C2A": replace(trained, network=c2a.untrained(arm, jax.random.key(0))),
     }
-    return TrainedNetworks.of(arm, recipe, 0, both)
+    return TrainedNetworks(arm, recipe, 0, both)
 
 
 @pytest.fixture

@@ -50,7 +50,7 @@ def control_split(training_data):
 
 
 def test_training_lowers_both_losses_of_both_networks(trained):
-    for curve in trained.curves.values():
+    for curve in (result.curve for result in trained.trained.values()):
         np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
         assert np.all(np.diff(curve[::3, 1]) < 0)
         assert curve[-1, 2] < 0.5 * curve[0, 2]
@@ -68,7 +68,7 @@ def test_the_forward_models_percent_is_that_of_its_predictions(
     predicted = np.asarray(trained.c2s.predict(held_out.inputs["configurations"], ()))
     ranges = np.ptp(recording.sensor("states").reshape(-1, 3, 6), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert trained.percent["C2S"] == pytest.approx(
+    assert trained.trained["C2S"].percent == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 40
@@ -98,7 +98,7 @@ def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
     parts = (control_split.training, control_split.validation, control_split.test)
     ranges = np.ptp(np.concatenate([part.targets for part in parts]), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
-    assert trained.percent["C2A"] == pytest.approx(
+    assert trained.trained["C2A"].percent == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 25
@@ -162,6 +162,6 @@ def test_the_same_key_trains_the_same_network_and_another_key_another(
     again, other = (
         tiny_recipe.c2s.train(training_data, tiny_recipe.c2s_fit, k) for k in (key, KEY)
     )
-    np.testing.assert_array_equal(again.curve, trained.curves["C2S"])
-    assert again.percent == trained.percent["C2S"]
+    np.testing.assert_array_equal(again.curve, trained.trained["C2S"].curve)
+    assert again.percent == trained.trained["C2S"].percent
     assert other.curve[0, 2] != pytest.approx(again.curve[0, 2], rel=1e-3)

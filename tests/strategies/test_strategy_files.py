@@ -94,13 +94,13 @@ def test_what_is_known_of_the_training_comes_back(saved, twin):
     networks, path = saved
     loaded = load_networks(path)
     assert loaded.arm == twin
-    assert (loaded.recipe, loaded.seed, loaded.percent) == (
-        networks.recipe,
-        7,
-        networks.percent,
+    assert (loaded.recipe, loaded.seed) == (networks.recipe, 7)
+    assert loaded.trained.keys() == networks.trained.keys()
+    for name, result in networks.trained.items():
+        assert loaded.trained[name].percent == result.percent
+    np.testing.assert_array_equal(
+        loaded.trained["C2A"].curve, networks.trained["C2A"].curve
     )
-    assert loaded.curves.keys() == networks.curves.keys()
-    np.testing.assert_array_equal(loaded.curves["C2A"], networks.curves["C2A"])
 
 
 def test_saving_what_was_loaded_writes_the_same_file(saved, tmp_path):
@@ -136,7 +136,7 @@ def test_the_file_tells_its_schema_version_recipe_and_errors(
     c2s = {"model": "bilstm", "layers": 1, "hidden": 8}
     assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", c2s)
     assert metadata["recipe"]["planner"]["solver"]["iterations"] == 10
-    assert metadata["percent"]["C2S"] == list(tiny_networks.percent["C2S"])
+    assert metadata["percent"]["C2S"] == list(tiny_networks.trained["C2S"].percent)
 
 
 def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):

@@ -218,11 +218,12 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
     seeds = tuple(networks.seed for networks in trained)
     heading = Heading(experiment, first.arm, first.recipe.name, seeds)
     rows = []
-    for name in first.percent:
+    for name in first.trained:
         if name == MODAL_MODEL:
             continue
-        means = [networks.percent[name][0] for networks in trained]
-        spreads = [networks.percent[name][1] for networks in trained]
+        percents = [networks.trained[name].percent for networks in trained]
+        means = [mean for mean, _ in percents]
+        spreads = [spread for _, spread in percents]
         names = ("training", name, "held-out error", "%")
         rows.append(heading.row(*names, means, spreads, **heading.modes))
     return rows

@@ -51,7 +51,8 @@ class Trained(Generic[ModelType]):
 
     Attributes:
         network: the model.
-        curve: rows of epoch, training loss, validation loss.
+        curve: rows of epoch, training loss, validation loss; a row of zeros for what is
+            fitted without epochs.
         percent: mean and standard deviation of the test error, in percent of the full
             range.
         errors: of the tip on held-out samples [m], by the names of
@@ -61,8 +62,10 @@ class Trained(Generic[ModelType]):
     """
 
     network: ModelType
-    curve: Float[np.ndarray, "epochs 3"]
-    percent: tuple[float, float]
+    curve: Float[np.ndarray, "epochs 3"] = field(
+        default_factory=lambda: np.zeros((1, 3), np.float32)
+    )
+    percent: tuple[float, float] = (0.0, 0.0)
     errors: Mapping[str, float] = field(default_factory=dict)
     spread: Any = None
 
