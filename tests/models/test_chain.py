@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import (
     bends_from_configurations,
     configurations_from_bends,
@@ -221,24 +220,6 @@ def test_the_twin_and_the_simulated_arm_are_told_apart():
     assert not untrained(
         load_arm("twin_arm"), ChainOptions(hidden=8, depth=1, statics=False)
     ).statics
-
-
-@pytest.mark.parametrize(
-    "size",
-    [
-        {"hidden": 0},
-        {"hidden": 10**6},
-        {"depth": 0},
-        {"depth": 33},
-        {"play_widths": (0.01, 0.0)},
-        {"play_widths": (np.nan,)},
-        {"creep_times": (-1.0,)},
-        {"creep_times": (1.0, np.nan)},
-    ],
-)
-def test_a_size_that_cannot_be_built_is_refused(size):
-    with pytest.raises(S2C2AError, match="given in ChainOptions; choose"):
-        ChainOptions(**size)
 
 
 def test_a_body_that_relaxes_stays_bent_towards_where_it_was_held(twin):

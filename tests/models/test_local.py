@@ -14,7 +14,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions, local, local_training, residual_process
+from s2c2a.models import LocalOptions, local, residual_process
 from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
@@ -244,14 +244,6 @@ def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, train
         look(trained.chain, far)[:, :3] + trained.unit * constant[:, :3],
         atol=1e-4,
     )
-
-
-@pytest.mark.parametrize(("share", "is_smaller"), [(0.5, True), (0.999, False)])
-def test_a_smaller_error_counts_if_it_is_sure(share, is_smaller):
-    random = np.random.default_rng(0)
-    errors = random.normal(size=(500, 6))
-    others = random.normal(size=(500, 6))
-    assert local_training._is_smaller(share * errors, others) == is_smaller
 
 
 def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):

@@ -45,14 +45,18 @@ class TrainingData:
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
 
 
+def no_epochs() -> Float[np.ndarray, "epochs 3"]:
+    """The curve of what is fitted without epochs."""
+    return np.zeros((1, 3), np.float32)
+
+
 @dataclass(frozen=True)
 class Trained(Generic[ModelType]):
     """Trained model, its learning curve, and its test error.
 
     Attributes:
         network: the model.
-        curve: rows of epoch, training loss, validation loss; a row of zeros for what is
-            fitted without epochs.
+        curve: rows of epoch, training loss, validation loss.
         percent: mean and standard deviation of the test error, in percent of the full
             range.
         errors: of the tip on held-out samples [m], by the names of
@@ -62,9 +66,7 @@ class Trained(Generic[ModelType]):
     """
 
     network: ModelType
-    curve: Float[np.ndarray, "epochs 3"] = field(
-        default_factory=lambda: np.zeros((1, 3), np.float32)
-    )
+    curve: Float[np.ndarray, "epochs 3"] = field(default_factory=no_epochs)
     percent: tuple[float, float] = (0.0, 0.0)
     errors: Mapping[str, float] = field(default_factory=dict)
     spread: Any = None
