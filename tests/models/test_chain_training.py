@@ -11,7 +11,6 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
-from s2c2a.models.chain_training import hysteresis_samples
 from s2c2a.training import FitOptions, TrainingData
 
 EPISODES, SAMPLES = 6, 200
@@ -79,30 +78,6 @@ def test_memory_reduces_the_error_on_backlash(trained, make_arm):
     without = train(make_arm(2), MEMORYLESS)
     assert trained.percent[0] < 0.5 * without.percent[0]
     assert trained.percent[0] < 1.0
-
-
-@pytest.mark.slow
-def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
-    trained, make_arm
-):
-    """Sample by sample in the training parts of the first two episodes."""
-    model = trained.network
-    sensed, states = synthetic(make_arm(2))
-    inputs = (
-        hysteresis_samples(model, of(make_arm(2), sensed, states))
-        .training.inputs["configurations"]
-        .reshape(EPISODES, -1, 2, 3 + 2 + 1, 3)
-    )
-    for episode in range(2):
-        memory = model.start(sensed[episode, 0])
-        expected = np.asarray(
-            eqx.filter_jit(lambda m, i: m.states(i))(model, inputs[episode, :40])
-        )
-        for step in range(40):
-            np.testing.assert_allclose(
-                predict(model, sensed[episode, step], memory), expected[step], atol=1e-5
-            )
-            memory = model.observe(sensed[episode, step], memory)
 
 
 def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):

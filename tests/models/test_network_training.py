@@ -104,26 +104,6 @@ def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
     assert 0.5 < percent.mean() < 25
 
 
-def test_training_does_not_change_the_scalings(trained, forward_split, control_split):
-    configurations = forward_split.training.inputs["configurations"].reshape(-1, 3)
-    scaling = trained.c2s.configuration_scaling
-    np.testing.assert_allclose(
-        scaling.center - scaling.half_range, configurations.min(axis=0), atol=1e-6
-    )
-    np.testing.assert_allclose(
-        scaling.center + scaling.half_range, configurations.max(axis=0), atol=1e-6
-    )
-    expected = Scaling.of_states(forward_split.training.targets)
-    np.testing.assert_array_equal(
-        trained.c2s.state_scaling.half_range, expected.half_range
-    )
-    np.testing.assert_array_equal(trained.c2s.state_scaling.center, expected.center)
-    desired = control_split.training.inputs["desired"].reshape(-1, 3)
-    half_ranges = trained.c2a.configuration_scaling.half_range
-    np.testing.assert_allclose(half_ranges, np.ptp(desired, axis=0) / 2, atol=1e-6)
-    np.testing.assert_array_equal(trained.c2a.sum_and_range.neutral, np.zeros((3, 3)))
-
-
 def test_positions_share_one_scale_half_the_widest_extent():
     states = np.zeros((2, 2, 6), np.float32)
     states[0, 0, :3] = [-0.1, 0.0, 0.2]

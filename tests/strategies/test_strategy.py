@@ -340,21 +340,6 @@ def test_the_papers_recipe_has_the_papers_numbers():
     assert paper.history_noise > 0
 
 
-def test_the_papers_recipe_has_nothing_of_the_best_ones():
-    """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
-    paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.integral_gain) == ("tip", 0.0)
-    assert not paper.unit_length
-    assert not paper.encoders_alone
-    assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {
-        1.0
-    }
-    assert (
-        recipe_named("best").axis_weight("hold-end"),
-        recipe_named("best").axis_weight("circle"),
-    ) == (3.0, 1.0)
-
-
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():
     best = recipe_named("best")
     at_work = replace(
