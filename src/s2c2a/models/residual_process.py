@@ -209,7 +209,14 @@ def fit_process(
         motion * rates,
     ]
     inputs = [jnp.asarray(each, jnp.float32) for each in inputs]
-    fitted = _maximize(_initial(kinds, rates > 0.0), *inputs)
+    # logarithms of the hyperparameters at first; half of the variance is noise
+    initial = {
+        "kinds": jnp.zeros(kinds.shape[1]),
+        "all": -0.5 * jnp.log(max(1, int((rates > 0.0).sum()))),
+        "kernel": jnp.log(0.5),
+        "noise": jnp.log(0.5),
+    }
+    fitted = _maximize(initial, *inputs)
     all_scales = np.zeros(len(known))
     all_scales[known] = scale
     process = replace(
@@ -230,19 +237,6 @@ def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:
     offsets = random.permutation(gap)[:SUBSETS]
     rows = [np.arange(offset, samples, gap) for offset in offsets]
     return np.array([np.sort(random.permutation(each)[:size]) for each in rows])
-
-
-def _initial(
-    kinds: Float[np.ndarray, "features kinds"], used: Bool[np.ndarray, " features"]
-) -> dict[str, Array]:
-    """Logarithms of the hyperparameters at first; half of the variance is noise."""
-    half = jnp.log(0.5)
-    return {
-        "kinds": jnp.zeros(kinds.shape[1]),
-        "all": -0.5 * jnp.log(max(1, int(used.sum()))),
-        "kernel": half,
-        "noise": half,
-    }
 
 
 def _rates(
