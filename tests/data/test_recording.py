@@ -21,10 +21,8 @@ OPTIONS = {
 
 def random_episode(arm, seed: int, **changes) -> Episode:
     """Numbers of the right shapes; a change of None leaves a sensor out."""
-    random, cables = (
-        np.random.default_rng(seed),
-        (SAMPLES, arm.module_count, arm.cable_count),
-    )
+    random = np.random.default_rng(seed)
+    cables = (SAMPLES, arm.module_count, arm.cable_count)
     columns = {
         "time": 0.1 * np.arange(SAMPLES) + seed,
         "actions": random.normal(size=cables),
@@ -41,10 +39,8 @@ def random_episode(arm, seed: int, **changes) -> Episode:
 @pytest.fixture
 def written(twin, tmp_path):
     """Path of a recording with two of three episodes, and those episodes."""
-    path, episodes = (
-        tmp_path / "two.episodes",
-        [random_episode(twin, seed) for seed in (0, 1)],
-    )
+    path = tmp_path / "two.episodes"
+    episodes = [random_episode(twin, seed) for seed in (0, 1)]
     writer = EpisodeWriter.create(path, twin, OPTIONS)
     for episode in episodes:
         writer.append(episode)

@@ -26,11 +26,9 @@ def encoded_values(*features: int) -> np.ndarray:
     return start + np.broadcast_to(np.arange(features[-1]), (*[1] * 2, *features))
 
 
-CONFIGURATIONS, ACTIONS, STATES = (
-    encoded_values(1, 3),
-    encoded_values(1, 4) + 0.5,
-    encoded_values(1, 6) + 0.25,
-)
+CONFIGURATIONS = encoded_values(1, 3)
+ACTIONS = encoded_values(1, 4) + 0.5
+STATES = encoded_values(1, 6) + 0.25
 
 
 @pytest.fixture(params=STRETCHES)

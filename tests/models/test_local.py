@@ -86,10 +86,8 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])
     observe = eqx.filter_jit(lambda m, c, k: m.observe(c, k))
-    chained, seen = (
-        SIZE.predictions(trained.chain, data)[0],
-        hysteresis_inputs(trained.chain, data)[0],
-    )
+    chained = SIZE.predictions(trained.chain, data)[0]
+    seen = hysteresis_inputs(trained.chain, data)[0]
     inputs = eqx.filter_jit(
         lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k)
     )
@@ -142,10 +140,8 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
         ),
     )
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
-    memory, there = (
-        late.start(sensed[0]),
-        configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1),
-    )
+    memory = late.start(sensed[0])
+    there = configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1)
     before = predict(late, sensed[0], memory)
     rest = predict(late, there, late.start(there))
     moved = predict(late, there, memory) - before

@@ -9,10 +9,9 @@ from s2c2a.estimation import configuration_map_for
 from s2c2a.models import History
 from s2c2a.models.layers import Scaling
 from s2c2a.strategies import TrainedNetworks, train_s2c2a
-from s2c2a.training import FitOptions, TrainingData
+from s2c2a.training import TrainingData
 
 KEY = jax.random.key(1)
-FROZEN = FitOptions(learning_rate=0.0, max_epochs=2, epochs_per_call=2)
 
 
 @pytest.fixture(scope="module")
@@ -112,27 +111,6 @@ def test_positions_share_one_scale_half_the_widest_extent():
     scaling = Scaling.of_states(states)
     np.testing.assert_allclose(scaling.half_range, [0.3, 0.3, 0.3, 1, 1, 1])
     np.testing.assert_allclose(scaling.center, [0.2, 0.15, 0.3, 0, 0, 0], atol=1e-7)
-
-
-@pytest.mark.slow
-def test_noise_on_the_history_is_used_in_training_and_nowhere_else(
-    training_data, control_split, tiny_recipe
-):
-    """With frozen weights, only the training loss differs from one without noise."""
-    noisy = tiny_recipe.c2a.train(training_data, 30.0, FROZEN, KEY)
-    layer = noisy.network.sum_and_range
-    losses = [
-        np.mean(
-            (
-                predict_actions(noisy.network, samples)
-                - layer.normalized(samples.targets)
-            )
-            ** 2
-        )
-        for samples in (control_split.training, control_split.validation)
-    ]
-    assert np.all(np.abs(noisy.curve[:, 1] - losses[0]) > 0.05 * losses[0])
-    np.testing.assert_allclose(noisy.curve[:, 2], losses[1], rtol=1e-4)
 
 
 def test_the_same_key_trains_the_same_network_and_another_key_another(

@@ -65,10 +65,8 @@ def slow_bilstm(network, inputs):
         rising = slow_direction(up, values, range(count))
         falling = slow_direction(down, values, range(count - 1, -1, -1))
         values = [np.concatenate(pair) for pair in zip(rising, falling, strict=True)]
-    head, bias = (
-        np.asarray(network.weight_head, np.float64),
-        np.asarray(network.bias_head, np.float64),
-    )
+    head = np.asarray(network.weight_head, np.float64)
+    bias = np.asarray(network.bias_head, np.float64)
     return np.array([value @ head + bias for value in values])
 
 

@@ -155,10 +155,8 @@ def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     gains = FittedPCC().train(synthetic(twin, [0.8] * 3), recipe, seed=0)
     fitted = FittedPCC().build(twin, recipe, gains, RunOptions())
     assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
-    goal, rest = (
-        Goal.of(3).with_position([0.2, 0.05, 0.5]),
-        Reading(0.0, {"cables": np.zeros((3, 3))}),
-    )
+    goal = Goal.of(3).with_position([0.2, 0.05, 0.5])
+    rest = Reading(0.0, {"cables": np.zeros((3, 3))})
     for strategy in (plain, fitted):
         strategy.start(rest)
     for _ in range(5):

@@ -245,10 +245,8 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
 
 def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, twin):
     """Its history holds the action that a limit let through, as if it had asked for it."""
-    reading, goal = (
-        SimulatedRobot(twin).open(),
-        Goal.of(3).with_position([0.1, 0.0, 0.55]),
-    )
+    reading = SimulatedRobot(twin).open()
+    goal = Goal.of(3).with_position([0.1, 0.0, 0.55])
     after = []
     for told in (False, True, True):
         trained.start(reading)
