@@ -171,7 +171,6 @@ def fit_process(
     kinds: Float[np.ndarray, "features kinds"],
     motion: Float[np.ndarray, " features"],
     points: int,
-    seed: int = 0,
 ) -> ResidualProcess:
     """Fit a process to samples.
 
@@ -182,7 +181,6 @@ def fit_process(
             feature is in a group, else zero.
         motion: root mean square change of the features in a second.
         points: number of inducing points.
-        seed: of the subsets for the likelihood.
 
     Returns:
         The process; one without samples if fewer than `SUBSET` are known. Unknown
@@ -201,7 +199,7 @@ def fit_process(
     rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
     mean = y.mean(axis=0)
     scale = np.maximum(y.std(axis=0), 1e-9)
-    subsets = _subsets(len(x), np.random.default_rng(seed))
+    subsets = _subsets(len(x), np.random.default_rng(0))
     inputs = [
         ((x - center) * rates)[subsets],
         ((y - mean) / scale)[subsets],

@@ -80,14 +80,9 @@ def trusted_as(name: str) -> str | None:
     return None
 
 
-def trust_code_in(table: Any, folder: Path | None = None) -> None:
-    """Trust all names of code in the nested tables of a file that the user gave.
-
-    Args:
-        table: of the file.
-        folder: see `trust_code`.
-    """
-    trust_code(*(text for text in _texts(table) if ":" in text), folder=folder)
+def trust_code_in(table: Any) -> None:
+    """Trust all names of code in the nested tables of a file that the user gave."""
+    trust_code(*(text for text in _texts(table) if ":" in text))
 
 
 def located(name: str, file: str) -> Path:
