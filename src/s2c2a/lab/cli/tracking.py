@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from s2c2a.lab.tracking.tags import Board
 
 app = SubcommandApp()
-command = app, "Calibrate a pose tracker; print tags for a webcam."
+command = app, "Calibrate a pose tracker or a camera; print tags and the board."
 app.command(latency)
 app.command(frames)
 PaperName = Literal["a4", "a3", "letter"]
