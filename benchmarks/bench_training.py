@@ -52,7 +52,7 @@ def trained(benchmark, arm, recipe: Recipe) -> tuple:
     )
     for name, epochs in course.epochs.items():
         benchmark.extra_info[f"epochs of {name}"] = (
-            f"{epochs} to {networks.percent[name][0]:.2f} %"
+            f"{epochs} to {networks.trained[name].percent[0]:.2f} %"
         )
         benchmark.extra_info[f"one of {name} [s]"] = course.an_epoch(name)
     return recording, course

@@ -21,6 +21,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import Strategy, TrainedNetworks, recipe_named, s2c2a_strategy
 from s2c2a.tasks import Task
+from s2c2a.training import Trained
 
 Call = Callable[[], object]
 WATCHED = 200  # control steps whose readings are played again
@@ -56,7 +57,8 @@ def untrained(arm: ArmSpec, recipe: str) -> TrainedNetworks:
     """Networks of the recipe's shapes; speed asks for no more."""
     chosen = recipe_named(recipe)
     networks = eqx.filter_jit(chosen.untrained)(arm, jax.random.key(0))
-    return TrainedNetworks(arm, chosen, 0, networks, percent={}, curves={})
+    trained = {name: Trained(network) for name, network in networks.items()}
+    return TrainedNetworks(arm, chosen, 0, trained)
 
 
 def planner_of(networks: TrainedNetworks) -> Planner:

@@ -194,11 +194,11 @@ def test_the_plan_is_that_of_the_recipe(seed):
 
 def test_control_steps_are_those_of_the_recipe():
     trained = {
-        "C2S": Trained(C2S_RECIPE, np.zeros((1, 3)), (0.0, 0.0)),
-        "C2A": Trained(C2A_RECIPE, np.zeros((1, 3)), (0.0, 0.0)),
+        "C2S": Trained(C2S_RECIPE),
+        "C2A": Trained(C2A_RECIPE),
     }
     recipe = replace(RECIPES["paper"])
-    strategy = s2c2a_strategy(TrainedNetworks.of(TWIN, recipe, 0, trained))
+    strategy = s2c2a_strategy(TrainedNetworks(TWIN, recipe, 0, trained))
     measured = displacements(16, 4)
     strategy.start(Reading(0.0, {"cables": measured[0]}))
     planned = paper.configurations_from_encoders(TWIN, measured[0])

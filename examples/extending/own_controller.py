@@ -66,7 +66,7 @@ class LinearOptions(ControllerOptions):
         square = sensed.T @ sensed + self.ridge * np.eye(rows[1])
         matrix = np.linalg.solve(square, sensed.T @ commanded).T
         network = Linear(jnp.asarray(matrix, jnp.float32), pcc)
-        return Trained(network, np.zeros((1, 3), np.float32), (0.0, 0.0))
+        return Trained(network)
 
     def controller(self, network):
         return LinearController(network)

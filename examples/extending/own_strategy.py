@@ -35,8 +35,7 @@ class ResolvedRate(StrategyOptions):
 
     def train(self, recording, recipe, seed, progress=lambda *_: None):
         gains = jnp.asarray(fitted_gains(recording), jnp.float32)
-        trained = {"gains": Trained(gains, np.zeros((1, 3)), (0.0, 0.0))}
-        return TrainedNetworks.of(recording.arm, recipe, seed, trained)
+        return TrainedNetworks(recording.arm, recipe, seed, {"gains": Trained(gains)})
 
     def build(self, arm, recipe, trained, run):
         return Driver(arm, trained.networks["gains"][:, None], self.damping)

@@ -96,7 +96,7 @@ def measure(
         values[PCC_CIRCLE.quantity] = float(errors.mean())
     if with_network:
         networks = train_s2c2a(recording, recipe, seed)
-        values[C2S_ERROR.quantity] = networks.percent["C2S"][0]
+        values[C2S_ERROR.quantity] = networks.trained["C2S"].percent[0]
     return values
 
 

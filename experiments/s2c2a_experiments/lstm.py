@@ -83,8 +83,7 @@ class LSTMComparison(StrategyOptions):
         trained = self.options.train(
             recording.arm, tips, recording.actions, jax.random.key(seed), lstm_progress
         )
-        networks = {NETWORK: trained}
-        return TrainedNetworks.of(recording.arm, recipe, seed, networks)
+        return TrainedNetworks(recording.arm, recipe, seed, {NETWORK: trained})
 
     def build(
         self,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Split
-from s2c2a.data.windows import Histories
+from s2c2a.data.windows import history_samples
 from s2c2a.models.actions import Actions, train_actions
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
@@ -197,10 +197,15 @@ def lstm_samples(
         actions: actions that were sent [m or N].
         neutral: action at rest [m or N].
     """
-    sensed_ages = range(ACTION_HISTORY - 1, -1, -1)
-    action_ages = range(ACTION_HISTORY, 0, -1)
-    histories = Histories("positions", sensed_ages, action_ages, axis=1)
-    return histories.samples(positions, actions, neutral)
+    return history_samples(
+        "positions",
+        positions,
+        actions,
+        neutral,
+        sensed_ages=range(ACTION_HISTORY - 1, -1, -1),
+        action_ages=range(ACTION_HISTORY, 0, -1),
+        axis=1,
+    )
 
 
 def _predict_lstm(model: TipLSTM, batch: Batch) -> Array:

@@ -7,20 +7,22 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.train import report
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.training import Trained
 
 
 @pytest.fixture
 def networks() -> TrainedNetworks:
     """Errors of a training, without the networks."""
     errors = {"held-out samples": 0.003}
+    curve = np.array([[0.0, 0.5, 0.5], [1.0, 0.3, 0.3]])
     return TrainedNetworks(
         load_arm("twin_arm"),
         recipe_named("best"),
         0,
-        {},
-        {"C2S": (1.5, 2.0), MODAL_MODEL: (60.0, 0.0)},
-        {MODAL_MODEL: np.array([[0.0, 0.5, 0.5], [1.0, 0.3, 0.3]])},
-        errors={"C2S": errors},
+        {
+            "C2S": Trained(None, percent=(1.5, 2.0), errors=errors),
+            MODAL_MODEL: Trained(None, curve, (60.0, 0.0)),
+        },
     )
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
@@ -86,8 +85,8 @@ def test_a_model_is_asked_where_weights_hold_one_and_the_task_is_no_named_one(
     tmp_path,
 ):
     path = tmp_path / "gains.safetensors"
-    gains = Trained(FittedGains(jnp.ones(3)), np.zeros((1, 3), np.float32), (0.0, 0.0))
-    networks = TrainedNetworks.of(TWIN, recipe_named("best"), 0, {GAINS: gains})
+    gains = Trained(FittedGains(jnp.ones(3)))
+    networks = TrainedNetworks(TWIN, recipe_named("best"), 0, {GAINS: gains})
     networks = replace(networks, strategy="pcc-fitted")
     save_networks(networks, path)
     assert _reach_model("way.csv", TWIN, path, "", False, 0.05) is None

@@ -1,6 +1,5 @@
 """Collection: identical for any number of threads, stops, and resumes."""
 
-import errno
 import os
 import signal
 import subprocess
@@ -22,7 +21,6 @@ from s2c2a.data import (
     load_recording,
 )
 from s2c2a.episodes import Episode, EpisodeWriter
-from s2c2a.episodes import file as episode_file
 from s2c2a.errors import RecordingError, RobotError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Sensor, Stage
@@ -216,24 +214,6 @@ def test_a_short_gap_is_interpolated_and_marked_by_its_stage(gather):
     assert np.flatnonzero(episode["stage"] == Stage.HOLD).tolist() == [4, 5]
 
 
-def test_a_full_disk_loses_no_complete_episode(gather, tmp_path, monkeypatch):
-    write, done = episode_file.write_block, []
-
-    def full(file, content, before):
-        done.append(content)
-        if len(done) == 4:  # the beginning, two episodes, then half of the third
-            file.write(content[:100])
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(file, content, before)
-
-    monkeypatch.setattr(episode_file, "write_block", full)
-    with pytest.raises(RecordingError, match="2 whole ones are kept: make room"):
-        gather()
-    monkeypatch.undo()
-    assert len(load_recording(tmp_path / "one.episodes").episodes) == 2
-    assert_same(gather(resume=True), gather("whole.episodes"))
-
-
 def test_two_writers_of_one_file_are_refused(gather, tmp_path):
     gather()
     writer = EpisodeWriter(tmp_path / "one.episodes")
@@ -275,19 +255,15 @@ def torn():
     return type("Torn", (_Torn,), {"opened": [], "closed": []})
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_every_robot_is_closed_also_when_an_episode_fails(gather, torn, threads):
-    with pytest.raises(RobotError, match="cable torn"):
-        gather(make=torn, threads=threads)
-    assert len(torn.opened) >= 2
-    assert set(torn.closed) == set(torn.opened)
-
-
-def test_after_a_failure_a_single_arm_is_not_opened_again(gather, torn):
+@pytest.mark.parametrize(("threads", "most"), [(1, 2), (2, 4)])
+def test_after_a_failure_every_robot_is_closed_and_one_thread_opens_no_other(
+    gather, torn, threads, most
+):
     """One thread is a real arm: it must not continue with a torn cable."""
     with pytest.raises(RobotError, match="cable torn"):
-        gather(make=torn, threads=1)
-    assert len(torn.opened) == 2
+        gather(make=torn, threads=threads)
+    assert 2 <= len(torn.opened) <= most
+    assert set(torn.closed) == set(torn.opened)
 
 
 def test_progress_counts_complete_episodes(gather):
@@ -361,24 +337,22 @@ def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
     gather(robot="simulation fast", resume=True)
 
 
-FAULTS = {
-    "babbling": ("baby", "staged, motor"),
-    "episodes": (0, "out of range"),
-    "samples": (-1, "out of range"),
-    "seed": (-1, "seed"),
-}
-
-
-@pytest.mark.parametrize(("name", "fault"), FAULTS.items(), ids=FAULTS)
-def test_invalid_options_are_refused(name, fault):
-    with pytest.raises(RecordingError, match=fault[1]):
-        CollectOptions(**{name: fault[0]})
-
-
-@pytest.mark.parametrize("speeds", [(0.0, 0.2), (0.2, 0.1), (0.1, 1.1), (np.nan, 0.2)])
-def test_speeds_that_do_not_rise_within_the_full_bend_are_refused(speeds):
-    with pytest.raises(RecordingError, match="must rise from above 0 to at most 1"):
-        CollectOptions(speeds=speeds)
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"babbling": "baby"}, "staged, motor"),
+        ({"episodes": 0}, "out of range"),
+        ({"samples": -1}, "out of range"),
+        ({"seed": -1}, "seed"),
+        ({"speeds": (0.0, 0.2)}, "must rise from above 0 to at most 1"),
+        ({"speeds": (0.2, 0.1)}, "must rise"),
+        ({"speeds": (0.1, 1.1)}, "must rise"),
+        ({"speeds": (np.nan, 0.2)}, "must rise"),
+    ],
+)
+def test_invalid_options_are_refused(fault, message):
+    with pytest.raises(RecordingError, match=message):
+        CollectOptions(**fault)
 
 
 @pytest.mark.parametrize("threads", [0, -1])
@@ -395,13 +369,6 @@ def test_an_unfinished_temporary_file_does_no_harm(gather, tmp_path):
     left.write_bytes(b"cut off while it was laid out")
     assert_same(gather(), gather("two.episodes"))
     assert not left.exists()
-
-
-def test_a_place_that_cannot_be_written_is_refused(gather, tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    with pytest.raises(RecordingError, match="cannot write"):
-        gather("file/one.episodes")
-    assert (tmp_path / "file").read_text() == "no folder"
 
 
 KILLED = """

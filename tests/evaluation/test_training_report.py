@@ -9,16 +9,20 @@ from s2c2a.arm import load_arm
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation import describe_held_out_errors, describe_modal_model
 from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.training import Trained
 
 
 @pytest.fixture
 def networks() -> TrainedNetworks:
     """No networks, of the twin."""
-    return TrainedNetworks(load_arm("twin_arm"), recipe_named("best"), 0, {}, {}, {})
+    return TrainedNetworks(load_arm("twin_arm"), recipe_named("best"), 0, {})
 
 
 def test_errors_on_held_out_samples_are_listed_in_millimeters(networks):
-    trained = replace(networks, errors={"C2S": {"held-out samples": 0.0031}})
+    trained = replace(
+        networks,
+        trained={"C2S": Trained(None, errors={"held-out samples": 0.0031})},
+    )
     assert describe_held_out_errors(trained) == [
         "C2S at the tip: 3.1 mm (mean) on held-out samples, which have gaps of time to "
         "those of the training"
@@ -42,8 +46,7 @@ def test_the_modal_model_is_described_also_where_the_response_is_unknown(
     curve = np.array([[0.0, without, without], [1.0, without, without]])
     trained = replace(
         networks,
-        percent={MODAL_MODEL: (percent, 0.0)},
-        curves={MODAL_MODEL: curve},
+        trained={MODAL_MODEL: Trained(None, curve, (percent, 0.0))},
     )
     assert describe_modal_model(trained).startswith(f"modal model: {text}")
     assert describe_modal_model(networks) == ""

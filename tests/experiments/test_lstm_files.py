@@ -12,7 +12,7 @@ from s2c2a.strategies import (
     recipe_named,
     save_networks,
 )
-from s2c2a.training import FitOptions
+from s2c2a.training import FitOptions, Trained
 from s2c2a_experiments.lstm import LSTMComparison
 from s2c2a_experiments.tip_lstm import LSTMOptions
 
@@ -27,9 +27,7 @@ def trained(twin):
         twin,
         recipe_named("paper"),
         3,
-        {"LSTM": network},
-        {"LSTM": (3.0, 2.0)},
-        {"LSTM": curve},
+        {"LSTM": Trained(network, curve, (3.0, 2.0))},
     )
     return labeled(networks, LSTMComparison(options))
 
@@ -64,8 +62,10 @@ def test_everything_comes_back(file, trained):
         trained.recipe,
         trained.seed,
     )
-    assert loaded.percent == trained.percent
-    np.testing.assert_array_equal(loaded.curves["LSTM"], trained.curves["LSTM"])
+    assert loaded.trained["LSTM"].percent == trained.trained["LSTM"].percent
+    np.testing.assert_array_equal(
+        loaded.trained["LSTM"].curve, trained.trained["LSTM"].curve
+    )
     before, after = (jax.tree.leaves(one.networks) for one in (trained, loaded))
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)

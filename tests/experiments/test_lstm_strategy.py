@@ -15,7 +15,7 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import TrainedNetworks, recipe_named
 from s2c2a.tasks import Task
-from s2c2a.training import FitOptions
+from s2c2a.training import FitOptions, Trained
 from s2c2a_experiments.lstm import LSTMComparison, LSTMStrategy
 from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory, lstm_samples
 
@@ -55,7 +55,7 @@ def untrained(arm, loudness: float = 1.0) -> TrainedNetworks:
     network = eqx.tree_at(
         lambda n: n.network.weight_head, network, loudness * network.network.weight_head
     )
-    return TrainedNetworks(arm, recipe_named("paper"), 0, {"LSTM": network}, {}, {})
+    return TrainedNetworks(arm, recipe_named("paper"), 0, {"LSTM": Trained(network)})
 
 
 def live(strategy, arm, goals) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +78,7 @@ def bends_of(arm, actions) -> np.ndarray:
 
 
 def test_training_lowers_both_losses(trained):
-    curve = trained.curves["LSTM"]
+    curve = trained.trained["LSTM"].curve
     np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
     assert np.all(np.diff(curve[::3, 1]) < 0)
     assert curve[-1, 2] < 0.5 * curve[0, 2]
@@ -111,7 +111,7 @@ def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
         * np.abs(answers(trained, split.test) - split.test.targets)
         / np.ptp(targets, axis=0)
     )
-    assert trained.percent["LSTM"] == pytest.approx(
+    assert trained.trained["LSTM"].percent == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3
     )
     assert 0.5 < percent.mean() < 25
@@ -128,8 +128,8 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
         np.mean(((answers(noisy, samples) - samples.targets) / unit) ** 2)
         for samples in (split.training, split.validation)
     ]
-    assert np.all(np.abs(noisy.curves["LSTM"][:, 1] - calm[0]) > 0.05 * calm[0])
-    np.testing.assert_allclose(noisy.curves["LSTM"][:, 2], calm[1], rtol=1e-4)
+    assert np.all(np.abs(noisy.trained["LSTM"].curve[:, 1] - calm[0]) > 0.05 * calm[0])
+    np.testing.assert_allclose(noisy.trained["LSTM"].curve[:, 2], calm[1], rtol=1e-4)
 
 
 def test_training_without_true_states_is_refused(recording, options):

@@ -40,17 +40,17 @@ def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(trained, cach
 
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
 def test_the_controller_learns_to_the_papers_held_out_error(name, trained):
-    assert trained[name].percent["C2A"][0] <= 0.91
+    assert trained[name].trained["C2A"].percent[0] <= 0.91
 
 
 @pytest.mark.slow
 def test_the_twins_forward_model_errs_as_the_papers(trained_as_the_paper):
-    assert C2S_ERROR.holds(trained_as_the_paper.percent["C2S"][0])
+    assert C2S_ERROR.holds(trained_as_the_paper.trained["C2S"].percent[0])
 
 
 @pytest.mark.parametrize("name", ["twin_arm", "simulated_arm"])
 def test_the_forward_model_errs_by_less_than_one_percent(name, trained):
-    assert trained[name].percent["C2S"][0] <= 1.0
+    assert trained[name].trained["C2S"].percent[0] <= 1.0
 
 
 @pytest.mark.slow

@@ -1,18 +1,13 @@
 """Fuzz test: random and damaged packets at every reader of a pose tracker.
 
-    python tests/hostile/hostile_packets.py --count 100000
-
 A reader refuses a packet by an error of the package, or takes it. Of a packet that is
 cut, or has bytes inserted or removed, it takes either the poses that were sent or none;
-of one with other bytes, only poses that are plausible. The command prints a table, and
-exits with 1 if any packet did otherwise. The same seed damages the same bytes.
+of one with other bytes, only poses that are plausible. The same seed damages the same
+bytes.
 """
 
-import argparse
 import random
 import signal
-import sys
-import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -28,7 +23,6 @@ from s2c2a.lab.emulation.tracked_bodies import StreamedBody, to_stream
 from s2c2a.lab.tracking import NatNetTracker, QualisysTracker, UdpTracker
 
 SECONDS = 5.0  # for one packet
-GOOD = ("our error", "unchanged", "plausible", "no frame")
 BAD = ("foreign error", "wrong pose", "hang")
 QUARTER = np.sqrt(0.5)
 POSES = {
@@ -188,42 +182,15 @@ def outcome(reader, content, may_differ):
 
 
 def read_all(name, count, seed=0):
-    """Outcomes of many packets, the bad packets, and the longest time [s]."""
+    """Outcomes of many packets, and the bad packets."""
     reader = READERS[name]
     rng = random.Random(f"{name} {seed}")
     counts = Counter()
     bad = []
-    slowest = 0.0
     for _ in range(count):
         content, differs = damaged(rng.choice(reader.sources), rng)
-        begin = time.perf_counter()
         ending = outcome(reader, content, differs or not reader.is_binary)
-        slowest = max(slowest, time.perf_counter() - begin)
         counts[ending] += 1
         if ending in BAD:
             bad.append((ending, content))
-    return counts, bad, slowest
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=100_000, help="packets a reader")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--readers", nargs="*", default=list(READERS))
-    asked = parser.parse_args()
-    columns = (*GOOD, *BAD)
-    print("| reader | packets | " + " | ".join(columns) + " | slowest [ms] |")
-    print("| --- " * (len(columns) + 3) + "|")
-    wrong = []
-    for name in asked.readers:
-        counts, bad, slowest = read_all(name, asked.count, asked.seed)
-        cells = " | ".join(str(counts[column]) for column in columns)
-        print(f"| {name} | {asked.count} | {cells} | {1e3 * slowest:.1f} |", flush=True)
-        wrong += [(name, *one) for one in bad]
-    for one in wrong[:20]:
-        print(*one)
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return counts, bad

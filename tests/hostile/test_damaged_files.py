@@ -1,10 +1,7 @@
-"""Damaged files of every format, 20 or 150 each.
-
-`python tests/hostile/damaged_files.py --count 20000` reads more.
-"""
+"""Damaged files of every format, 20 or 150 each."""
 
 import pytest
-from damaged_files import BAD, FORMATS, MAX_RESIDENT, Reader, read_all
+from damaged_files import FORMATS, Reader, read_all
 
 from marks import slow_after
 
@@ -23,7 +20,4 @@ def test_damaged_files_are_read_correctly_or_raise_an_error_of_the_package(
     name, count, reader
 ):
     first = 1_000_000
-    counts, bad, _, resident = read_all(reader, name, range(first, first + count))
-    assert counts.total() == count
-    assert not any(counts[ending] for ending in BAD), bad
-    assert resident < MAX_RESIDENT
+    assert read_all(reader, name, range(first, first + count)) == []

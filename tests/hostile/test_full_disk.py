@@ -1,11 +1,7 @@
 """Full disks: no silent loss, and collecting resumes after the last whole episode."""
 
-import os
 import resource
-import signal
 import subprocess
-import sys
-import time
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,17 +15,6 @@ from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.viz.charts import save_figure
 
 SMALL = CollectOptions(episodes=5, samples=12, seed=3)
-KILLED = """
-import sys
-from s2c2a.arm import load_arm
-from s2c2a.data import CollectOptions, collect
-from s2c2a.robots.simulation import SimulatedRobot
-
-arm = load_arm("twin_arm")
-collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed),
-        CollectOptions(episodes=30, samples=40),
-        threads=2, resume=True, progress=lambda done, total: print(done, flush=True))
-"""
 
 
 @pytest.fixture
@@ -135,27 +120,6 @@ def gather_path(gather, folder):
     """A small file of episodes."""
     gather(folder / "one.episodes", CollectOptions(episodes=1, samples=5))
     return folder / "one.episodes"
-
-
-@pytest.mark.slow
-def test_collecting_resumes_after_a_kill(gather, tmp_path):
-    path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
-    running = subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
-    )
-    for _ in range(random.integers(3, 9)):
-        running.stdout.readline()
-    time.sleep(random.uniform(0.0, 0.03))
-    os.kill(running.pid, signal.SIGKILL)
-    running.communicate()
-    assert running.returncode == -signal.SIGKILL
-    with open(path, "ab") as file:
-        file.write(path.read_bytes()[-3000:-2000])  # as a kill within a write leaves it
-        file.truncate(path.stat().st_size)
-    whole = CollectOptions(episodes=30, samples=40)
-    gather(path, whole, resume=True)
-    gather(tmp_path / "whole.episodes", whole)
-    assert_same(path, tmp_path / "whole.episodes")
 
 
 def test_a_truncated_last_episode_is_ignored_and_replaced(gather, tmp_path):

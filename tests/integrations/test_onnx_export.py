@@ -13,6 +13,7 @@ from s2c2a.kinematics import configurations_from_bends
 from s2c2a.paper import Scaling
 from s2c2a.strategies import networks_from, recipe_named, save_networks
 from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training import Trained
 
 onnx = pytest.importorskip("onnx")
 runtime = pytest.importorskip("onnxruntime")
@@ -40,10 +41,10 @@ def exported(request, tmp_path):
         if name == "C2S":
             replaced["state_scaling"] = scaling(6)
         networks[name] = network.__class__(**{**vars(network), **replaced})
-    percent = dict.fromkeys(networks, (0.0, 0.0))
-    curves = dict.fromkeys(networks, np.zeros((1, 3)))
-    trained = TrainedNetworks(arm, recipe, 0, networks, percent, curves)
-    save_networks(trained, tmp_path / "mine.safetensors")
+    trained = {name: Trained(network) for name, network in networks.items()}
+    save_networks(
+        TrainedNetworks(arm, recipe, 0, trained), tmp_path / "mine.safetensors"
+    )
     text = export_onnx(tmp_path / "mine.safetensors", tmp_path / "mine.onnx")
     assert text == "models forward_model, controller"
 

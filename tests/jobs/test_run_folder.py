@@ -90,41 +90,17 @@ def run_in(folder, **options):
     return folder
 
 
-def add_file(folder):
-    (folder / "thesis.tex").write_text("of value")
+OTHERS = {
+    "a file": lambda folder: (folder / "thesis.tex").write_text("of value"),
+    "in a folder": lambda folder: (folder / "runs/thesis.tex").write_text("of value"),
+    "hidden": lambda folder: (folder / ".thesis.tex.17.part").write_text("of value"),
+    "an empty folder": lambda folder: (folder / "thesis.tex").mkdir(),
+    "a link": lambda folder: (folder / "thesis.tex").symlink_to("/etc"),
+    "of another command": lambda folder: write_atomically("x", folder / "thesis.tex"),
+}
 
 
-def add_file_in_folder(folder):
-    (folder / "runs" / "thesis.tex").write_text("of value")
-
-
-def add_hidden_file(folder):
-    (folder / ".thesis.tex.17.part").write_text("of value")
-
-
-def add_empty_folder(folder):
-    (folder / "thesis.tex").mkdir()
-
-
-def add_link(folder):
-    (folder / "thesis.tex").symlink_to("/etc")
-
-
-def write_by_another_command(folder):
-    write_atomically("of value", folder / "thesis.tex")
-
-
-OTHERS = (
-    add_file,
-    add_file_in_folder,
-    add_hidden_file,
-    add_empty_folder,
-    add_link,
-    write_by_another_command,
-)
-
-
-@pytest.mark.parametrize("add", OTHERS)
+@pytest.mark.parametrize("add", OTHERS.values(), ids=OTHERS)
 def test_a_run_directory_with_anything_else_is_not_replaced(tmp_path, add):
     folder = run_in(tmp_path / "run")
     add(folder)
@@ -163,7 +139,7 @@ def test_files_that_a_killed_process_was_writing_are_replaced(tmp_path):
 
 def test_a_continued_run_does_not_list_files_that_came_in_between(tmp_path):
     folder = run_in(tmp_path / "run")
-    add_file(folder)
+    OTHERS["a file"](folder)
     run_in(folder, resume=True)
     assert listed_files(folder) == {
         MANIFEST,

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.control.options import C2AOptions
-from s2c2a.errors import StrategyError
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.models import ChainOptions
-from s2c2a.models.chain_training import hysteresis_samples
-from s2c2a.strategies import TrainedNetworks, load_networks, recipe_named, save_networks
 from s2c2a.training import FitOptions, TrainingData
 
 EPISODES, SAMPLES = 6, 200
@@ -84,30 +80,6 @@ def test_memory_reduces_the_error_on_backlash(trained, make_arm):
     assert trained.percent[0] < 1.0
 
 
-@pytest.mark.slow
-def test_inputs_of_training_are_those_of_starting_observing_and_predicting(
-    trained, make_arm
-):
-    """Sample by sample in the training parts of the first two episodes."""
-    model = trained.network
-    sensed, states = synthetic(make_arm(2))
-    inputs = (
-        hysteresis_samples(model, of(make_arm(2), sensed, states))
-        .training.inputs["configurations"]
-        .reshape(EPISODES, -1, 2, 3 + 2 + 1, 3)
-    )
-    for episode in range(2):
-        memory = model.start(sensed[episode, 0])
-        expected = np.asarray(
-            eqx.filter_jit(lambda m, i: m.states(i))(model, inputs[episode, :40])
-        )
-        for step in range(40):
-            np.testing.assert_allclose(
-                predict(model, sensed[episode, step], memory), expected[step], atol=1e-5
-            )
-            memory = model.observe(sensed[episode, step], memory)
-
-
 def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
     """The test error, computed again along whole episodes."""
     model = trained.network
@@ -148,50 +120,3 @@ def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
     model = train(arm, options=replace(OPTIONS, max_epochs=3, epochs_per_call=3))
     assert np.isfinite(model.curve).all()
     assert model.percent[0] < 4.0
-
-
-@pytest.fixture(scope="module")
-def networks(trained, make_arm):
-    """A strategy whose forward model is the trained chain."""
-    arm = make_arm(2)
-    c2a = C2AOptions(layers=1, hidden=8)
-    recipe = replace(
-        recipe_named("best"),
-        name="small",
-        c2s=SIZE,
-        c2a=c2a,
-        c2s_fit=OPTIONS,
-        c2a_fit=OPTIONS,
-    )
-    both = {
-        "C2S": trained,
-        "C2A": replace(trained, network=c2a.untrained(arm, jax.random.key(0))),
-    }
-    return TrainedNetworks.of(arm, recipe, 0, both)
-
-
-@pytest.fixture
-def file(networks, tmp_path):
-    save_networks(networks, tmp_path / "chain.safetensors")
-    return tmp_path / "chain.safetensors"
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        {"hidden": 0},
-        {"depth": 99},
-        {"play_widths": [0.03, -0.05]},
-        {"play_widths": [0.03] * 100_000},
-        {"creep_times": [float("nan")]},
-        {"hidden": "many"},
-        {"hidden": 9},
-        {"heads": 2},
-    ],
-)
-def test_a_file_with_an_invalid_or_wrong_size_is_rejected(file, forged, damage):
-    def change(metadata, arrays):
-        metadata["recipe"]["c2s"] |= damage
-
-    with pytest.raises(StrategyError, match="damaged"):
-        load_networks(forged(file, change))

@@ -161,20 +161,3 @@ def test_creep_is_begun_at_given_weights_of_one_sign():
     begun = Viscoelasticity.from_weights(weights).weights
     np.testing.assert_allclose(begun.sum(), -0.3, rtol=1e-5)
     np.testing.assert_allclose(begun, weights, atol=0.02)
-
-
-@pytest.mark.slow
-def test_creep_on_a_held_step_is_monotone_however_slow_the_motion():
-    """Weights of both signs would first rise, then fall."""
-    hysteresis = a_hysteresis(widths=(), shares=(0.1, 0.02, 0.002), seed=4)
-    memory = hysteresis.start(jnp.zeros((1, 1)))
-    held = jnp.ones((1, 1))
-    outputs = []
-    for _ in range(1000):
-        outputs.append(
-            float(hysteresis.transmitted(hysteresis.inputs(held, memory))[0, 0])
-        )
-        memory = hysteresis.advance(held, memory)
-    changes = np.diff(outputs[2:])
-    assert (changes >= -1e-6).all() or (changes <= 1e-6).all()
-    assert abs(outputs[-1] - outputs[2]) <= MAX_CREEP

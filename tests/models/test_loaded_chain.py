@@ -58,11 +58,9 @@ def test_a_weight_beside_the_base_bends_a_module_by_its_lever():
 
 
 def test_an_end_gives_way_across_and_not_along():
-    straight, lengths, compliances = (
-        jnp.zeros((1, 2)),
-        jnp.array([0.2]),
-        jnp.array([0.004]),
-    )
+    straight = jnp.zeros((1, 2))
+    lengths = jnp.array([0.2])
+    compliances = jnp.array([0.004])
     off = jnp.zeros(3)
     across = states_from_arcs(
         straight, lengths, off, jnp.array([2.0, 0.0, 0.0]), compliances

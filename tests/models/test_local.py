@@ -14,7 +14,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     states_from_bends,
 )
-from s2c2a.models import LocalOptions, local, local_training, residual_process
+from s2c2a.models import LocalOptions, local, residual_process
 from s2c2a.models.chain_training import hysteresis_inputs
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
@@ -86,10 +86,8 @@ def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, tra
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])
     observe = eqx.filter_jit(lambda m, c, k: m.observe(c, k))
-    chained, seen = (
-        SIZE.predictions(trained.chain, data)[0],
-        hysteresis_inputs(trained.chain, data)[0],
-    )
+    chained = SIZE.predictions(trained.chain, data)[0]
+    seen = hysteresis_inputs(trained.chain, data)[0]
     inputs = eqx.filter_jit(
         lambda m, c, k: m.chain.inputs(m.chain.body.displacements(c), k)
     )
@@ -142,10 +140,8 @@ def test_at_a_high_rate_plans_are_judged_by_where_the_arm_arrives(arm):
         ),
     )
     sensed = jnp.asarray(data_of(arm, seed=2).sensed[0])
-    memory, there = (
-        late.start(sensed[0]),
-        configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1),
-    )
+    memory = late.start(sensed[0])
+    there = configurations_from_bends(bends_from_configurations(sensed[0]) + 0.1)
     before = predict(late, sensed[0], memory)
     rest = predict(late, there, late.start(there))
     moved = predict(late, there, memory) - before
@@ -244,14 +240,6 @@ def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, train
         look(trained.chain, far)[:, :3] + trained.unit * constant[:, :3],
         atol=1e-4,
     )
-
-
-@pytest.mark.parametrize(("share", "is_smaller"), [(0.5, True), (0.999, False)])
-def test_a_smaller_error_counts_if_it_is_sure(share, is_smaller):
-    random = np.random.default_rng(0)
-    errors = random.normal(size=(500, 6))
-    others = random.normal(size=(500, 6))
-    assert local_training._is_smaller(share * errors, others) == is_smaller
 
 
 def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):

@@ -90,23 +90,6 @@ def test_at_rest_is_where_the_energy_is_least(cables):
     np.testing.assert_allclose(at_rest(*cases), expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("cables", slow_after(1, [3, 8]))
-def test_forces_are_in_balance_in_thousands_of_cases(cables):
-    cases = random_cases(20 + cables, 4000, cables)
-    displacements, moments, matrices, stiffness, tautness = cases
-    bends = at_rest(*cases)
-    stretched = np.maximum(
-        np.einsum("mnk,mk->mn", matrices, bends) - displacements + tautness[:, None],
-        0.0,
-    )
-    residual = (
-        bends
-        + stiffness[:, None] * np.einsum("mnk,mn->mk", matrices, stretched)
-        - moments
-    )
-    assert np.abs(residual).max() < 1e-3
-
-
 def slopes(displacements, engaged):
     """d beta / d displacements of one module, shape (2, cables)."""
     constants = [

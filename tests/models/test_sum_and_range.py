@@ -115,10 +115,8 @@ def test_three_even_cables_reach_every_bend_up_to_the_full_one(
 @quick
 @given(layouts(), st.floats(1e-6, 1), directions)
 def test_any_cables_reach_every_bend_up_to_the_full_one(angles, share, direction):
-    matrix, towards = (
-        cable_matrix(angles),
-        np.array([np.cos(direction), np.sin(direction)]),
-    )
+    matrix = cable_matrix(angles)
+    towards = np.array([np.cos(direction), np.sin(direction)])
     assume(not SumAndRange.of(arm_of(angles)).evenly_three)
     raw = matrix @ towards * np.arctanh(share / HEADROOM)
     np.testing.assert_allclose(

@@ -21,6 +21,7 @@ from s2c2a.strategies import (
     shipped_networks,
     strategy_named,
 )
+from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
 BEST = recipe_named("best")
@@ -60,7 +61,8 @@ def networks():
     """All networks of all strategies; what is not trained is not run either."""
     shipped = shipped_networks(TWIN)
     gains = pcc.FittedPCC().untrained(TWIN, BEST, jax.random.key(0))
-    return replace(shipped, networks={**shipped.networks, **gains})
+    fitted = {name: Trained(network) for name, network in gains.items()}
+    return replace(shipped, trained={**shipped.trained, **fitted})
 
 
 @pytest.fixture

@@ -44,12 +44,6 @@ def pcc(ideal):
     return pcc_strategy(ideal, PAPER)
 
 
-@pytest.fixture(scope="module")
-def circle_run(ideal, pcc):
-    """PCC on the circle with the ideal arm."""
-    return rollout(SimulatedRobot(ideal), pcc, load_task("circle", ideal))
-
-
 def recorded(arm, cables, states, options=None) -> Recording:
     """A recording of these cables and states, shape (episodes, samples, ...)."""
     episodes = [
@@ -78,15 +72,14 @@ def synthetic(arm, gains) -> Recording:
     return recorded(arm, cables, states)
 
 
-def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(circle_run):
+def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(ideal, pcc):
+    circle_run = rollout(SimulatedRobot(ideal), pcc, load_task("circle", ideal))
     errors = position_errors(
         circle_run.after("states"), circle_run.ran("desired_positions")
     )
     assert errors.mean() < 1.0
     assert errors.max() < 2.0
-
-
-def test_on_such_an_arm_what_is_planned_is_what_happens(circle_run):
+    # what is planned is what happens
     configurations = circle_run.after("configurations")
     np.testing.assert_allclose(configurations, circle_run.ran("planned"), atol=0.01)
     np.testing.assert_allclose(
@@ -162,10 +155,8 @@ def test_a_fitted_strategy_asks_for_more_where_the_arm_gives_less(twin):
     gains = FittedPCC().train(synthetic(twin, [0.8] * 3), recipe, seed=0)
     fitted = FittedPCC().build(twin, recipe, gains, RunOptions())
     assert (plain.name, fitted.name) == ("pcc", "pcc-fitted")
-    goal, rest = (
-        Goal.of(3).with_position([0.2, 0.05, 0.5]),
-        Reading(0.0, {"cables": np.zeros((3, 3))}),
-    )
+    goal = Goal.of(3).with_position([0.2, 0.05, 0.5])
+    rest = Reading(0.0, {"cables": np.zeros((3, 3))})
     for strategy in (plain, fitted):
         strategy.start(rest)
     for _ in range(5):

@@ -46,8 +46,8 @@ def test_arms_of_a_prior_are_not_those_of_evaluations(prior_key):
 def test_a_file_keeps_the_spread(prior, twin, tmp_path):
     save_networks(prior, tmp_path / "prior.safetensors")
     read = load_networks(tmp_path / "prior.safetensors", twin)
-    saved = parameters(prior.spread)
-    for mine, theirs in zip(parameters(read.spread), saved, strict=True):
+    saved = parameters(prior.trained["C2S"].spread)
+    for mine, theirs in zip(parameters(read.trained["C2S"].spread), saved, strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
@@ -66,11 +66,17 @@ def test_a_spread_of_zero_is_rejected(prior, forged, tmp_path):
 @pytest.mark.slow
 def test_networks_trained_from_a_prior_are_no_prior(prior, recording, tiny_best_recipe):
     trained = train_s2c2a(recording, tiny_best_recipe, 0, start=prior)
-    assert trained.spread is None
-    assert np.isfinite(trained.curves["C2S"]).all()
+    assert not trained.is_prior
+    assert np.isfinite(trained.trained["C2S"].curve).all()
     np.testing.assert_array_equal(
         trained.c2a.network.weight_head, prior.c2a.network.weight_head
     )
+
+
+def as_prior(networks):
+    """The networks with an empty spread."""
+    c2s = replace(networks.trained["C2S"], spread=())
+    return replace(networks, trained={**networks.trained, "C2S": c2s})
 
 
 def test_only_a_prior_of_this_arm_and_recipe_is_a_start(
@@ -84,13 +90,13 @@ def test_only_a_prior_of_this_arm_and_recipe_is_a_start(
     shorter = [module.model_copy(update={"length": 0.1}) for module in twin.modules]
     other = twin.model_copy(update={"modules": tuple(shorter)})
     with pytest.raises(StrategyError, match="differs from 'twin_arm' in modules"):
-        start(replace(tiny_best_networks, arm=other, spread=()))
+        start(as_prior(replace(tiny_best_networks, arm=other)))
     with pytest.raises(StrategyError, match="differs in c2s"):
-        start(replace(tiny_networks, spread=()))
+        start(as_prior(tiny_networks))
 
 
 def test_a_prior_serves_every_variant_of_its_arm(tiny_best_networks, twin):
-    prior = replace(tiny_best_networks, spread=())
+    prior = as_prior(tiny_best_networks)
     recipe = tiny_best_networks.recipe
     check_prior(prior, recipe.seen_arm(randomized_arm(twin, 0, 0.5)), recipe)
 
@@ -109,7 +115,7 @@ def test_parameters_of_little_spread_change_less(prior, recording, tiny_best_rec
     data = training_data(recording, tiny_best_recipe)
 
     def change(factor: float) -> float:
-        numbers, rest = eqx.partition(prior.spread, eqx.is_inexact_array)
+        numbers, rest = eqx.partition(prior.trained["C2S"].spread, eqx.is_inexact_array)
         scaled = jax.tree.map(lambda values: factor * values, numbers)
         trained = tiny_best_recipe.c2s.resume_training(
             prior.c2s,

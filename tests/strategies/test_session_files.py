@@ -10,10 +10,8 @@ import pytest
 
 from s2c2a.data import load_recording
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.evaluation import describe_session
 from s2c2a.jobs import GivenNetworks
 from s2c2a.models.session import DayChange, SessionC2S
-from s2c2a.models.session_fit import fit_session
 from s2c2a.strategies import (
     describe_use,
     load_networks,
@@ -144,23 +142,6 @@ def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
     frozen = replace(short, episodes=(replace(short.episodes[0], columns=still),))
     with pytest.raises(RecordingError, match=r"gains -.*check homing and tracking"):
         measured_session(networks, weights, frozen)
-
-
-@pytest.mark.slow
-def test_a_moved_frame_is_found_with_the_networks_of_best(networks, short):
-    data = training_data(short, networks.recipe)
-    moved = replace(
-        DayChange.none(data.arm.module_count),
-        translation=jnp.array([3e-3, -2e-3, 3.5e-3]),
-        rotation=jnp.deg2rad(jnp.array([1.0, -2.0, 2.0])),
-    )
-    still = fit_session(networks.c2s, data)
-    states = np.asarray(moved.seen(jnp.asarray(data.states, jnp.float32)))
-    fit = fit_session(networks.c2s, replace(data, states=states))
-    assert fit.after < 1.1 * still.after
-    text = "\n".join(describe_session(fit, data.arm))
-    assert "frame of the tracking: moved by" in text
-    assert max(fit.explained, key=fit.explained.__getitem__) == "frame"
 
 
 @pytest.mark.slow

@@ -19,7 +19,6 @@ from s2c2a.planning import PAPER, Adam, Goal, Planner
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import (
-    RECIPES,
     Strategy,
     pcc_strategy,
     recipe_named,
@@ -246,10 +245,8 @@ def test_what_was_sensed_is_what_the_encoders_say_not_what_is_true(either, twin)
 
 def test_a_controller_that_is_told_what_was_really_sent_remembers_that(trained, twin):
     """Its history holds the action that a limit let through, as if it had asked for it."""
-    reading, goal = (
-        SimulatedRobot(twin).open(),
-        Goal.of(3).with_position([0.1, 0.0, 0.55]),
-    )
+    reading = SimulatedRobot(twin).open()
+    goal = Goal.of(3).with_position([0.1, 0.0, 0.55])
     after = []
     for told in (False, True, True):
         trained.start(reading)
@@ -292,34 +289,27 @@ def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
         fresh.diagnostics()
 
 
+@pytest.mark.parametrize(
+    ("sensor", "is_there", "message"),
+    [
+        ("states", False, "lacks 'states'"),
+        ("states", True, "lacks true states"),
+        ("cables", True, "lacks sensed configurations"),
+    ],
+)
+def test_training_without_what_it_learns_from_is_refused(
+    recording, tiny_recipe, sensor, is_there, message
+):
+    nan = np.full_like(recording.episodes[0].sensor(sensor), np.nan)
+    columns = {f"sensor.{sensor}": nan if is_there else None}
+    with pytest.raises(RecordingError, match=message):
+        train_s2c2a(changed(recording, **columns), tiny_recipe, seed=0)
+
+
 def test_training_on_a_recording_cut_short_is_refused(recording, tiny_recipe):
-    short: Recording = replace(recording, options=recording.options | {"episodes": 18})
+    short = replace(recording, options=recording.options | {"episodes": 18})
     with pytest.raises(RecordingError, match="6 of 18 episodes"):
         train_s2c2a(short, tiny_recipe, seed=0)
-
-
-def test_training_without_true_states_is_refused(recording, tiny_recipe):
-    with pytest.raises(RecordingError, match="lacks 'states'"):
-        train_s2c2a(changed(recording, **{"sensor.states": None}), tiny_recipe, seed=0)
-    nan = np.full_like(recording.episodes[0].sensor("states"), np.nan)
-    with pytest.raises(RecordingError, match="lacks true states"):
-        train_s2c2a(changed(recording, **{"sensor.states": nan}), tiny_recipe, seed=0)
-
-
-def test_training_without_what_the_arm_senses_is_refused(recording, tiny_recipe):
-    nan = np.full_like(recording.episodes[0].sensor("cables"), np.nan)
-    with pytest.raises(RecordingError, match="lacks sensed configurations"):
-        train_s2c2a(changed(recording, **{"sensor.cables": nan}), tiny_recipe, seed=0)
-
-
-def test_recipes_are_known_by_name_and_others_refused():
-    assert [recipe_named(name).name for name in RECIPES] == [
-        "best",
-        "best-long",
-        "paper",
-    ]
-    with pytest.raises(StrategyError, match=r"'soup'.*best, best-long, paper"):
-        recipe_named("soup")
 
 
 def test_a_recipe_says_how_its_data_are_collected():
@@ -346,21 +336,6 @@ def test_the_papers_recipe_has_the_papers_numbers():
         True,
     )
     assert paper.history_noise > 0
-
-
-def test_the_papers_recipe_has_nothing_of_the_best_ones():
-    """The tip alone is guarded, targets weigh as the protocol says, no error is integrated."""
-    paper = recipe_named("paper")
-    assert (paper.planner.guard, paper.integral_gain) == ("tip", 0.0)
-    assert not paper.unit_length
-    assert not paper.encoders_alone
-    assert {paper.axis_weight(task) for task in ("circle", "hold-end", "tilt-50")} == {
-        1.0
-    }
-    assert (
-        recipe_named("best").axis_weight("hold-end"),
-        recipe_named("best").axis_weight("circle"),
-    ) == (3.0, 1.0)
 
 
 def test_trained_networks_do_not_depend_on_how_they_are_put_to_work():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from s2c2a.errors import S2C2AError, TrainingError
+from s2c2a.errors import TrainingError
 from s2c2a.training import FitOptions, Fixed
 from s2c2a.training.fit import fit
 
@@ -131,17 +131,6 @@ def test_the_same_key_gives_the_same_result():
     assert not np.array_equal(one.curve, other.curve)
 
 
-def test_grouping_of_epochs_into_calls_changes_only_their_order():
-    """Every grouping ends at the same place on a clean line."""
-    ends = [
-        fitted(
-            with_options(max_epochs=200, epochs_per_call=calls, learning_rate=0.03)
-        ).network.weights
-        for calls in (10, 100)
-    ]
-    np.testing.assert_allclose(*ends, atol=1e-2)
-
-
 def test_every_epoch_sees_every_sample_once():
     """With a rate of zero the mean training loss of an epoch is that of all samples."""
     curve = fitted(
@@ -163,14 +152,6 @@ def test_progress_is_reported_before_the_first_call_and_after_each():
     np.testing.assert_allclose(
         [loss for *_, loss in told[1:]], result.curve[4::5, 2], rtol=1e-6
     )
-
-
-def test_an_interrupt_in_progress_stops_it():
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fitted(progress=interrupt)
 
 
 def test_arrays_that_are_not_floating_point_are_not_trained():
@@ -208,20 +189,3 @@ def test_a_loss_that_is_not_finite_is_reported(bad):
     broken = {**TRAINING, "targets": np.full((128, 2), bad, np.float32)}
     with pytest.raises(TrainingError, match="not finite"):
         fitted(training=broken)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"epochs_per_call": 0},
-        {"max_epochs": 0},
-        {"max_epochs": 10**9},
-        {"batch_size": 0},
-        {"learning_rate": -1.0},
-        {"learning_rate": np.nan},
-        {"learning_rate": np.inf},
-    ],
-)
-def test_invalid_options_are_refused(wrong):
-    with pytest.raises(S2C2AError, match="was given in FitOptions; choose"):
-        FitOptions(**wrong)

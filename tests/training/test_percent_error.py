@@ -22,11 +22,9 @@ def test_a_perfect_prediction_has_no_error():
 
 def test_the_unit_of_an_output_does_not_matter():
     random = np.random.default_rng(0)
-    true, predicted, unit = (
-        random.normal(size=(9, 3, 6)),
-        random.normal(size=(9, 3, 6)),
-        np.array([1, 1e3, 1e-3] * 2),
-    )
+    true = random.normal(size=(9, 3, 6))
+    predicted = random.normal(size=(9, 3, 6))
+    unit = np.array([1, 1e3, 1e-3] * 2)
     one = percent_error(predicted, true, full_ranges(true))
     assert percent_error(
         predicted * unit, true * unit, full_ranges(true * unit)

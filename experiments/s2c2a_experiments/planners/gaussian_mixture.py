@@ -103,9 +103,7 @@ class GaussianMixture(StrategyOptions):
     ) -> TrainedNetworks:
         rows = recorded_rows(recording)
         mixture = fitted_mixture(rows, self.components, seed)
-        no_losses = np.zeros((1, 3), np.float32)
-        result = Trained(mixture, no_losses, (0.0, 0.0))
-        return TrainedNetworks.of(recording.arm, recipe, seed, {MIXTURE: result})
+        return TrainedNetworks(recording.arm, recipe, seed, {MIXTURE: Trained(mixture)})
 
     def build(
         self,

@@ -151,8 +151,8 @@ def print_held_out_errors(title: str, networks: "TrainedNetworks") -> None:
     from s2c2a.estimation import MODAL_MODEL
 
     errors = [
-        (name, f"{mean:.2f} ± {std:.2f} %")
-        for name, (mean, std) in networks.percent.items()
+        (name, "{:.2f} ± {:.2f} %".format(*result.percent))
+        for name, result in networks.trained.items()
         if name != MODAL_MODEL
     ]
     print_table(title, ("network", "error"), errors)

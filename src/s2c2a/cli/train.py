@@ -71,8 +71,8 @@ def train(
     strategies.save_networks(networks, out)
     columns = ("epoch", "train", "validation")
     curves = {
-        name: [dict(zip(columns, row, strict=True)) for row in rows]
-        for name, rows in networks.curves.items()
+        name: [dict(zip(columns, row, strict=True)) for row in result.curve]
+        for name, result in networks.trained.items()
     }
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
     report(networks, begun)

@@ -169,19 +169,14 @@ def _stretch(
     change = target - start
     distance = float(np.linalg.norm(change, axis=-1).max())
     if random.uniform() < SLOW_SHARE:
-        steps = int(random.integers(*_slow_steps(exploration)))
+        shortest, longest = np.array(SLOW_TIMES) / exploration.speeds[1]
+        steps = int(random.integers(max(1, round(shortest)), max(2, round(longest))))
         slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
         change = change * min(1.0, slow * steps / max(distance, 1e-9))
     else:
         steps = max(1, int(np.ceil(distance / speed)))
     shares = np.arange(1, steps + 1)[:, None, None] / steps
     return start + change * shares
-
-
-def _slow_steps(exploration: Exploration) -> tuple[int, int]:
-    """Shortest slow stretch, and one more than the longest."""
-    shortest, longest = np.array(SLOW_TIMES) / exploration.speeds[1]
-    return max(1, round(shortest)), max(2, round(longest))
 
 
 def episode_actions(

@@ -4,9 +4,9 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -148,25 +148,19 @@ def collect(
     else:
         # serial: a real arm starts an episode after the last one is written
         workers = Serial() if threads == 1 else Threads(threads)
-    with _without_empty_file(Path(path), writer), workers as pool:
-        progress(writer.count, options.episodes)
-        run_episode = partial(_run_episode, arm, make_robot, options)
-        numbers = range(writer.count, options.episodes)
-        for episode in in_order(pool, run_episode, numbers):
-            writer.append(episode)
-            progress(writer.count, options.episodes)
-    return load_recording(path)
-
-
-@contextmanager
-def _without_empty_file(path: Path, writer: EpisodeWriter) -> Iterator[None]:
-    """Close the file; delete it if no episode was recorded, as without any pose."""
     try:
-        yield
+        with workers as pool:
+            progress(writer.count, options.episodes)
+            run_episode = partial(_run_episode, arm, make_robot, options)
+            numbers = range(writer.count, options.episodes)
+            for episode in in_order(pool, run_episode, numbers):
+                writer.append(episode)
+                progress(writer.count, options.episodes)
     finally:
         writer.close()
-        if writer.count == 0:
-            path.unlink(missing_ok=True)
+        if writer.count == 0:  # no episode was recorded, as without any pose
+            Path(path).unlink(missing_ok=True)
+    return load_recording(path)
 
 
 def _open_writer(

@@ -162,70 +162,64 @@ def controller_samples(
     stretch. The arm rests before an episode: the history consists of its first
     configuration and the neutral action, as when a controller starts.
     """
-    sensed_ages = range(CONFIGURATION_HISTORY)
-    action_ages = range(1, ACTION_HISTORY + 1)
-    histories = Histories("configurations", sensed_ages, action_ages, axis=-2)
-    return histories.samples(configurations, actions, neutral, lengths)
+    return history_samples(
+        "configurations",
+        configurations,
+        actions,
+        neutral,
+        sensed_ages=range(CONFIGURATION_HISTORY),
+        action_ages=range(1, ACTION_HISTORY + 1),
+        axis=-2,
+        lengths=lengths,
+    )
 
 
-@dataclass(frozen=True)
-class Histories:
-    """Windows of sensed values and actions, with the next sensed value as desired one.
+def history_samples(
+    name: str,
+    sensed: Float[np.ndarray, "episodes samples *sensed"],
+    actions: Float[np.ndarray, "episodes samples modules cables"],
+    neutral: Float[np.ndarray, "modules cables"],
+    *,
+    sensed_ages: range,
+    action_ages: range,
+    axis: int,
+    lengths: Lengths = None,
+) -> Split:
+    """All windows with a complete history and a next sample, the desired one.
 
-    Attributes:
+    Args:
         name: of the sensed values among the inputs.
+        sensed: such as configurations.
+        actions: that were sent [m or N].
+        neutral: action at rest [m or N].
         sensed_ages: of the sensed values of a window, in control steps.
         action_ages: of its actions.
         axis: of ages.
+        lengths: number of samples of each episode, if they differ.
     """
+    rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
 
-    name: str
-    sensed_ages: range
-    action_ages: range
-    axis: int
-
-    def samples(
-        self,
-        sensed: Float[np.ndarray, "episodes samples *sensed"],
-        actions: Float[np.ndarray, "episodes samples modules cables"],
-        neutral: Float[np.ndarray, "modules cables"],
-        lengths: Lengths = None,
-    ) -> Split:
-        """All windows with a complete history and a next sample.
-
-        Args:
-            sensed: such as configurations.
-            actions: that were sent [m or N].
-            neutral: action at rest [m or N].
-            lengths: number of samples of each episode, if they differ.
-        """
-        rest = np.broadcast_to(neutral, (ACTION_HISTORY, *neutral.shape))
-
-        def windows(episode: int, stretch: slice) -> Samples:
-            values = sensed[episode, stretch]
-            sent = actions[episode, stretch]
-            if not stretch.start:
-                first = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
-                values = np.concatenate([first, values])
-                sent = np.concatenate([rest, sent])
-            return self._windows(values, sent)
-
-        parts = stretches(_lengths_of(actions, lengths))
-        return Split(*(_joined([windows(*each) for each in part]) for part in parts))
-
-    def _windows(self, sensed: np.ndarray, actions: np.ndarray) -> Samples:
-        """Windows of one stretch."""
-        steps = np.arange(ACTION_HISTORY, len(sensed) - 1)
+    def windows(episode: int, stretch: slice) -> Samples:
+        values = sensed[episode, stretch]
+        sent = actions[episode, stretch]
+        if not stretch.start:
+            first = np.repeat(sensed[episode, :1], ACTION_HISTORY, axis=0)
+            values = np.concatenate([first, values])
+            sent = np.concatenate([rest, sent])
+        steps = np.arange(ACTION_HISTORY, len(values) - 1)
 
         def history(values: np.ndarray, ages: range) -> np.ndarray:
-            return np.stack([values[steps - age] for age in ages], self.axis)
+            return np.stack([values[steps - age] for age in ages], axis)
 
         inputs = {
-            "desired": sensed[steps + 1],
-            self.name: history(sensed, self.sensed_ages),
-            "actions": history(actions, self.action_ages),
+            "desired": values[steps + 1],
+            name: history(values, sensed_ages),
+            "actions": history(sent, action_ages),
         }
-        return Samples(inputs, actions[steps])
+        return Samples(inputs, sent[steps])
+
+    parts = stretches(_lengths_of(actions, lengths))
+    return Split(*(_joined([windows(*each) for each in part]) for part in parts))
 
 
 def _joined(parts: list[Samples]) -> Samples:

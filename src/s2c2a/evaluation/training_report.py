@@ -11,8 +11,8 @@ def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
     return [
         f"{name} at the tip: {1e3 * error:.1f} mm (mean) on {samples}, which have gaps of "
         "time to those of the training"
-        for name, errors in networks.errors.items()
-        for samples, error in errors.items()
+        for name, result in networks.trained.items()
+        for samples, error in result.errors.items()
     ]
 
 
@@ -21,12 +21,13 @@ def describe_modal_model(networks: TrainedNetworks) -> str:
 
     Empty without a modal model that was identified in this training.
     """
-    if MODAL_MODEL not in networks.percent:
+    if MODAL_MODEL not in networks.trained:
         return ""
-    percent, _ = networks.percent[MODAL_MODEL]
+    modal_model = networks.trained[MODAL_MODEL]
+    percent, _ = modal_model.percent
     nominal = "frequency and damping are those of the arm file"
     # without any complete episode, both errors of the curve are zero
-    if not networks.curves[MODAL_MODEL][:, 1:].any():
+    if not modal_model.curve[:, 1:].any():
         return (
             "modal model: the recording has no complete episode that is long enough, so "
             f"the vibration is unknown; {nominal}"

@@ -76,20 +76,17 @@ def _files_in_text(text: str) -> Iterator[Path]:
     without_options = text.partition(",")[0]
     # a comma may begin options, or be part of a path
     for name in dict.fromkeys((text, without_options)):
-        yield from _files_of_name(name)
-
-
-def _files_of_name(name: str) -> Iterator[Path]:
-    """Files of a name without options."""
-    place, colon, attribute = name.rpartition(":")
-    if name in _entry_point_modules():
-        yield from _module_files(_entry_point_modules()[name])
-    if not colon or not attribute.isidentifier():
-        return
-    if place.endswith(".py"):
-        yield from _if_file(located(name, place))
-    elif all(part.isidentifier() for part in place.split(".")):
-        yield from _module_files(place)
+        place, colon, attribute = name.rpartition(":")
+        if name in _entry_point_modules():
+            yield from _module_files(_entry_point_modules()[name])
+        if not colon or not attribute.isidentifier():
+            continue
+        if place.endswith(".py"):
+            file = located(name, place)
+            if _is_file(file):
+                yield file.resolve()
+        elif all(part.isidentifier() for part in place.split(".")):
+            yield from _module_files(place)
 
 
 @cache
@@ -111,17 +108,13 @@ def _module_files(module: str) -> Iterator[Path]:
         return
     loaded = getattr(sys.modules.get(module), "__file__", None)
     if loaded:
-        yield from _if_file(Path(loaded))
+        if _is_file(Path(loaded)):
+            yield Path(loaded).resolve()
         return
     for folder in (Path.cwd(), *map(Path, sys.path)):
         if found := _file_in(folder, module):
             yield found
             return
-
-
-def _if_file(path: Path) -> Iterator[Path]:
-    if _is_file(path):
-        yield path.resolve()
 
 
 def _is_file(path: Path) -> bool:

@@ -50,7 +50,18 @@ class Cluster(ClientExecutor):
         self._versions = _own_versions()
         with ExitStack() as resources:
             if address == LOCAL:
-                local = resources.enter_context(_local_cluster(count))
+                # of this machine, which other machines cannot reach
+                local = resources.enter_context(
+                    LocalCluster(
+                        n_workers=validated_worker_count(count, default_process_count),
+                        threads_per_worker=1,
+                        processes=True,
+                        # the default listens on all interfaces
+                        dashboard_address="127.0.0.1:0",
+                        # closing workers log that the scheduler is gone
+                        silence_logs=logging.CRITICAL,
+                    )
+                )
                 client = _connect(LOCAL, address=local)
             else:
                 client = _connect_to(address)
@@ -131,17 +142,6 @@ def _call(
 @cache
 def _own_versions() -> Versions:
     return _checked_versions(get_versions(CHECKED_PACKAGES))
-
-
-def _local_cluster(count: int | None) -> LocalCluster:
-    """Workers of this machine, which other machines cannot reach."""
-    return LocalCluster(
-        n_workers=validated_worker_count(count, default_process_count),
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",  # the default listens on all interfaces
-        silence_logs=logging.CRITICAL,  # closing workers log that the scheduler is gone
-    )
 
 
 def _connect_to(address: str) -> Client:

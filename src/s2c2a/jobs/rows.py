@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
 from s2c2a.estimation import MODAL_MODEL
@@ -181,16 +180,15 @@ def score_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
             values = [scored.value for scored in over_runs]
             spreads = []
             if first.averaged:
-                spreads = [_spread(scored.values) for scored in over_runs]
+                for scored in over_runs:
+                    # of the steps that count; NaN if there is none
+                    counted = scored.values[np.isfinite(scored.values)]
+                    spreads.append(
+                        float(counted.std()) if len(counted) else float("nan")
+                    )
             names = (task, strategy, metric, first.unit)
             rows.append(heading.row(*names, values, spreads, **heading.modes))
     return rows
-
-
-def _spread(values: Float[np.ndarray, " steps"]) -> float:
-    """Standard deviation over the steps that count; NaN if there is none."""
-    counted = values[np.isfinite(values)]
-    return float(counted.std()) if len(counted) else float("nan")
 
 
 def describe_repetitions(run: Run) -> str:
@@ -218,11 +216,12 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
     seeds = tuple(networks.seed for networks in trained)
     heading = Heading(experiment, first.arm, first.recipe.name, seeds)
     rows = []
-    for name in first.percent:
+    for name in first.trained:
         if name == MODAL_MODEL:
             continue
-        means = [networks.percent[name][0] for networks in trained]
-        spreads = [networks.percent[name][1] for networks in trained]
+        percents = [networks.trained[name].percent for networks in trained]
+        means = [mean for mean, _ in percents]
+        spreads = [spread for _, spread in percents]
         names = ("training", name, "held-out error", "%")
         rows.append(heading.row(*names, means, spreads, **heading.modes))
     return rows

@@ -127,20 +127,20 @@ def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None
         runs: for `metrics.csv`.
     """
     save_rows(rows, folder / "results.json")
-    lines = (line for run in runs for line in _metric_lines(run))
-    save_csv(METRICS_HEADER, lines, folder / "metrics.csv")
 
+    def lines() -> Iterator[tuple]:
+        for run in runs:
+            times = run.episode.times()
+            ticks = run.episode.ran("tick_time")
+            names = (run.task, run.strategy, run.seed)
+            for scored in run.scores:
+                metric = scored.score.metric
+                samples = zip(times, scored.values, ticks, strict=True)
+                for step, (time, value, tick) in enumerate(samples):
+                    numbers = (f"{value:.4f}", f"{1e3 * tick:.4f}")
+                    yield (*names, step, f"{time:.3f}", metric, *numbers)
 
-def _metric_lines(run: Run) -> Iterator[tuple]:
-    times = run.episode.times()
-    ticks = run.episode.ran("tick_time")
-    names = (run.task, run.strategy, run.seed)
-    for scored in run.scores:
-        metric = scored.score.metric
-        samples = zip(times, scored.values, ticks, strict=True)
-        for step, (time, value, tick) in enumerate(samples):
-            numbers = (f"{value:.4f}", f"{1e3 * tick:.4f}")
-            yield (*names, step, f"{time:.3f}", metric, *numbers)
+    save_csv(METRICS_HEADER, lines(), folder / "metrics.csv")
 
 
 def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Path]:

@@ -73,7 +73,8 @@ def view_training(networks: TrainedNetworks, port: int) -> Window:
     )
     for line in describe_held_out_errors(networks):
         gui.add_markdown(line)
-    for name, rows in networks.curves.items():
+    for name, result in networks.trained.items():
+        rows = result.curve
         gui.add_markdown(_training_text(networks, name))
         logarithms = np.log10(np.maximum(rows[:, 1:], 1e-12))
         values = (rows[:, 0], *logarithms.T)
@@ -86,9 +87,9 @@ def _training_text(networks: TrainedNetworks, name: str) -> str:
     """Length of a training and its error, of the modal model in its own words."""
     if name == MODAL_MODEL:
         return describe_modal_model(networks)
-    mean, std = networks.percent[name]
+    mean, std = networks.trained[name].percent
     return (
-        f"{name}: {len(networks.curves[name])} epochs; error on held-out data "
+        f"{name}: {len(networks.trained[name].curve)} epochs; error on held-out data "
         f"{mean:.2f} ± {std:.2f} % of the full range"
     )
 

@@ -63,8 +63,14 @@ class _NoisyLoss(eqx.Module):
     def __call__(
         self, model: eqx.Module, batch: Batch, key: PRNGKeyArray | None
     ) -> Float[Array, ""]:
-        actions = self.predict(model, _with_noise(batch, self.std, key))
-        return jnp.mean((actions - batch["targets"]) ** 2)
+        targets = batch["targets"]
+        # without noise the network learns to repeat its past actions, and diverges in
+        # closed loop (docs/concepts/deviations.md)
+        if key is not None:
+            past = batch["actions"]
+            noise = self.std * jax.random.normal(key, past.shape)
+            batch = batch | {"actions": past + noise}
+        return jnp.mean((self.predict(model, batch) - targets) ** 2)
 
 
 def train_actions(
@@ -89,16 +95,3 @@ def train_actions(
     """
     loss = _NoisyLoss(predict, noise)
     return train(model, loss, predict, split, fit, key, progress)
-
-
-def _with_noise(batch: Batch, std: float, key: PRNGKeyArray | None) -> Batch:
-    """The batch with noise on its past actions in training.
-
-    Without noise the network learns to repeat its past actions, and diverges in closed
-    loop (docs/concepts/deviations.md).
-    """
-    if key is None:
-        return batch
-    actions = batch["actions"]
-    noise = std * jax.random.normal(key, actions.shape)
-    return batch | {"actions": actions + noise}

@@ -37,14 +37,11 @@ class HysteresisMemory(NamedTuple):
         plays: outputs of the play operators, shape (modules, widths, cables).
         crept: outputs of the slow filters, shape (modules, times, cables).
         last: the last displacements, shape (modules, cables).
-        previous: the displacements before the last ones, same shape; the difference is
-            the speed.
     """
 
     plays: Float[Array, "*batch modules widths cables"]
     crept: Float[Array, "*batch modules times cables"]
     last: Float[Array, "*batch modules cables"]
-    previous: Float[Array, "*batch modules cables"]
 
 
 class Operators(Fixed):
@@ -139,7 +136,7 @@ class Hysteresis(eqx.Module):
         now = displacements[..., None, :]
         plays = jnp.repeat(now, len(self.operators.widths), axis=-2)
         crept = jnp.repeat(now, len(self.operators.shares), axis=-2)
-        return HysteresisMemory(plays, crept, displacements, displacements)
+        return HysteresisMemory(plays, crept, displacements)
 
     def advance(
         self,
@@ -153,7 +150,7 @@ class Hysteresis(eqx.Module):
         if self.engaged:
             plays = now + jax.lax.stop_gradient(plays - now)
         crept = memory.crept + self.operators.shares[:, None] * (now - memory.crept)
-        return HysteresisMemory(plays, crept, displacements, memory.last)
+        return HysteresisMemory(plays, crept, displacements)
 
     def inputs(
         self,

@@ -74,20 +74,15 @@ class LocalC2S(WrappedModel):
         """See `ForwardModel`: the process is evaluated once a control step."""
         bends = bends_from_configurations(configurations)
         near = replace(self, chain=self.chain.near(configurations, memory))
-        return replace(near, tangent=near._tangent_at(bends, memory))
-
-    def _tangent_at(
-        self, bends: Float[Array, "modules 2"], memory: HysteresisMemory
-    ) -> Tangent:
-        """The expansion of the process; zero if it has no samples."""
-        features = self.features(self._inputs_at(bends, memory))
+        features = near.features(near._inputs_at(bends, memory))
         nothing = jnp.zeros_like(self.process.constant)
+        # zero if the process has no samples
         values, slopes = jax.lax.cond(
             self.process.is_fitted,
             lambda: (self.process(features), jax.jacrev(self.process)(features)),
             lambda: (nothing, jnp.zeros((*nothing.shape, *features.shape))),
         )
-        return Tangent(bends, features, values, slopes)
+        return replace(near, tangent=Tangent(bends, features, values, slopes))
 
     def predict(
         self,
@@ -130,7 +125,10 @@ class LocalC2S(WrappedModel):
         displacements = self.chain.body.displacements(configurations)
         features = self.features(self.chain.inputs(displacements, memory))
         variance = self.process.variance(features) + self.process.noise
-        near = jnp.sqrt(variance)[..., None] * self._scales()
+        # deviation of each end from its prediction, per that of the process [m]
+        scales = self.process.scale.reshape(-1, 6)[:, POSITION]
+        of_ends = self.unit * jnp.sqrt(jnp.sum(scales**2, axis=-1))
+        near = jnp.sqrt(variance)[..., None] * of_ends
         modules = jnp.arange(1, len(self.chain.body.lengths) + 1)
         beyond = self.extrapolation(configurations)[..., None] * modules / len(modules)
         return jnp.hypot(near, beyond)
@@ -141,11 +139,6 @@ class LocalC2S(WrappedModel):
         displacements = self.chain.body.displacements(configurations)
         relative = self.region.extrapolation(self.region_features(displacements))
         return PRIOR_STD * jnp.sum(self.chain.body.lengths) * relative
-
-    def _scales(self) -> Float[Array, " modules"]:
-        """Deviation of each end from its prediction, per that of the process [m]."""
-        scales = self.process.scale.reshape(-1, 6)[:, POSITION]
-        return self.unit * jnp.sqrt(jnp.sum(scales**2, axis=-1))
 
     def states(
         self, inputs: Float[Array, "*batch modules inputs cables"]

@@ -6,7 +6,7 @@ that neither the chain nor a first fit has seen give its deviation.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -124,7 +124,8 @@ class LocalOptions(ChainOptions):
         chain = options.pretrain(arms, fit, key, progress)
         model = replace(self.untrained(together.arm, key), chain=chain.network)
         split = hysteresis_samples(model.chain, together)
-        process = replace(model.process, scale=_judged(model, split).scale)
+        _, scale, _ = _judged(model, split)
+        process = replace(model.process, scale=scale)
         model = self._with_region(replace(model, process=process), split)
         return Trained(model, chain.curve, chain.percent, spread=chain.spread)
 
@@ -144,45 +145,45 @@ class LocalOptions(ChainOptions):
         # root mean square change of the features in a second
         steps = min(max(round(data.arm.control_rate), 1), len(features) - 1)
         motion = np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
-        residual = _residual(blank, every)
-        kinds = _kinds(blank.chain)
-        process = fit_process(features, residual, kinds, motion, self.points)
-        judged = _judged(replace(blank, process=process), split)
-        if not judged.is_better:
+        process = fit_process(
+            features,
+            _residual(blank, every),
+            _kinds(blank.chain),
+            motion,
+            self.points,
+        )
+        is_better, scale, tip_errors = _judged(replace(blank, process=process), split)
+        if not is_better:
             process = blank.process
-        process = replace(process, scale=judged.scale)
+        process = replace(process, scale=scale)
         model = replace(blank, process=process)
         unseen = _given(model, _joined(split.training, split.validation))
         trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
-        return replace(trained, network=network, errors=judged.tip_errors)
+        return replace(trained, network=network, errors=tip_errors)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
-        training, held_out = (
-            _region_features(model, part) for part in (split.training, split.validation)
-        )
+        features = []
+        for part in (split.training, split.validation):
+            # the first input is the displacement itself
+            displacements = jnp.asarray(part.inputs["configurations"][:, :, 0])
+            features.append(np.asarray(model.region_features(displacements)))
+        training, held_out = features
         return replace(model, region=fit_region(training, held_out, self.few))
 
 
-class _Judged(NamedTuple):
-    """A model judged on samples that neither chain nor process have seen.
-
-    Attributes:
-        is_better: whether the process reduces the squared error (`_is_smaller`).
-        scale: standard deviation of each output, per deviation of the process.
-        tip_errors: mean error of the tip [m]; empty if it is unknown.
-    """
-
-    is_better: bool
-    scale: Float[Array, " outputs"]
-    tip_errors: dict[str, float]
-
-
-def _judged(model: LocalC2S, split: Split) -> _Judged:
+def _judged(
+    model: LocalC2S, split: Split
+) -> tuple[bool, Float[Array, " outputs"], dict[str, float]]:
     """Judge chain and process on validation and test samples.
 
     The process has the samples of training and of the other of these two.
+
+    Returns:
+        Whether the process reduces the squared error (`_is_smaller`); the standard
+        deviation of each output, per deviation of the process; and the mean error of the
+        tip [m], empty if it is unknown.
     """
     chain_errors = []
     errors = []
@@ -204,8 +205,11 @@ def _judged(model: LocalC2S, split: Split) -> _Judged:
     known = np.isfinite(relative)
     squares = np.where(known, relative, 0.0) ** 2
     scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
-    tip_errors = _tip_errors(remaining, model.unit)
-    return _Judged(is_better, jnp.asarray(scale, jnp.float32), tip_errors)
+    ends = remaining.reshape(len(remaining), -1, 6)[:, -1, POSITION]
+    distances = model.unit * np.linalg.norm(ends, axis=-1)
+    seen = distances[np.isfinite(distances)]
+    tip_errors = {HELD_OUT: float(seen.mean())} if len(seen) else {}
+    return is_better, jnp.asarray(scale, jnp.float32), tip_errors
 
 
 def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
@@ -263,14 +267,6 @@ def _residual(
     return (residual / units).reshape(len(residual), -1)
 
 
-def _region_features(
-    model: LocalC2S, samples: Samples
-) -> Float[np.ndarray, "samples features"]:
-    """See `LocalC2S.region_features`; the first input is the displacement itself."""
-    displacements = samples.inputs["configurations"][:, :, 0]
-    return np.asarray(model.region_features(jnp.asarray(displacements)))
-
-
 def _reach(data: TrainingData) -> float:
     """Largest displacement over the cable radius, or bend [rad].
 
@@ -287,13 +283,3 @@ def _joined(*parts: Samples) -> Samples:
     inputs = np.concatenate([part.inputs["configurations"] for part in parts])
     targets = np.concatenate([part.targets for part in parts])
     return Samples({"configurations": inputs}, targets)
-
-
-def _tip_errors(
-    errors: Float[np.ndarray, "samples outputs"], unit: float
-) -> dict[str, float]:
-    """Mean error of the tip [m]; empty if it is unknown."""
-    ends = errors.reshape(len(errors), -1, 6)[:, -1, POSITION]
-    distances = unit * np.linalg.norm(ends, axis=-1)
-    known = distances[np.isfinite(distances)]
-    return {HELD_OUT: float(known.mean())} if len(known) else {}

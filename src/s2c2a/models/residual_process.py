@@ -171,7 +171,6 @@ def fit_process(
     kinds: Float[np.ndarray, "features kinds"],
     motion: Float[np.ndarray, " features"],
     points: int,
-    seed: int = 0,
 ) -> ResidualProcess:
     """Fit a process to samples.
 
@@ -182,7 +181,6 @@ def fit_process(
             feature is in a group, else zero.
         motion: root mean square change of the features in a second.
         points: number of inducing points.
-        seed: of the subsets for the likelihood.
 
     Returns:
         The process; one without samples if fewer than `SUBSET` are known. Unknown
@@ -201,7 +199,7 @@ def fit_process(
     rates = np.where(width > 1e-6, 1.0 / np.maximum(width, 1e-6), 0.0)
     mean = y.mean(axis=0)
     scale = np.maximum(y.std(axis=0), 1e-9)
-    subsets = _subsets(len(x), np.random.default_rng(seed))
+    subsets = _subsets(len(x), np.random.default_rng(0))
     inputs = [
         ((x - center) * rates)[subsets],
         ((y - mean) / scale)[subsets],
@@ -209,7 +207,14 @@ def fit_process(
         motion * rates,
     ]
     inputs = [jnp.asarray(each, jnp.float32) for each in inputs]
-    fitted = _maximize(_initial(kinds, rates > 0.0), *inputs)
+    # logarithms of the hyperparameters at first; half of the variance is noise
+    initial = {
+        "kinds": jnp.zeros(kinds.shape[1]),
+        "all": -0.5 * jnp.log(max(1, int((rates > 0.0).sum()))),
+        "kernel": jnp.log(0.5),
+        "noise": jnp.log(0.5),
+    }
+    fitted = _maximize(initial, *inputs)
     all_scales = np.zeros(len(known))
     all_scales[known] = scale
     process = replace(
@@ -230,19 +235,6 @@ def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:
     offsets = random.permutation(gap)[:SUBSETS]
     rows = [np.arange(offset, samples, gap) for offset in offsets]
     return np.array([np.sort(random.permutation(each)[:size]) for each in rows])
-
-
-def _initial(
-    kinds: Float[np.ndarray, "features kinds"], used: Bool[np.ndarray, " features"]
-) -> dict[str, Array]:
-    """Logarithms of the hyperparameters at first; half of the variance is noise."""
-    half = jnp.log(0.5)
-    return {
-        "kinds": jnp.zeros(kinds.shape[1]),
-        "all": -0.5 * jnp.log(max(1, int(used.sum()))),
-        "kernel": half,
-        "noise": half,
-    }
 
 
 def _rates(

@@ -7,6 +7,7 @@ correlated in time, so many samples count as one as their correlation lasts.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from itertools import permutations
 from typing import NamedTuple
@@ -233,11 +234,14 @@ def _explained(fit: _Residuals, change: DayChange) -> dict[str, float]:
     Shapley values: they add up to the reduction by all causes.
     """
     errors: dict[frozenset[str], float] = {}
+    none = DayChange.none(len(change.gains))
 
     def error(causes: Iterable[str]) -> float:
         chosen = frozenset(causes)
         if chosen not in errors:
-            errors[chosen] = fit.tip_error(_only(change, chosen), True)
+            kept = [name for cause in chosen for name in GROUPS[cause]]
+            parts = {name: getattr(change, name) for name in kept}
+            errors[chosen] = fit.tip_error(replace(none, **parts), True)
         return errors[chosen]
 
     orders = list(permutations(GROUPS))
@@ -247,13 +251,3 @@ def _explained(fit: _Residuals, change: DayChange) -> dict[str, float]:
             gain = error(order[:count]) - error(order[: count + 1])
             gained[cause] += gain / len(orders)
     return gained
-
-
-def _only(change: DayChange, causes: Iterable[str]) -> DayChange:
-    """A change by some causes alone."""
-    kept = [name for cause in causes for name in GROUPS[cause]]
-    none = DayChange.none(len(change.gains))
-    parts = {
-        name: getattr(change if name in kept else none, name) for name in vars(change)
-    }
-    return DayChange(**parts)

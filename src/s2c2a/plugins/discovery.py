@@ -80,14 +80,9 @@ def trusted_as(name: str) -> str | None:
     return None
 
 
-def trust_code_in(table: Any, folder: Path | None = None) -> None:
-    """Trust all names of code in the nested tables of a file that the user gave.
-
-    Args:
-        table: of the file.
-        folder: see `trust_code`.
-    """
-    trust_code(*(text for text in _texts(table) if ":" in text), folder=folder)
+def trust_code_in(table: Any) -> None:
+    """Trust all names of code in the nested tables of a file that the user gave."""
+    trust_code(*(text for text in _texts(table) if ":" in text))
 
 
 def located(name: str, file: str) -> Path:
@@ -154,8 +149,13 @@ def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:
     if name in known:
         return known[name]
     module, colon, attribute = name.rpartition(":")
-    if colon:
-        _check_trusted(kind, name)
+    if colon and name not in _trusted:
+        raise UntrustedCodeError(
+            f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "
+            "if you trust it, give the arm file or recipe file that names it (--arm, "
+            f"--recipe), or add --trust {name} (in Python: "
+            f"s2c2a.plugins.trust_code('{name}'))"
+        )
     points = () if colon else tuple(entry_points(group=group, name=name))
     try:
         if colon:
@@ -183,17 +183,6 @@ def installed(kind: str) -> dict[str, EntryPoint]:
         kind: one of `GROUPS`.
     """
     return {point.name: point for point in entry_points(group=GROUPS[kind])}
-
-
-def _check_trusted(kind: str, name: str) -> None:
-    if name in _trusted:
-        return
-    raise UntrustedCodeError(
-        f"the {kind} '{name}' is code, which a recording or a weight file cannot run; "
-        "if you trust it, give the arm file or recipe file that names it (--arm, "
-        f"--recipe), or add --trust {name} (in Python: "
-        f"s2c2a.plugins.trust_code('{name}'))"
-    )
 
 
 def _without_options(name: str) -> str:

@@ -68,25 +68,18 @@ def write(path: str | os.PathLike, metadata: Metadata, arrays: Arrays) -> None:
     Raises:
         S2C2AError: the file cannot be written.
     """
-    content = _ordered(
-        save(
-            dict(arrays),
-            metadata={METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST},
-        )
-    )
+    texts = {METADATA: metadata.model_dump_json(), DIGEST: NO_DIGEST}
+    content = save(dict(arrays), metadata=texts)
+    # sorted metadata, so that equal networks make equal files
+    end = 8 + _header_bytes(content)
+    header = json.loads(content[8:end])
+    header["__metadata__"] = dict(sorted(texts.items()))
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    padded = text + b" " * (-len(text) % 8)
+    content = len(padded).to_bytes(8, "little") + padded + content[end:]
     write_atomically(
         content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1), path
     )
-
-
-def _ordered(content: bytes) -> bytes:
-    """The content with sorted metadata, so that equal networks make equal files."""
-    end = 8 + _header_bytes(content)
-    header = json.loads(content[8:end])
-    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
-    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
-    padded = text + b" " * (-len(text) % 8)
-    return len(padded).to_bytes(8, "little") + padded + content[end:]
 
 
 def read(path: str | os.PathLike) -> tuple[Metadata, Arrays]:
@@ -193,13 +186,23 @@ def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str,
         StrategyError: one is missing, not sound or of another shape.
     """
 
-    def fill(name: str, place, blank):
+    def fill(network: str, place, blank):
         if _is_from_arm(blank):
             return type(blank).of(arm)
-        return (
-            _sound(arrays, f"{name}{jax.tree_util.keystr(place)}", blank)
-            if _is_array(blank)
-            else blank
+        if not _is_array(blank):
+            return blank
+        name = f"{network}{jax.tree_util.keystr(place)}"
+        found = arrays.get(name)
+        if (
+            found is not None
+            and (found.shape, found.dtype) == (blank.shape, blank.dtype)
+            # false for NaN
+            and bool(((found >= -LARGEST) & (found <= LARGEST)).all())
+        ):
+            return found
+        raise StrategyError(
+            f"it holds no sound array {name} of shape {blank.shape}, all within "
+            f"{LARGEST:g}"
         )
 
     full = {
@@ -211,24 +214,6 @@ def filled(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> dict[str,
     numbers, rest = eqx.partition(full, _is_array)
     # all in one go, which is quicker than each alone
     return eqx.combine(jax.device_put(numbers), rest)
-
-
-def _sound(arrays: Arrays, name: str, blank: Any) -> np.ndarray:
-    found = arrays.get(name)
-    if (
-        found is None
-        or (found.shape, found.dtype) != (blank.shape, blank.dtype)
-        or not _in_range(found)
-    ):
-        raise StrategyError(
-            f"it holds no sound array {name} of shape {blank.shape}, all within {LARGEST:g}"
-        )
-    return found
-
-
-def _in_range(values: np.ndarray) -> bool:
-    """Whether all are numbers, and none is absurd."""
-    return bool(((values >= -LARGEST) & (values <= LARGEST)).all())
 
 
 def _is_array(leaf: Any) -> bool:

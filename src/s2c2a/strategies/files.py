@@ -32,6 +32,7 @@ from s2c2a.strategies.checkpoint import (
 from s2c2a.strategies.recipe import Recipe, recipe_in
 from s2c2a.strategies.registry import STRATEGIES
 from s2c2a.strategies.trained import TrainedNetworks
+from s2c2a.training import Trained
 from s2c2a.training.fit import parameters
 
 ENDING = ".safetensors"
@@ -77,14 +78,18 @@ def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         arm=arm_to_toml(networks.arm),
         recipe=asdict(networks.recipe.by_class),
         seed=networks.seed,
-        percent=networks.percent,
-        errors=networks.errors,
+        percent={name: result.percent for name, result in networks.trained.items()},
+        errors={
+            name: result.errors
+            for name, result in networks.trained.items()
+            if result.errors
+        },
     )
     arrays = learned(networks.networks)
-    if networks.spread is not None:
-        arrays |= learned({SPREAD: networks.spread})
-    for name, curve in networks.curves.items():
-        arrays[f"{CURVE}{name}"] = np.asarray(curve)
+    if networks.is_prior:
+        arrays |= learned({SPREAD: networks.trained["C2S"].spread})
+    for name, result in networks.trained.items():
+        arrays[f"{CURVE}{name}"] = np.asarray(result.curve)
     write(path, metadata, arrays)
 
 
@@ -124,20 +129,30 @@ def load_networks(
         }
         networks = filled(blanks, trained_for, arrays)
         spread = _spread(blanks, trained_for, arrays)
-        curves = _curves(arrays)
+        curves = {
+            name.removeprefix(CURVE): _curve(name, values)
+            for name, values in arrays.items()
+            if name.startswith(CURVE)
+        }
         if not set(networks) == set(curves) == set(metadata.percent):
             raise StrategyError("networks, curves and errors differ in their names")
+    trained = {
+        name: Trained(
+            networks[name],
+            curves[name],
+            percent,
+            metadata.errors.get(name, {}),
+            spread if name == "C2S" else None,
+        )
+        for name, percent in metadata.percent.items()
+    }
     return TrainedNetworks(
         arm or trained_for,
         recipe,
         metadata.seed,
-        networks,
-        metadata.percent,
-        curves,
+        trained,
         metadata.strategy,
         metadata.strategy_options,
-        metadata.errors,
-        spread,
     )
 
 
@@ -177,16 +192,10 @@ def _spread(blanks: Mapping[str, Any], arm: ArmSpec, arrays: Arrays) -> Any:
     return spread
 
 
-def _curves(arrays: Arrays) -> dict[str, np.ndarray]:
-    curves = {}
-    for name, curve in arrays.items():
-        if not name.startswith(CURVE):
-            continue
-        network = name.removeprefix(CURVE)
-        if curve.ndim != 2 or curve.shape[1] != 3 or not np.isfinite(curve).all():
-            raise StrategyError(
-                f"the curve of {network} has no rows of epoch, training and validation "
-                "loss"
-            )
-        curves[network] = curve
-    return curves
+def _curve(name: str, curve: np.ndarray) -> np.ndarray:
+    if curve.ndim != 2 or curve.shape[1] != 3 or not np.isfinite(curve).all():
+        raise StrategyError(
+            f"the curve of {name.removeprefix(CURVE)} has no rows of epoch, training and "
+            "validation loss"
+        )
+    return curve

@@ -87,9 +87,7 @@ class FittedPCC(StrategyOptions):
         progress: NetworkProgress = lambda *_: None,
     ) -> TrainedNetworks:
         gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
-        result = Trained(gains, np.zeros((1, 3), np.float32), (0.0, 0.0))
-        trained = {GAINS: result}
-        return TrainedNetworks.of(recording.arm, recipe, seed, trained)
+        return TrainedNetworks(recording.arm, recipe, seed, {GAINS: Trained(gains)})
 
     def build(
         self,
@@ -103,7 +101,7 @@ class FittedPCC(StrategyOptions):
                 "pcc-fitted needs gains that were fitted to a recording"
             )
         options = replace(recipe.planner, guard=run.guard)
-        gains = np.asarray(trained.networks[GAINS].gains, float)
+        gains = np.asarray(trained.trained[GAINS].network.gains, float)
         return _pcc(self.name, arm, options, 1.0 / gains)
 
 

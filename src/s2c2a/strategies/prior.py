@@ -66,7 +66,7 @@ def pretrain_s2c2a(
     for name, result in recipe.estimator_options.train(some, predicted).items():
         if not name.startswith(PREFIX):
             trained[name] = result
-    return TrainedNetworks.of(arm, recipe, seed, trained)
+    return TrainedNetworks(arm, recipe, seed, trained)
 
 
 def _every_nth_episode(data: TrainingData, count: int) -> TrainingData:

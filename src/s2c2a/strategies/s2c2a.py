@@ -140,11 +140,16 @@ def train_s2c2a(
             patience=EPOCH_FACTOR * recipe.c2s_fit.patience,
         )
         c2s = recipe.c2s.resume_training(
-            start.c2s, start.spread, data, longer, c2s_key, c2s_progress
+            start.c2s, start.trained["C2S"].spread, data, longer, c2s_key, c2s_progress
         )
         # controller and modal model stay those of the prior
-        begun = replace(start, arm=recording.arm, seed=seed, errors={})
-        return begun.with_trained({"C2S": c2s, **sensors}, recipe)
+        return replace(
+            start,
+            arm=recording.arm,
+            recipe=recipe,
+            seed=seed,
+            trained={**start.trained, "C2S": c2s, **sensors},
+        )
     c2s = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, c2s_progress)
     c2a = recipe.c2a.train(
         data, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
@@ -152,7 +157,7 @@ def train_s2c2a(
     predicted = recipe.c2s.predictions(c2s.network, data)
     trained: dict[str, Trained] = {"C2S": c2s, "C2A": c2a}
     trained |= estimator.train(data, predicted) | sensors
-    return TrainedNetworks.of(recording.arm, recipe, seed, trained)
+    return TrainedNetworks(recording.arm, recipe, seed, trained)
 
 
 def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
@@ -161,7 +166,7 @@ def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
     Raises:
         StrategyError: they are no prior, or one of another arm or recipe.
     """
-    if start.spread is None:
+    if not start.is_prior:
         raise StrategyError(
             f"the networks to start from are of the one arm '{start.arm.name}'; make a "
             "prior with `s2c2a pretrain`, or train without --from"

@@ -202,7 +202,8 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
             f"{MAKE_ONE}"
         )
     model = SessionC2S.of(_model(networks), session.change.change())
-    return replace(networks, networks={**networks.networks, "C2S": model})
+    corrected = replace(networks.trained["C2S"], network=model)
+    return replace(networks, trained={**networks.trained, "C2S": corrected})
 
 
 def describe_use(session: Session) -> str:

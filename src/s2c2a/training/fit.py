@@ -127,13 +127,17 @@ def fit(
         float(options.max_epochs * (samples // options.batch_size))
     )
     optimizer = _optimizer(options, decay_steps)
-    run = compiled(_train_epochs, loss, rest, _of_any_length(options))
+    # what the program of an epoch depends on: the other options are defaults
+    lengths = ("max_epochs", "patience", "epochs_per_call")
+    defaults = {name: getattr(FitOptions, name) for name in lengths}
+    run = compiled(_train_epochs, loss, rest, replace(options, **defaults))
     state = _State(
         weights, optimizer.init(weights), weights, jnp.array(jnp.inf), decay_steps
     )
     curve: list[np.ndarray] = []
     progress(0, options.max_epochs, float(state.best_loss))
-    while not _stopped(curve, options):
+    since_best = 0
+    while since_best < options.patience and len(curve) < options.max_epochs:
         key, call_key = jax.random.split(key)
         epochs = min(options.epochs_per_call, options.max_epochs - len(curve))
         state, rows = run(
@@ -145,16 +149,10 @@ def fit(
                 f"the loss is not finite after {len(curve)} epochs; "
                 "lower the learning rate or check the data"
             )
+        since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))
         progress(len(curve), options.max_epochs, float(state.best_loss))
     numbered = np.column_stack([np.arange(1, len(curve) + 1), np.array(curve)])
     return eqx.combine(state.best_weights, rest), numbered
-
-
-def _of_any_length(options: FitOptions) -> FitOptions:
-    """The options that the program of an epoch depends on; the others are defaults."""
-    lengths = ("max_epochs", "patience", "epochs_per_call")
-    defaults = {name: getattr(FitOptions, name) for name in lengths}
-    return replace(options, **defaults)
 
 
 def _optimizer(
@@ -231,13 +229,6 @@ def _train_epochs(
         return updated, jnp.stack([losses.mean(), validation_loss])
 
     return jax.lax.scan(epoch, state, keys)
-
-
-def _stopped(curve: list[np.ndarray], options: FitOptions) -> bool:
-    if not curve:
-        return False
-    since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))
-    return since_best >= options.patience or len(curve) >= options.max_epochs
 
 
 class Fixed(eqx.Module):

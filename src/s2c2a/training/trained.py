@@ -45,6 +45,11 @@ class TrainingData:
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
 
 
+def no_epochs() -> Float[np.ndarray, "epochs 3"]:
+    """The curve of what is fitted without epochs."""
+    return np.zeros((1, 3), np.float32)
+
+
 @dataclass(frozen=True)
 class Trained(Generic[ModelType]):
     """Trained model, its learning curve, and its test error.
@@ -61,8 +66,8 @@ class Trained(Generic[ModelType]):
     """
 
     network: ModelType
-    curve: Float[np.ndarray, "epochs 3"]
-    percent: tuple[float, float]
+    curve: Float[np.ndarray, "epochs 3"] = field(default_factory=no_epochs)
+    percent: tuple[float, float] = (0.0, 0.0)
     errors: Mapping[str, float] = field(default_factory=dict)
     spread: Any = None
 

@@ -1,6 +1,7 @@
 """Regression in a Gaussian mixture of what was recorded."""
 
 import sys
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -14,6 +15,7 @@ from s2c2a.goals import Goal
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import RunOptions, load_networks, recipe_named, save_networks
 from s2c2a.strategies.registry import labeled
+from s2c2a.training import Trained
 from s2c2a_experiments.planners.gaussian_mixture import (
     MIXTURE,
     GaussianMixture,
@@ -103,7 +105,7 @@ def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, tra
     mixture = trained.networks[MIXTURE]
     negative = type(mixture)(mixture.weights, mixture.means, -mixture.covariances)
     trained = OPTIONS.train(synthetic(twin, 200), RECIPE, 0)
-    trained.networks[MIXTURE] = negative
+    trained = replace(trained, trained={MIXTURE: Trained(negative)})
     with pytest.raises(StrategyError, match="not positive definite"):
         OPTIONS.build(twin, RECIPE, trained, RunOptions())
 

@@ -28,6 +28,7 @@ from s2c2a.strategies import (
     recipe_named,
     save_networks,
 )
+from s2c2a.training import Trained
 
 Layer = tuple[Float[np.ndarray, "out in"], Float[np.ndarray, " out"]]
 ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -214,9 +215,7 @@ def save_policy(
         arm,
         recipe,
         seed,
-        {NETWORK: filled},
-        percent={NETWORK: (0.0, 0.0)},
-        curves={NETWORK: np.zeros((1, 3), np.float32)},
+        {NETWORK: Trained(filled)},
         strategy=STRATEGIES.name_of(PolicyStrategy),
         strategy_options=asdict(options),
     )
