@@ -5,7 +5,6 @@ import os
 import platform
 import re
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
@@ -17,6 +16,7 @@ import numpy as np
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli.console import Arm, print_table
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.child import child_command
 from s2c2a.execution.executors import all_cores
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import write_atomically
@@ -151,7 +151,7 @@ def start_times(arm: str, starts: int = STARTS) -> list[float]:
     Raises:
         S2C2AError: a process ended before its first action.
     """
-    command = [sys.executable, "-m", "s2c2a_experiments.first_action", arm]
+    command = child_command("-m", "s2c2a_experiments.first_action", arm)
     seconds = []
     for _ in range(1 + starts):
         start = time.time()

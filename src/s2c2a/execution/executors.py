@@ -16,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.child import spawning
 from s2c2a.plugins.discovery import run_with_trust, trusted_code
 
 Given = TypeVar("Given")
@@ -85,9 +86,9 @@ class Processes(ProcessPoolExecutor):
 
     def __init__(self, workers: int | None = None):
         self.workers = validated_worker_count(workers, default_process_count)
-        # forking a process that has threads, as JAX's has, can hang
-        spawn = multiprocessing.get_context("spawn")
-        super().__init__(self.workers, mp_context=spawn, initializer=_start_process)
+        super().__init__(
+            self.workers, mp_context=spawning(), initializer=_start_process
+        )
 
     def __exit__(self, kind, error, trace):
         """Wait for running calls and cancel the others.

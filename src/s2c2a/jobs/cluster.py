@@ -13,6 +13,7 @@ from distributed.cfexecutor import ClientExecutor
 from distributed.versions import get_versions
 
 from s2c2a.errors import ClusterError
+from s2c2a.execution.child import safe_path
 from s2c2a.execution.executors import (
     default_process_count,
     limit_jax_to_one_thread,
@@ -51,6 +52,7 @@ class Cluster(ClientExecutor):
         with ExitStack() as resources:
             if address == LOCAL:
                 # of this machine, which other machines cannot reach
+                resources.enter_context(safe_path())
                 local = resources.enter_context(
                     LocalCluster(
                         n_workers=validated_worker_count(count, default_process_count),

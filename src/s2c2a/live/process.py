@@ -11,7 +11,6 @@ until the page has received the notice of the stop and the driver resumes.
 This module imports nothing heavy, so that the control process starts early.
 """
 
-import multiprocessing
 import os
 import queue
 import signal
@@ -27,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
+from s2c2a.execution.child import spawning
 from s2c2a.execution.executors import limit_jax_to_one_thread
 from s2c2a.live.request import Request, RequestLimits
 from s2c2a.live.snapshot import PATIENCE, Control, Snapshot
@@ -82,7 +82,7 @@ class ControlProcess(Control):
         self._stopping = threading.Event()
         self._using = threading.Lock()
         self._use_results = queue.SimpleQueue[str]()
-        context = multiprocessing.get_context("spawn")
+        context = spawning()
         self._pipe, other_end = context.Pipe()
         trusting_build = partial(run_with_trust, trusted_code(), build)
         self._process = context.Process(

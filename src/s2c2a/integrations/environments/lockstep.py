@@ -8,13 +8,13 @@ need: no accelerations, and tensions and bend angles only for cables with fricti
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
+from s2c2a.robots.simulation import SimulatedRobot  # isort: skip  # safe start of MuJoCo
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm.geometry import cables_present
-from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.transmission import (
     CableTransmission,
     compute_motor_path,

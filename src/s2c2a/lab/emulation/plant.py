@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from s2c2a.robots.simulation import SimulatedRobot  # isort: skip  # safe start of MuJoCo
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +11,6 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import cables_present
 from s2c2a.arm.sensors import Sensors
 from s2c2a.errors import S2C2AError
-from s2c2a.robots.simulation import SimulatedRobot
 
 Cables = Float[np.ndarray, " cables"]
 
