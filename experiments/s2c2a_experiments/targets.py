@@ -66,7 +66,7 @@ class _TargetSearch(Artifact[Made]):
 
     @property
     def file(self) -> str:
-        digest = digest_of("targets", self.arm, *self.key)
+        digest = digest_of(type(self), self.arm, *self.key)
         return f"{self.arm.name}-targets-{digest}.safetensors"
 
     def make(self, cache: Cache, progress: Progress) -> None:

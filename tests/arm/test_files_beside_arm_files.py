@@ -9,7 +9,7 @@ from s2c2a.arm import arm_to_toml, load_arm
 from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import S2C2AError
-from s2c2a.execution.user_code import code_digest
+from s2c2a.execution.sources import code_digest
 from s2c2a.lab.tracking import sources
 from s2c2a.plugins import discovery
 from s2c2a.plugins.discovery import (

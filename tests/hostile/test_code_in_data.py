@@ -141,7 +141,7 @@ def test_only_the_gate_imports_by_name():
         "live/cli/live.py",
     }
     readers = {
-        "execution/user_code.py"
+        "execution/sources.py"
     }  # of files that entry points name; it imports nothing
     own = {"execution/executables.py"}  # pickles that only this user can have written
     assert importers == {"plugins/discovery.py"} | constants | readers | own

@@ -1,6 +1,7 @@
 """An edit of custom code makes anew what depends on it, whatever kind of code it is."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from s2c2a.arm.sensors import Raw, Sensors
 from s2c2a.arm.tracking import Tracking
 from s2c2a.control.options import CONTROLLERS
 from s2c2a.data import CollectOptions
-from s2c2a.execution.user_code import code_digest
+from s2c2a.execution import sources
+from s2c2a.execution.sources import code_digest
 from s2c2a.jobs import (
     Conditions,
     NetworksArtifact,
@@ -22,7 +24,7 @@ from s2c2a.jobs import (
 from s2c2a.models.registry import MODELS
 from s2c2a.plugins.components import CustomComponent
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies import STRATEGIES, recipe_named
+from s2c2a.strategies import recipe_named
 
 BEST = recipe_named("best")
 GROUP = re.compile(r'(?:resolve\(|Registry\()\s*"(\w+)"', re.MULTILINE)
@@ -157,9 +159,64 @@ def test_an_edit_changes_the_key_of_everything_that_depends_on_the_code(
         first = changed
 
 
-def test_the_key_of_the_packages_own_components_holds_no_code(twin):
-    for name in STRATEGIES.known:
-        assert code_digest(STRATEGIES.named(name)(), BEST, twin) == ""
+MAKERS = {
+    "recording": "data/collecting.py:CollectOptions",
+    "networks": "strategies/s2c2a.py:S2C2A",
+    "run": "jobs/job.py:Conditions",
+}
+REACH = {
+    "robots/simulation/chain.py": {"recording", "networks", "run"},
+    "training/fit.py": {"networks", "run"},
+    "models/local_training.py": {"networks", "run"},
+    "evaluation/rollout.py": {"run"},
+    "viz/figures.py": set(),
+    "cli/train.py": set(),
+    "../docs/index.md": set(),
+}
+"""File of the package -> what it makes."""
+
+
+def test_an_edit_of_the_package_changes_the_keys_of_what_it_makes(tmp_path):
+    package = tmp_path / "s2c2a"
+    shutil.copytree(
+        s2c2a.__path__[0], package, ignore=shutil.ignore_patterns("weights")
+    )
+
+    def keys():
+        return {made: code_digest(f"{package}/{name}") for made, name in MAKERS.items()}
+
+    before = keys()
+    assert len(set(before.values())) == len(MAKERS)
+    for file, makes in REACH.items():
+        place = package / file
+        place.parent.mkdir(exist_ok=True)
+        with place.open("a") as source:
+            source.write("# edited\n")
+        after = keys()
+        assert {made for made in MAKERS if after[made] != before[made]} == makes, file
+        before = after
+
+
+def test_artifacts_count_the_sources_that_make_them(twin, monkeypatch):
+    read = set()
+
+    def noted(file, source, imported=sources._imported):
+        read.add(file)
+        return imported(file, source)
+
+    monkeypatch.setattr(sources, "_imported", noted)
+    monkeypatch.setattr(sources, "_digests_of_package", sources._digests)
+    run = job_of(twin)
+    artifacts = {
+        "run": run,
+        "networks": run.needs[0],
+        "recording": run.needs[0].needs[0],
+    }
+    for made, artifact in artifacts.items():
+        read.clear()
+        assert artifact.file
+        for file, makes in REACH.items():
+            assert (sources.PACKAGE / file in read) == (made in makes), (made, file)
 
 
 def test_modules_and_packages_count_with_the_modules_that_they_import(
@@ -182,7 +239,7 @@ def test_modules_and_packages_count_with_the_modules_that_they_import(
 
 
 @pytest.mark.parametrize(
-    "text", ["", "circle", "json:loads", "s2c2a.robots:Robot", "udp:9763", "a.py:B"]
+    "text", ["", "circle", "json:loads", "jax.numpy:abs", "udp:9763", "a.py:B"]
 )
 def test_texts_that_name_no_custom_code_have_no_digest(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

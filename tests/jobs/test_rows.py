@@ -8,7 +8,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import print_results
 from s2c2a.jobs.job import Conditions
-from s2c2a.jobs.rows import TABLE_III, Heading
+from s2c2a.jobs.rows import Heading, printed
 from s2c2a.robots import RobotFactory
 from s2c2a.tasks.registry import TILTS
 
@@ -48,4 +48,10 @@ def test_the_column_of_the_paper_appears_with_its_numbers_only(name, count, caps
 
 
 def test_every_tilt_task_has_the_papers_numbers():
-    assert list(TABLE_III) == list(TILTS)
+    for task in TILTS:
+        for strategy in ("s2c2a", "pcc"):
+            assert printed(task, TWIN, strategy, "tilt"), task
+    assert printed("tilt-40", TWIN, "pcc", "position") == {
+        "paper_mean": 3.3,
+        "paper_std": 1.0,
+    }

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.errors import S2C2AError
-from s2c2a.execution.user_code import code_digest
+from s2c2a.execution.sources import code_digest
 from s2c2a.files.json_files import load_json
 from s2c2a.files.text import LARGEST, write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result

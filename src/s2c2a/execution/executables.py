@@ -33,18 +33,17 @@ from pydantic import BaseModel
 
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import IMPORTED, cache_folder
-from s2c2a.execution.user_code import KNOWN
+from s2c2a.execution.sources import KNOWN, PACKAGE
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import write_atomically
 
-PACKAGE = Path(__file__).parents[1]
 TRACED = re.compile(
     r"s2c2a\.(arm|control|estimation|execution\.compilation|goals|kinematics"
     r"|models|obstacles|paper|planning|spaces|training)\b"
 )
 """Modules of whose functions and constants programs are made."""
 HELPERS = "beartype", "jaxtyping", "lazy_loader", "pydantic", "pydantic_core", "scipy"
-LIBRARIES = KNOWN.union(sys.stdlib_module_names, HELPERS)
+LIBRARIES = KNOWN.union(sys.stdlib_module_names, HELPERS, {PACKAGE.name})
 """Packages whose functions the sources or versions tell of."""
 PROCESSOR = Path("/proc/cpuinfo")
 CONFIG: Any = jax.config  # its attributes are made when JAX is imported
@@ -172,7 +171,10 @@ def _machine(files: tuple[Path, ...]) -> bytes:
         lines = PROCESSOR.read_text("utf-8").splitlines()
         # of Intel and AMD, and of ARM
         kinds |= {line for line in lines if re.match("flags|model|Features|CPU ", line)}
-    return blake2b(sources).digest() + repr([versions(), sorted(kinds)]).encode()
+    return (
+        blake2b(sources).digest()
+        + repr([versions() | {"commit": ""}, sorted(kinds)]).encode()
+    )
 
 
 def _changes() -> bytes:

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, Generic, TypeVar
 
-import s2c2a
 from s2c2a import strategies
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
@@ -19,7 +18,7 @@ from s2c2a.episodes.file import ENDING
 from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
 from s2c2a.execution.cache import cache_folder
 from s2c2a.execution.progress import Progress
-from s2c2a.execution.user_code import code_digest
+from s2c2a.execution.sources import code_digest
 from s2c2a.files.text import write_atomically
 from s2c2a.robots import RobotFactory
 from s2c2a.runtime.border import named_errors
@@ -31,10 +30,6 @@ from s2c2a.strategies import (
     StrategyOptions,
     TrainedNetworks,
 )
-
-REVISION = 9
-"""Raise it whenever simulation, babbling, training or file layout change what is kept,
-so that nothing old is used."""
 
 SIMULATION = RobotFactory.simulation()
 """Data always come from the simulation `fast`."""
@@ -115,14 +110,14 @@ class Artifact(ABC, Generic[Made]):
 
 
 def digest_of(*parts: object) -> str:
-    """A digest of all parts, and of the code that makes the artifact.
+    """A digest of all parts, and of the sources that they reach (`code_digest`).
 
-    The code is the version of the package, and the custom code that the parts name.
+    A class among them that makes the artifact lets its sources count.
     """
     written = tuple(
         arm_to_toml(part) if isinstance(part, ArmSpec) else part for part in parts
     )
-    content = repr((written, s2c2a.__version__, REVISION)) + code_digest(*parts)
+    content = repr(written) + code_digest(*parts)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 

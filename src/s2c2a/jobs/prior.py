@@ -65,7 +65,9 @@ class PriorNetworks(Networks):
     @property
     def file(self) -> str:
         files = [need.file for need in self.needs]
-        digest = digest_of("prior", *files, self.arm, self.recipe.training, self.seed)
+        digest = digest_of(
+            type(self), *files, self.arm, self.recipe.training, self.seed
+        )
         name = f"{self.arm.name}-{self.recipe.name}-prior-seed{self.seed}"
         return f"{name}-{digest}.safetensors"
 

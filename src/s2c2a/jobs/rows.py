@@ -1,8 +1,10 @@
 """Result rows of runs and trainings over seeds, with the paper's numbers."""
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,60 +18,13 @@ from s2c2a.strategies import TrainedNetworks
 
 Floats = Sequence[float]
 
-TABLE_III = {
-    "tilt-40": (((2.9, 0.8), (2.1, 1.3)), ((3.3, 1.0), (2.1, 1.4))),
-    "tilt-50": (((2.3, 0.7), (2.8, 1.4)), ((3.9, 1.4), (4.5, 2.2))),
-    "tilt-60": (((2.2, 1.1), (3.5, 2.9)), ((4.5, 1.0), (7.5, 3.7))),
-    "tilt-0": (((2.6, 1.0), (3.3, 1.0)), ((2.9, 0.8), (4.7, 2.2))),
-    "tilt-50-a20": (
-        ((3.1, 1.6), (2.4, 1.5), (3.6, 2.7)),
-        ((4.8, 1.4), (3.9, 2.3), (6.8, 3.4)),
-    ),
-    "tilt-50-c20": (
-        ((3.1, 1.2), (3.0, 2.3), (3.5, 3.1)),
-        ((3.8, 1.1), (5.9, 2.0), (4.4, 2.2)),
-    ),
-}
-"""Tilt task (`tasks.registry.TILTS`) -> ours, PCC; each position [cm], tilt [deg] and,
-where printed, azimuth [deg]; mean and standard deviation."""
+PRINTED = Path(__file__).with_name("printed.csv")
+"""Mean and standard deviation of each metric that the paper prints (Chen et al. 2025).
 
-PRINTED: dict[tuple[str, str, str], dict[str, tuple[float, float]]] = {
-    # table III, p-ours and p-PCC
-    ("circle", "twin_arm", "s2c2a"): {"position": (2.2, 1.1)},
-    ("circle", "twin_arm", "pcc"): {"position": (2.5, 0.8)},
-    # table of the simulation; its last two rows couple sensing and actuation
-    ("circle", "simulated_arm", "s2c2a"): {"position": (1.5, 0.3)},
-    ("circle", "simulated_arm", "s2c2a-motor"): {"position": (1.9, 0.7)},
-    ("circle", "simulated_arm", "lstm"): {"position": (3.3, 1.7)},
-    ("circle", "simulated_arm_sensing_coupled", "s2c2a"): {"position": (1.7, 0.3)},
-    ("circle", "simulated_arm_actuation_coupled", "s2c2a"): {"position": (1.6, 0.5)},
-    # table V
-    ("hold-base", "twin_arm", "s2c2a"): {
-        "constraint": (0.2, 0.1),
-        "position": (3.6, 1.7),
-    },
-    ("hold-middle", "twin_arm", "s2c2a"): {
-        "constraint": (1.0, 0.3),
-        "orientation": (3.2, 1.9),
-    },
-    ("hold-end", "twin_arm", "s2c2a"): {
-        "constraint": (3.9, 0.9),
-        "orientation": (4.3, 2.5),
-    },
-    # table II
-    ("training", "twin_arm", "C2S"): {"held-out error": (1.93, 1.87)},
-    ("training", "twin_arm", "C2A"): {"held-out error": (0.91, 1.90)},
-}
-"""(task, arm, strategy) -> metric -> mean and standard deviation (Chen et al. 2025).
-
-The paper compares its simulation with other methods than PCC, so these rows have no
-printed number."""
-for _task, _columns in TABLE_III.items():
-    for _strategy, _pairs in zip(("s2c2a", "pcc"), _columns, strict=True):
-        _metrics = zip(("position", "tilt", "azimuth"), _pairs, strict=False)
-        PRINTED[_task, "twin_arm", _strategy] = dict(_metrics)
-
-
+Table III has the rows of `tilt` and of the circle of `twin_arm`, the table of the
+simulation those of the other arms, of which the last two couple sensing and actuation;
+table V has `hold`, table II `training`. The paper compares its simulation with other
+methods than PCC, so these rows have no printed number."""
 DISTURBING = {"twin", "payload", "events", "aged"}
 """Options of the simulated robot for conditions that the paper does not have."""
 
@@ -234,9 +189,12 @@ def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, An
         Nothing if the paper prints no number, or if an arm has the name of a preset but
         other mechanics.
     """
-    pair = PRINTED.get((task, arm.name, strategy), {}).get(metric)
-    if pair is None:
-        return {}
     if arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name)):
         return {}
-    return {"paper_mean": pair[0], "paper_std": pair[1]}
+    with PRINTED.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            names = row["task"], row["arm"], row["strategy"], row["metric"]
+            if names == (task, arm.name, strategy, metric):
+                mean, std = float(row["mean"]), float(row["std"])
+                return {"paper_mean": mean, "paper_std": std}
+    return {}

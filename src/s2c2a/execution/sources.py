@@ -1,0 +1,250 @@
+"""Sources that values depend on, and their digest.
+
+Files that the project keeps are found by the `repr` of everything that they depend on.
+That text stays the same when code is edited, so the key of a kept file also holds the
+digest of the sources that make it: those of all classes among the values, of texts such
+as `my_strategy.py:Mine`, and of what these import in turn.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import is_dataclass
+from functools import cache
+from hashlib import blake2b
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from s2c2a.execution.versions import PACKAGES
+from s2c2a.plugins.discovery import GROUPS, located
+
+KNOWN = set(PACKAGES)
+"""Packages that are known by their versions."""
+INSTALLED = {"site-packages", "dist-packages"}
+"""Folders whose modules belong to many packages."""
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def code_digest(*values: Any) -> str:
+    """Digest of the source files that values reach; empty if they reach none.
+
+    It counts the files of classes, and of texts such as `file.py:Name`,
+    `module:Name` and names of entry points; and the files that these import from this
+    package, or from their own folder or package. Nothing is imported.
+
+    Args:
+        values: any; dataclasses, pydantic models and containers are searched.
+    """
+    digests: set[str] = set()
+    for file in {file for value in values for file in _named_files(value)}:
+        is_ours = file.is_relative_to(PACKAGE)
+        digests |= _digests_of_package(file) if is_ours else _digests(file)
+    if not digests:
+        return ""
+    return blake2b("".join(sorted(digests)).encode()).hexdigest()[:16]
+
+
+def _named_files(value: Any) -> Iterator[Path]:
+    """Files of custom code that a value names, directly or inside."""
+    if isinstance(value, str):
+        yield from _files_in_text(value)
+        return
+    if isinstance(value, type):
+        yield from _module_files(value.__module__)
+        return
+    for part in _parts(value):
+        yield from _named_files(part)
+    if is_dataclass(value) or isinstance(value, tuple | BaseModel):
+        yield from _module_files(type(value).__module__)
+
+
+def _parts(value: Any) -> list[Any]:
+    if isinstance(value, Mapping):
+        return [*value.keys(), *value.values()]
+    if isinstance(value, list | tuple | set | frozenset):
+        return list(value)
+    if is_dataclass(value) or isinstance(value, BaseModel):
+        return list(vars(value).values())
+    return []
+
+
+def _files_in_text(text: str) -> Iterator[Path]:
+    """Files of `file.py:Name`, `module:Name` (options may follow) or an entry point."""
+    without_options = text.partition(",")[0]
+    # a comma may begin options, or be part of a path
+    for name in dict.fromkeys((text, without_options)):
+        place, colon, attribute = name.rpartition(":")
+        if name in _entry_point_modules():
+            yield from _module_files(_entry_point_modules()[name])
+        if not colon or not attribute.isidentifier():
+            continue
+        if place.endswith(".py"):
+            file = located(name, place)
+            if _is_file(file):
+                yield file.resolve()
+        elif all(part.isidentifier() for part in place.split(".")):
+            yield from _module_files(place)
+
+
+@cache
+def _entry_point_modules() -> dict[str, str]:
+    """Modules of all entry points that values can name, by name."""
+    points = entry_points()
+    return {
+        point.name: point.module
+        for kind, group in GROUPS.items()
+        if kind != "command"
+        for point in points.select(group=group)
+    }
+
+
+def _module_files(module: str) -> Iterator[Path]:
+    """File of a module that no version tells of."""
+    top = module.partition(".")[0]
+    if top in KNOWN or top in sys.stdlib_module_names:
+        return
+    loaded = getattr(sys.modules.get(module), "__file__", None)
+    if loaded:
+        if _is_file(Path(loaded)):
+            yield Path(loaded).resolve()
+        return
+    for folder in (Path.cwd(), *map(Path, sys.path)):
+        if found := _file_in(folder, module):
+            yield found
+            return
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; the path may be any text of a stranger's file."""
+    with suppress(OSError, ValueError):  # such as a name that is too long
+        return path.is_file()
+    return False
+
+
+def _file_in(folder: Path, module: str) -> Path | None:
+    """Source file of a module, if a folder has it."""
+    place = folder.joinpath(*module.split("."))
+    for candidate in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+        if _is_file(candidate):
+            return candidate.resolve()
+    return None
+
+
+class _Import(NamedTuple):
+    """One name that a source imports.
+
+    Attributes:
+        level: number of dots before the module.
+        module: whose name is imported, or that is imported itself.
+        name: of `from module import name`; "" for the module itself.
+        bound: the name that it has then.
+    """
+
+    level: int
+    module: str
+    name: str
+    bound: str
+
+
+def _digests(file: Path) -> frozenset[str]:
+    """Digests of a file and of all that it imports, directly or not."""
+    digests = set()
+    seen = {file}
+    waiting = [file]
+    while waiting:
+        file = waiting.pop()
+        source = file.read_bytes()
+        digests.add(blake2b(source).hexdigest())
+        new = _imported(file, source) - seen
+        seen |= new
+        waiting += new
+    return frozenset(digests)
+
+
+_digests_of_package = cache(_digests)
+"""Those of a file of this package, whose code stays as it was imported."""
+
+
+@cache
+def _imported(file: Path, source: bytes) -> frozenset[Path]:
+    """Files that a source imports from this package, or its own folder or package."""
+    found: set[Path] = set()
+    for each in _imports(source):
+        found.update(_files_of(file, each))
+    return frozenset(found)
+
+
+def _files_of(file: Path, wanted: _Import) -> list[Path]:
+    """File of a module, or of the one that a package takes a name from."""
+    followed: set[tuple[Path, _Import]] = set()
+    while (file, wanted) not in followed:
+        followed.add((file, wanted))
+        folder = _folder_of(file, wanted)
+        if folder is None:
+            return []
+        whole = f"{wanted.module}.{wanted.name}".strip(".")
+        if module := _file_in(folder, whole):
+            stub = module.with_suffix(".pyi")  # of a package that imports when asked
+            return [module, stub] if stub.is_file() else [module]
+        package = _file_in(folder, wanted.module)
+        if package is None or package.name != "__init__.py":
+            break
+        taken = {
+            each.bound: each
+            for source in (package, package.with_suffix(".pyi"))
+            if source.is_file()
+            for each in _imports(source.read_bytes())
+        }
+        if wanted.name not in taken:
+            break
+        file, wanted = package, taken[wanted.name]
+    else:
+        return []  # a package that imports the name from itself
+    return [] if package is None else [package]
+
+
+def _folder_of(file: Path, wanted: _Import) -> Path | None:
+    """Folder that holds the module, if it is one that counts."""
+    if wanted.level > len(file.parents):  # Python refuses more dots than folders
+        return None
+    if wanted.level:
+        return file.parents[wanted.level - 1]
+    outermost = file.parent
+    while (outermost / "__init__.py").is_file():
+        outermost = outermost.parent
+    top = wanted.module.partition(".")[0]
+    if top == file.relative_to(outermost).parts[0]:
+        return outermost
+    if top == PACKAGE.name:
+        return PACKAGE.parent
+    is_alone = outermost == file.parent and outermost.name not in INSTALLED
+    return outermost if is_alone else None
+
+
+@cache
+def _imports(source: bytes) -> tuple[_Import, ...]:
+    """All that a source may import when it runs."""
+    try:
+        waiting: list[ast.AST] = [ast.parse(source)]
+    # reported where it is imported; the last two: too many nested expressions
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return ()
+    found = []
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import):
+            found += [_Import(0, alias.name, "", "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                bound = alias.asname or alias.name
+                module = node.module or ""
+                found.append(_Import(node.level, module, alias.name, bound))
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            waiting += node.orelse
+        else:
+            waiting += ast.iter_child_nodes(node)
+    return tuple(found)
