@@ -144,7 +144,7 @@ def test_training_losses_are_those_of_the_recipe(recording):
     split = controller_samples(recording.configurations, recording.actions, NEUTRAL)
     batch = as_batch(SumAndRange.of(TWIN).scaled(split, ages=-2).training)
     noise = RECIPES["paper"].history_noise
-    loss = recipe_actions._NoisyLoss(recipe_actions.predict_actions, noise)
+    loss = recipe_actions.NoisyLoss(recipe_actions.predict_actions, noise)
     for key in (None, jax.random.key(1)):
         ours = paper.c2a_loss(C2A_PAPER, windows, key)
         close(ours, loss(C2A_RECIPE, batch, key))

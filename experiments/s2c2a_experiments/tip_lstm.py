@@ -12,13 +12,13 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Split
 from s2c2a.data.windows import history_samples
-from s2c2a.models.actions import Actions, train_actions
+from s2c2a.models.actions import Actions, NoisyLoss
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
 from s2c2a.plugins.components import Ranges
 from s2c2a.spaces import ACTION_HISTORY
 from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, quiet
-from s2c2a.training.trained import Trained
+from s2c2a.training.trained import Trained, train
 
 
 class LSTM(eqx.Module):
@@ -171,15 +171,9 @@ class LSTMOptions(Size):
         split = lstm_samples(tips, actions, ArmGeometry.of(arm).action_neutral)
         scaling = Scaling.of(split.training.inputs["desired"])
         model = replace(self.untrained(arm, network_key), position_scaling=scaling)
-        return train_actions(
-            model,
-            _predict_lstm,
-            model.sum_and_range.scaled(split, ages=1),
-            self.history_noise,
-            self.fit,
-            fit_key,
-            progress,
-        )
+        loss = NoisyLoss(_predict_lstm, self.history_noise)
+        scaled = model.sum_and_range.scaled(split, ages=1)
+        return train(model, loss, _predict_lstm, scaled, self.fit, fit_key, progress)
 
 
 def lstm_samples(

@@ -10,12 +10,19 @@ from jaxtyping import PRNGKeyArray
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.control.controllers import Controller, NetworkController
 from s2c2a.data import controller_samples
-from s2c2a.models.actions import C2A, predict_actions, train_actions
+from s2c2a.models.actions import C2A, NoisyLoss, predict_actions
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import C2A_SIZE, BiLSTM
 from s2c2a.plugins.components import Options, Registry
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
-from s2c2a.training import FitOptions, Trained, TrainingData, TrainingProgress, quiet
+from s2c2a.training import (
+    FitOptions,
+    Trained,
+    TrainingData,
+    TrainingProgress,
+    quiet,
+    train,
+)
 
 
 @dataclass(frozen=True)
@@ -100,9 +107,8 @@ class C2AOptions(Size, ControllerOptions):
             configuration_scaling=Scaling.of(split.training.inputs["desired"]),
         )
         scaled = model.sum_and_range.scaled(split, ages=-2)
-        return train_actions(
-            model, predict_actions, scaled, history_noise, fit, fit_key, progress
-        )
+        loss = NoisyLoss(predict_actions, history_noise)
+        return train(model, loss, predict_actions, scaled, fit, fit_key, progress)
 
     def controller(self, network: C2A) -> NetworkController:
         return NetworkController(network)

@@ -65,22 +65,19 @@ def _named_files(value: Any) -> Iterator[Path]:
 def _parts(value: Any) -> list[Any]:
     if isinstance(value, Mapping):
         return [*value.keys(), *value.values()]
-    if isinstance(value, list | tuple | set | frozenset):
-        return list(value)
     if is_dataclass(value) or isinstance(value, BaseModel):
         return list(vars(value).values())
-    return []
+    return list(value) if isinstance(value, list | tuple | set | frozenset) else []
 
 
 def _files_in_text(text: str) -> Iterator[Path]:
     """Files of `file.py:Name`, `module:Name` (options may follow) or an entry point."""
-    without_options = text.partition(",")[0]
     # a comma may begin options, or be part of a path
-    for name in dict.fromkeys((text, without_options)):
-        place, colon, attribute = name.rpartition(":")
+    for name in (text, text.partition(",")[0]):
+        place, _, attribute = name.rpartition(":")
         if name in _entry_point_modules():
             yield from _module_files(_entry_point_modules()[name])
-        if not colon or not attribute.isidentifier():
+        if not attribute.isidentifier():
             continue
         if place.endswith(".py"):
             file = located(name, place)

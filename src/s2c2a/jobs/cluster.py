@@ -19,7 +19,9 @@ from s2c2a.execution.executors import (
     limit_jax_to_one_thread,
     validated_worker_count,
 )
+from s2c2a.execution.sources import code_digest
 from s2c2a.execution.versions import PACKAGES
+from s2c2a.jobs.job import Job
 
 LOCAL = "local"
 PROTOCOLS = ("tcp://", "tls://")
@@ -71,7 +73,9 @@ class Cluster(ClientExecutor):
             # other versions could give other results or fail
             found: Any = client.get_versions(packages=CHECKED_PACKAGES)
             for worker, versions in found["workers"].items():
-                differences = _differences(_checked_versions(versions), _own_versions())
+                # every call compares the sources, which dask does not know
+                theirs = self._versions | _checked_versions(versions)
+                differences = _differences(theirs, self._versions)
                 if differences:
                     raise ClusterError(
                         f"the worker {worker} of {address} has {differences}; install the same "
@@ -143,7 +147,9 @@ def _call(
 
 @cache
 def _own_versions() -> Versions:
-    return _checked_versions(get_versions(CHECKED_PACKAGES))
+    # sources may differ within a version
+    sources = {"sources": code_digest(Job)}
+    return _checked_versions(get_versions(CHECKED_PACKAGES)) | sources
 
 
 def _connect_to(address: str) -> Client:

@@ -1,4 +1,4 @@
-"""The C2A controller, and the training of networks for actions."""
+"""The C2A controller, and the loss of networks for actions."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,11 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.data.windows import Split
 from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, History, controller_inputs
-from s2c2a.training.fit import Batch, FitOptions, Network, TrainingProgress, quiet
-from s2c2a.training.trained import Trained, train
+from s2c2a.training.fit import Batch
 
 Actions = Float[Array, "*batch modules cables"]
 
@@ -47,7 +45,7 @@ def predict_actions(model: C2A, batch: Batch) -> Array:
     return model(batch["desired"], History(batch["configurations"], batch["actions"]))
 
 
-class _NoisyLoss(eqx.Module):
+class NoisyLoss(eqx.Module):
     """Mean squared error of actions, with noise on past ones in training.
 
     A module, so that trainings of equal shapes share a compiled program.
@@ -71,27 +69,3 @@ class _NoisyLoss(eqx.Module):
             noise = self.std * jax.random.normal(key, past.shape)
             batch = batch | {"actions": past + noise}
         return jnp.mean((self.predict(model, batch) - targets) ** 2)
-
-
-def train_actions(
-    model: Network,
-    predict: Callable[[Network, Batch], Array],
-    split: Split,
-    noise: float,
-    fit: FitOptions,
-    key: PRNGKeyArray,
-    progress: TrainingProgress = quiet,
-) -> Trained[Network]:
-    """Train a network for actions on recorded ones, with noise on past ones.
-
-    Args:
-        model: with random weights.
-        predict: (model, batch) -> normalized actions.
-        split: samples with normalized actions (`SumAndRange.scaled`).
-        noise: standard deviation of noise on past actions, normalized.
-        fit: options of the training.
-        key: for order and noise.
-        progress: called with epoch, number of epochs, validation loss.
-    """
-    loss = _NoisyLoss(predict, noise)
-    return train(model, loss, predict, split, fit, key, progress)
