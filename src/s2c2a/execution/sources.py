@@ -26,6 +26,8 @@ KNOWN = set(PACKAGES)
 """Packages that are known by their versions."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
+BLOCKS = ast.Module, ast.stmt, ast.excepthandler, ast.match_case
+"""What statements stand in."""
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -111,7 +113,7 @@ def _module_files(module: str) -> Iterator[Path]:
         return
     for folder in (Path.cwd(), *map(Path, sys.path)):
         if found := _file_in(folder, module):
-            yield found
+            yield found.resolve()
             return
 
 
@@ -127,7 +129,7 @@ def _file_in(folder: Path, module: str) -> Path | None:
     place = folder.joinpath(*module.split("."))
     for candidate in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
         if _is_file(candidate):
-            return candidate.resolve()
+            return candidate
     return None
 
 
@@ -210,9 +212,7 @@ def _folder_of(file: Path, wanted: _Import) -> Path | None:
         return None
     if wanted.level:
         return file.parents[wanted.level - 1]
-    outermost = file.parent
-    while (outermost / "__init__.py").is_file():
-        outermost = outermost.parent
+    outermost = _outermost(file.parent)
     top = wanted.module.partition(".")[0]
     if top == file.relative_to(outermost).parts[0]:
         return outermost
@@ -220,6 +220,13 @@ def _folder_of(file: Path, wanted: _Import) -> Path | None:
         return PACKAGE.parent
     is_alone = outermost == file.parent and outermost.name not in INSTALLED
     return outermost if is_alone else None
+
+
+@cache
+def _outermost(folder: Path) -> Path:
+    """Folder of the package that a folder belongs to, or itself."""
+    is_package = (folder / "__init__.py").is_file()
+    return _outermost(folder.parent) if is_package else folder
 
 
 @cache
@@ -242,6 +249,6 @@ def _imports(source: bytes) -> tuple[_Import, ...]:
                 found.append(_Import(node.level, module, alias.name, bound))
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
             waiting += node.orelse
-        else:
+        elif isinstance(node, BLOCKS):
             waiting += ast.iter_child_nodes(node)
     return tuple(found)
