@@ -17,7 +17,7 @@ from pydantic_core import from_json
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from s2c2a import __version__
+import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.episodes.blocks import (
     LENGTH,
@@ -202,7 +202,7 @@ def _pack_header(arm: ArmSpec, options: Mapping[str, Any], count: int | None) ->
     """Pack the header; with the number of episodes, truncation can be detected."""
     header = {
         "schema": SCHEMA,
-        "version": __version__,
+        "version": s2c2a.__version__,
         "arm": arm_to_toml(arm),
         "options": dict(options),
         "count": count,

@@ -188,7 +188,9 @@ def _files_of(file: Path, wanted: _Import) -> list[Path]:
         whole = f"{wanted.module}.{wanted.name}".strip(".")
         if module := _file_in(folder, whole):
             stub = module.with_suffix(".pyi")  # of a package that imports when asked
-            return [module, stub] if stub.is_file() else [module]
+            # inside a package, it is imported for its version
+            asks = stub.is_file() and module.parent not in file.parents
+            return [module, stub] if asks else [module]
         package = _file_in(folder, wanted.module)
         if package is None or package.name != "__init__.py":
             break

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from s2c2a import __version__
+import s2c2a
 
 PACKAGES = ("jax", "jaxlib", "equinox", "optax", "mujoco", "numpy")
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -20,7 +20,7 @@ def versions() -> dict[str, str]:
     Between two versions of this package, "commit" tells which sources they are, if they
     are those of a Git checkout.
     """
-    numbers = {"s2c2a": __version__, "python": platform.python_version()}
+    numbers = {"s2c2a": s2c2a.__version__, "python": platform.python_version()}
     if commit := _commit():
         numbers["commit"] = commit
     for name in PACKAGES:

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from pydantic import TypeAdapter
 
-from s2c2a import __version__
+import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
@@ -72,7 +72,7 @@ def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:
         )
     metadata = Metadata(
         schema_version=SCHEMA,
-        version=__version__,
+        version=s2c2a.__version__,
         strategy=networks.strategy,
         strategy_options=dict(networks.strategy_options),
         arm=arm_to_toml(networks.arm),
