@@ -114,8 +114,9 @@ class Program:
             workspace.taken &= live
 
     def add(self, statement: str) -> None:
-        """Append a statement."""
-        self._statements.append(statement)
+        """Append a statement; one that is repeated for no element is none."""
+        if "< 0;" not in statement:
+            self._statements.append(statement)
 
     def new_name(self, prefix: str) -> str:
         """A name that is used nowhere else in the function."""
