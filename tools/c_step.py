@@ -30,7 +30,7 @@ from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 from s2c2a.strategies import networks_from, strategy_of
 from s2c2a.strategies.strategy import Strategy
 
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
+STRICT = ["-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Werror"]
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 FAST = ("-O3", "-march=native")
 CHANGE_EVERY = 60  # steps between two goals
@@ -76,18 +76,19 @@ class CProgram:
         """A member of the input."""
         return np.array(getattr(self._input, name))
 
-    def start(self, inputs: Any) -> None:
-        """Begin at rest."""
+    def start(self, inputs: Any) -> bool:
+        """Begin at rest; whether the input is sound."""
         self._put(inputs)
-        self._call("start", self._pointer(self._memory), ctypes.byref(self._input))
+        arguments = self._pointer(self._memory), ctypes.byref(self._input)
+        return bool(self._call("start", *arguments))
 
     def step(self, inputs: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """The output of the next step; `seconds` is its time."""
+        """The output of the next step; `is_sound` and `seconds` are of it."""
         self._put(inputs)
         command = np.full(shape, np.nan, np.float32)
         arguments = self._pointer(self._memory), ctypes.byref(self._input)
         began = time.perf_counter()
-        self._call("step", *arguments, self._pointer(command))
+        self.is_sound = bool(self._call("step", *arguments, self._pointer(command)))
         self.seconds = time.perf_counter() - began
         return command
 
@@ -114,8 +115,8 @@ class CProgram:
             place = ctypes.addressof(self._input) + offset
             ctypes.memmove(place, values.ctypes.data, values.nbytes)
 
-    def _call(self, name: str, *arguments: Any) -> None:
-        getattr(self._library, f"{self._name}_{name}")(*arguments)
+    def _call(self, name: str, *arguments: Any) -> Any:
+        return getattr(self._library, f"{self._name}_{name}")(*arguments)
 
     @staticmethod
     def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -166,13 +166,12 @@ class Goal(NamedTuple):
         return self._replace(**fields).frozen()
 
     def frozen(self) -> "Goal":
-        """Return the goal with arrays that nobody can change."""
+        """Return a copy of the goal with arrays that nobody can change."""
         values = [
             immutable(value) if isinstance(value, np.ndarray) else value
             for value in self
         ]
-        is_frozen = all(new is old for new, old in zip(values, self, strict=True))
-        return self if is_frozen else Goal(*values)
+        return Goal(*values)
 
     def with_obstacles(
         self, centers, thresholds, weight: float = 1.0, cores=None

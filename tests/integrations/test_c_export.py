@@ -8,13 +8,26 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.integrations.control_step import ControlStep
-from s2c2a.integrations.exports.c_source import export_c, name_of
+from s2c2a.integrations.exports.c_source import c_of, export_c, name_of
 from s2c2a.strategies import networks_from, save_networks, strategy_of
 from s2c2a.strategies.pcc import pcc_strategy
 
-from tools.c_step import COMPILER, EQUAL, STRICT, compare, recorded_inputs
+from tools.c_step import (
+    COMPILER,
+    EQUAL,
+    STRICT,
+    CProgram,
+    compare,
+    recorded_inputs,
+)
 
 STEPS = 1000
+CALLER = """
+#include "my_arm.h"
+static my_arm_memory memory;
+static my_arm_input input;
+int main() { my_arm_clear(&input); return !my_arm_start(&memory, &input); }
+"""
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 
@@ -54,18 +67,34 @@ def test_a_control_step_is_that_of_the_loop():
     np.testing.assert_allclose(commands, sent, atol=1e-4 * np.ptp(sent))
 
 
-@pytest.mark.slow
-def test_the_last_command_holds_after_a_reading_that_is_not_finite():
+@needs_compiler
+def test_what_is_not_finite_holds_the_last_command_and_says_so(tmp_path):
     strategy = pcc_strategy(load_arm("twin_arm"))
     control = ControlStep(strategy)
-    inputs, _ = recorded_inputs(strategy, control, 5)
-    memory = control.start(inputs[0].measured)
-    command, memory = control.step(memory, inputs[0])
-    lost = {"cables": np.full_like(inputs[1].measured["cables"], np.nan)}
-    held, after = control.step(memory, inputs[1]._replace(measured=lost))
-    np.testing.assert_array_equal(held, command)
-    goes_on, _ = control.step(after, inputs[2])
-    assert np.isfinite(goes_on).all()
+    example = control.example()
+    program = CProgram(c_of(strategy, "held", "a test"), "held", tmp_path, example)
+    shape = example.measured["cables"].shape
+    goal = example.goal.with_position([0.2, 0.0, 0.5])
+    moving = example._replace(goal=goal)
+    unknown = {"preview", "beyond"}
+    for value in (np.nan, np.inf, -np.inf):
+        lost = moving._replace(measured={"cables": np.full(shape, value)})
+        bad = [lost] + [
+            moving._replace(goal=goal._replace(**{name: np.full_like(array, value)}))
+            for name, array in goal._asdict().items()
+            if np.isinf(value) or name not in unknown
+        ]
+        assert not program.start(lost)
+        program.step(moving, shape)
+        assert not program.is_sound
+        assert program.start(moving)
+        command = program.step(moving, shape)
+        assert program.is_sound
+        for each in bad:
+            np.testing.assert_array_equal(program.step(each, shape), command)
+            assert not program.is_sound
+        assert (program.step(moving, shape) != command).any()
+        assert program.is_sound
 
 
 @needs_compiler
@@ -79,8 +108,13 @@ def test_the_command_writes_c_that_compiles(tmp_path):
         command, cwd=tmp_path, check=True, capture_output=True, text=True
     )
     assert "of memory" in done.stdout
-    files = [*STRICT, "-c", "my arm.c", "-o", "arm.o"]
-    subprocess.run([str(COMPILER), *files], cwd=tmp_path, check=True)
+    (tmp_path / "use.cpp").write_text(CALLER)
+    for line in (
+        [str(COMPILER), *STRICT, "-c", "my arm.c", "-o", "arm.o"],
+        ["c++", *STRICT[1:], "use.cpp", "arm.o", "-o", "use"],
+        ["./use"],
+    ):
+        subprocess.run(line, cwd=tmp_path, check=True)
 
 
 def test_names_of_files_become_names_of_c(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 from jax import lax
 
 from s2c2a.errors import S2C2AError
+from s2c2a.integrations.c_code import program
 from s2c2a.integrations.c_code.interface import generate
 
 from tools.c_step import COMPILER, CProgram
@@ -90,15 +91,28 @@ def step(memory, inputs):
 def test_every_operation_is_that_of_jax(tmp_path):
     example = {"x": np.zeros((3, 4), np.float32)}
     generated = generate("rules", "A test.", start, step, example, lambda each: each)
-    program = CProgram(generated, "rules", tmp_path, example)
+    compiled = CProgram(generated, "rules", tmp_path, example)
     memory = start(example)
-    program.start(example)
+    compiled.start(example)
     random = np.random.default_rng(3)
     for _ in range(5):
         inputs = {"x": random.normal(size=(3, 4)).astype(np.float32)}
         expected, memory = step(memory, inputs)
-        found = program.step(inputs, expected.shape)
+        found = compiled.step(inputs, expected.shape)
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-5)
+
+
+def test_axes_share_a_loop_where_all_arrays_are_in_order():
+    shape, indices = (2, 3), ("i0", "i1")
+    shared = program.looped(shape, indices, "w[i0 * 3 + i1] = k[6 + i0 * 3 + i1];")
+    assert shared == "for (int i1 = 0; i1 < 6; i1++) w[i1] = k[6 + i1];"
+    for apart in (
+        "w[i0 * 3 + i1] = i1;",
+        "w[i0 + i1 * 2] = 0;",
+        "w[i0 * 6 + i1 * 2 * 3] = 0;",
+    ):
+        assert program.looped(shape, indices, apart).endswith(apart)
+    assert not program.looped((2, 0), indices, "w[i0 + i1] = 0;")
 
 
 def test_an_unknown_operation_is_named():

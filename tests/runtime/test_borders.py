@@ -1,5 +1,6 @@
 """Robots and controllers cannot change what the loop remembers; their errors are ours."""
 
+import ctypes
 import json
 from copy import deepcopy
 from pickle import dumps, loads
@@ -46,13 +47,11 @@ def forget(array):
 CHANGES = (double, shift, forget)
 
 
-def try_to(change, array):
-    """Change an array in place, with its flags if they allow it."""
-    try:
-        array.setflags(write=True)
-    except ValueError:
-        return
-    change(array)
+def overwrite(change, array):
+    """Change an array in place whatever its flags say, as code in C can."""
+    if array.size:
+        memory = (ctypes.c_char * array.nbytes).from_address(array.ctypes.data)
+        change(np.ndarray(array.shape, array.dtype, memory))
 
 
 class Vandal(Puppet):
@@ -64,6 +63,7 @@ class Vandal(Puppet):
         self.received = []
         self.out = np.zeros(self.geometry.action_neutral.shape)
         self.measured = {"cables": np.zeros_like(self.out), "warmth": np.array(300.0)}
+        self.given = Reading(0.0, {})
 
     def read(self):
         for values in self.measured.values():
@@ -71,7 +71,10 @@ class Vandal(Puppet):
         reading = super().read()
         self.measured["cables"][...] = reading["cables"]
         self.measured["warmth"][...] = 300.0
-        return Reading(reading.time, self.measured)
+        for values in self.given.sensors.values():
+            overwrite(self.change, values)
+        self.given = Reading(reading.time, self.measured)
+        return self.given
 
     def send(self, action):
         self.change(self.out)
@@ -91,14 +94,14 @@ class Scribbler(Actor):
         self.telemetry = np.zeros((3, 3))
 
     def estimate(self, reading, last_command):
-        try_to(self.change, last_command)
+        overwrite(self.change, last_command)
         for values in reading.sensors.values():
-            try_to(self.change, values)
+            overwrite(self.change, values)
         return super().estimate(reading, last_command)
 
     def plan(self, estimate, goal):
         for values in goal:
-            try_to(self.change, values)
+            overwrite(self.change, values)
         return super().plan(estimate, goal)
 
     def act(self, goal, reading):
@@ -107,7 +110,7 @@ class Scribbler(Actor):
         return self.out
 
     def sent(self, action):
-        try_to(self.change, action)
+        overwrite(self.change, action)
 
     def diagnostics(self):
         self.change(self.telemetry)
@@ -128,7 +131,13 @@ def test_nothing_outside_changes_limits_or_records(twin, change, share):
         driver.share = share
         goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
         steps = []
-        with Loop(robot, driver, clock, on_step=steps.append) as loop:
+
+        def recorder(step, steps=steps, change=driver.change):
+            steps.append(deepcopy(step))
+            for array in (step.action, *step.reading.sensors.values()):
+                overwrite(change, array)
+
+        with Loop(robot, driver, clock, on_step=recorder) as loop:
             for _ in range(STEPS):
                 loop.tick(StepRequest(goal))
                 if vandal:
@@ -298,7 +307,7 @@ def test_a_goal_that_its_owner_or_the_controller_changes_stays_in_the_record(
     goal = Goal.of(3)._replace(
         positions=np.full((3, 3), 0.2), position_weights=np.ones(3)
     )
-    actor.plan = lambda estimate, given: [try_to(change, array) for array in given]
+    actor.plan = lambda estimate, given: [overwrite(change, array) for array in given]
     actor.act = lambda *_: actor.geometry.action_neutral
     step = loop.tick(StepRequest(goal))
     change(goal.positions)

@@ -9,9 +9,10 @@ of readings, and the emergency stop.
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import Estimate, StateEstimator
@@ -58,6 +59,7 @@ class StepMemory(NamedTuple):
         command: last command [m or N], shape (modules, cables).
         change: that it made.
         desired: command of the last step before its limits.
+        is_sound: whether the last step followed its input; if not, it held.
     """
 
     estimate: Estimate
@@ -66,6 +68,7 @@ class StepMemory(NamedTuple):
     command: Commands
     change: Commands
     desired: Commands
+    is_sound: Bool[Array, ""]
 
 
 class ControlStep:
@@ -116,14 +119,16 @@ class ControlStep:
         rest = jnp.asarray(self._limits.rest, jnp.float32)
         none = jnp.zeros_like(rest)
         memory = self._controller.start(configuration)
-        return StepMemory(estimate, plan, memory, rest, none, rest)
+        is_sound = jnp.isfinite(configuration).all()
+        return StepMemory(estimate, plan, memory, rest, none, rest, is_sound)
 
     def step(
         self, memory: StepMemory, reading: StepInput
     ) -> tuple[Commands, StepMemory]:
         """The next command [m or N], and the memory after it.
 
-        After a reading that is not finite, the last command holds.
+        After a reading or a goal that is not finite, the last command holds, and the rest
+        of the memory stays; after such a start, every command does.
         """
         estimate = self._estimator.update(
             memory.estimate, reading.measured, reading.measurements
@@ -145,11 +150,20 @@ class ControlStep:
         limited = jnp.clip(jnp.asarray(command, jnp.float32), *command_range(self.arm))
         controller = self._controller.sent(limited, controller)
         change = limited - memory.command
-        new = StepMemory(estimate, plan, controller, limited, change, desired)
-        held = memory._replace(change=jnp.zeros_like(change), desired=memory.command)
-        is_sound = jnp.isfinite(configuration).all()
+        checks = jax.tree.map(_is_known, reading, self.example())
+        is_sound = jnp.array(jax.tree.leaves(checks)).all()
+        is_sound &= jnp.isfinite(configuration).all() & jnp.isfinite(desired).all()
+        new = StepMemory(estimate, plan, controller, limited, change, desired, is_sound)
+        held = memory._replace(
+            change=jnp.zeros_like(change), desired=memory.command, is_sound=is_sound
+        )
         new = select(is_sound, new, held)
         return new.command, new
+
+
+def _is_known(values: Array, example: np.ndarray) -> Bool[Array, ""]:
+    """Whether values are finite, or NaN where NaN means that they are not known."""
+    return (jnp.isfinite(values) | (jnp.isnan(values) & jnp.isnan(example))).all()
 
 
 class EstimatorFunctions(NamedTuple):

@@ -11,16 +11,15 @@ import numpy as np
 
 
 def immutable(values: np.ndarray) -> np.ndarray:
-    """Return a copy of an array that nothing can change, not even by its flags.
+    """Return a copy of an array that NumPy does not change, not even by its flags.
 
-    The memory belongs to Python bytes. Such an array is returned as it is.
+    The memory belongs to Python bytes. Code in C can write there past NumPy, so an array
+    that is immutable already is copied, too: nobody else has the address of the copy.
     """
     if values.dtype.hasobject:
         copied = deepcopy(values)
         copied.setflags(write=False)
         return copied
-    if type(values) is np.ndarray and isinstance(values.base, bytes):
-        return values
     return np.ndarray(values.shape, values.dtype, values.tobytes())
 
 

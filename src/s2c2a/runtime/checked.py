@@ -1,8 +1,12 @@
-"""Robots and controllers, perhaps a user's own: their exceptions and answers are checked."""
+"""Robots and controllers, perhaps a user's own: their exceptions and answers are checked.
+
+They get and leave copies alone: code in C writes through pointers whatever NumPy forbids.
+"""
 
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +15,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
+from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
 from s2c2a.runtime.border import described, named_errors
 from s2c2a.runtime.clock import Clock
@@ -147,15 +152,15 @@ class CheckedDriver(_Checked):
 
     def start(self, reading: Reading) -> None:
         """Start the controller."""
-        self._call("start", reading)
+        self._call("start", replace(reading))
 
     def estimate(self, reading: Reading, last_command: Actions) -> Any:
         """Return its estimate."""
-        return self._call("estimate", reading, last_command)
+        return self._call("estimate", replace(reading), immutable(last_command))
 
     def plan(self, estimate: Any, goal: Goal) -> Any:
         """Return its plan."""
-        return self._call("plan", estimate, goal)
+        return self._call("plan", estimate, goal.frozen())
 
     def act(self, plan: Any, estimate: Any) -> Actions:
         """Return a copy of the desired command; warn where it is NaN or infinite.
@@ -176,7 +181,7 @@ class CheckedDriver(_Checked):
 
     def sent(self, action: Actions) -> None:
         """Tell it the command that replaced its action."""
-        self._call("sent", action)
+        self._call("sent", immutable(action))
 
     def diagnostics(self) -> dict[str, np.ndarray]:
         """Return copies of the telemetry.
@@ -249,7 +254,7 @@ class CheckedRobot(_Checked):
         for name, sensor in declared.items():
             if not isinstance(sensor, Sensor):
                 raise self.error("sensors", f"'{name}' is {sensor!r}, not a Sensor")
-        return declared
+        return {name: replace(sensor) for name, sensor in declared.items()}
 
     def open(self) -> Reading:
         """Open the robot and return the first reading."""
@@ -302,7 +307,7 @@ class CheckedRobot(_Checked):
         if not isinstance(answer.fault, str):
             text = f"the fault of its reading is {answer.fault!r}, not a text"
             raise self.error(method, text)
-        return answer
+        return replace(answer)
 
     def _timed(self, method: str, *arguments: Any) -> Any:
         """Call a method; one that blocks is a fault of the next step."""

@@ -58,7 +58,8 @@ class StepRecord:
     fault: str = ""
 
     def __post_init__(self):
-        """Copy the action and the diagnostics, which others may change later."""
+        """Copy what others may change later."""
+        object.__setattr__(self, "reading", replace(self.reading))
         object.__setattr__(self, "action", immutable(np.asarray(self.action)))
         object.__setattr__(self, "diagnostics", immutable_table(self.diagnostics))
 

@@ -77,7 +77,8 @@ def generate(
     """Write C99 of a function with memory.
 
     The header declares `NAME_input`, `NAME_memory`, `NAME_clear`, `NAME_start` and
-    `NAME_step`; members of the input are named by the path of their array.
+    `NAME_step`; members of the input are named by the path of their array. The memory's
+    last array is a truth value, which start and step return.
 
     Args:
         name: prefix of all names in C.
@@ -121,7 +122,11 @@ def generate(
         for kind in begin.workspaces
     }
     body = "\n\n".join(
-        [begin.text(), go_on.text(), _interface(name, fields, example, command.shape)]
+        [
+            begin.text(),
+            go_on.text(),
+            _interface(name, fields, example, command.shape, layout.integers - 1),
+        ]
     )
     known = constants.used_in(body)
     texts = "\n".join(definition(each, values) for each, values in known.items())
@@ -212,6 +217,10 @@ def _header(
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
 /* Arrays are in C order; modules count from the base. NaN: not known. */
 typedef struct {{
 {members}
@@ -229,19 +238,25 @@ typedef struct {{
 /* Input of an arm at rest, without targets and obstacles. */
 void {name}_clear({name}_input *input);
 
-/* Begin with an arm at rest; only the sensors of the input are read. */
-void {name}_start({name}_memory *memory, const {name}_input *input);
+/* Begin with an arm at rest; only the sensors of the input are read. Returns 0 where
+   one of them is NaN or infinite: start again, since all steps would hold the arm. */
+int {name}_start({name}_memory *memory, const {name}_input *input);
 
-/* One control step: the next command [m or N], within the limits of the arm. */
-void {name}_step({name}_memory *memory, const {name}_input *input,
+/* One control step: the next command [m or N], within the limits of the arm. Returns 0
+   where the last command holds, since a sensor or the goal is NaN or infinite. */
+int {name}_step({name}_memory *memory, const {name}_input *input,
     float command{brackets(command)});
+
+#ifdef __cplusplus
+}}
+#endif
 
 #endif
 """
 
 
 def _interface(
-    name: str, fields: list[Field], example: Any, command: tuple[int, ...]
+    name: str, fields: list[Field], example: Any, command: tuple[int, ...], status: int
 ) -> str:
     pairs = zip(fields, jax.tree.leaves(example), strict=True)
     defaults = "\n".join(_default(field, np.asarray(leaf)) for field, leaf in pairs)
@@ -250,20 +265,22 @@ def _interface(
 {defaults}
 }}
 
-void {name}_start({name}_memory *memory, const {name}_input *input)
+int {name}_start({name}_memory *memory, const {name}_input *input)
 {{
     {name}_run_start(memory->w, memory->k, input, memory->m[0], memory->n[0],
         memory->m[0], memory->n[0], memory->w);
     memory->now = 0;
+    return memory->n[0][{status}];
 }}
 
-void {name}_step({name}_memory *memory, const {name}_input *input,
+int {name}_step({name}_memory *memory, const {name}_input *input,
     float command{brackets(command)})
 {{
     int32_t now = memory->now;
     {name}_run_step(memory->w, memory->k, input, memory->m[now], memory->n[now],
         memory->m[1 - now], memory->n[1 - now], &command{"[0]" * len(command)});
     memory->now = 1 - now;
+    return memory->n[1 - now][{status}];
 }}"""
 
 

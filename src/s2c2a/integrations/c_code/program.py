@@ -114,8 +114,9 @@ class Program:
             workspace.taken &= live
 
     def add(self, statement: str) -> None:
-        """Append a statement."""
-        self._statements.append(statement)
+        """Append a statement, unless it is empty."""
+        if statement:
+            self._statements.append(statement)
 
     def new_name(self, prefix: str) -> str:
         """A name that is used nowhere else in the function."""
@@ -217,10 +218,7 @@ def literal(value: float | int | np.number | np.bool_) -> str:
         return "NAN"
     if np.isinf(number):
         return "INFINITY" if number > 0 else "-INFINITY"
-    text = f"{number:.9g}"
-    if not any(mark in text for mark in ".e"):
-        text += ".0"
-    return f"{text}f"
+    return f"{number!s}f"  # the fewest digits that tell it from its neighbors
 
 
 def constant(value: float | int | np.number | np.bool_, kind: Kind) -> Computed:
@@ -240,10 +238,25 @@ def index_names(shape: Shape, letter: str = "i") -> Indices:
 
 
 def looped(shape: Shape, indices: Indices, statement: str) -> str:
-    """A statement in loops over all elements."""
-    loops = [
-        f"for (int {index} = 0; {index} < {size}; {index}++)"
-        for index, size in zip(indices, shape, strict=True)
-        if index != "0"
-    ]
-    return " ".join([*loops, statement])
+    """A statement in loops over all elements; empty where there are none.
+
+    Axes whose elements follow each other in all arrays share a loop.
+    """
+    if 0 in shape:
+        return ""
+    loops: list[tuple[str, int]] = []  # the innermost first
+    for index, size in reversed(list(zip(indices, shape, strict=True))):
+        if index == "0":
+            continue
+        inner, length = loops[-1] if loops else ("", 0)
+        pair = rf"\b{index} \* (\d+) \+ {inner}\b(?: \* (\d+))?(?! \*)"
+        strides = re.findall(pair, statement)
+        uses = [len(re.findall(rf"\b{name}\b", statement)) for name in (index, inner)]
+        is_whole = all(int(far) == length * int(near or 1) for far, near in strides)
+        if loops and is_whole and uses == [len(strides)] * 2:
+            statement = re.sub(rf"\b{index} \* \d+ \+ {inner}\b", inner, statement)
+            loops[-1] = (inner, length * size)
+        else:
+            loops.append((index, size))
+    heads = [f"for (int {name} = 0; {name} < {n}; {name}++)" for name, n in loops]
+    return " ".join([*reversed(heads), statement])
