@@ -32,7 +32,6 @@ from s2c2a.runtime.limits import arm_at
 from s2c2a.spaces import Actions, Reading
 
 COMMAND_RATE = 50.0  # Hz
-FAULT_PATIENCE = 0.5  # s, for which the arm is held before it goes to rest
 POLL_PERIOD = 0.002  # s
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
@@ -195,7 +194,7 @@ def play_motion(
         frames = FrameClock(tracker, clock)
         player = TrackedPlayer(arm_at(robot.arm, COMMAND_RATE), frames)
         player.motion = motion(player)
-        patience = Patience.of(COMMAND_RATE, unsound=FAULT_PATIENCE)
+        patience = Patience.of(COMMAND_RATE)
         with Loop(
             robot,
             player,
