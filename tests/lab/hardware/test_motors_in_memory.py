@@ -332,6 +332,19 @@ def test_a_servo_that_restarts_ends_every_verb_and_is_named(make_bench, verb, pr
     assert not bench.port[2].torque
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_servo_that_restarts_before_it_is_switched_on_stays_off(make_bench, protocol):
+    bench = make_bench(protocol)
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        bus.accept_stored = lambda changes: True
+        bus.prepare([2], 0.6, 1.0)
+        bus.send_goals({2: 5000})
+        bench.port[2].restart(bench.clock.now)
+        with pytest.raises(BusError, match="servo 2 has restarted"):
+            bus.set_torque([2], on=True)
+        assert not bench.port[2].torque
+
+
 def test_a_declined_limit_stays_and_the_servo_moves(make_bench, monkeypatch):
     bench = make_bench()
     bench.port[2]["operating_mode"] = 5
