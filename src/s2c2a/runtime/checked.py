@@ -226,7 +226,7 @@ class CheckedRobot(_Checked):
         Args:
             robot: the robot.
             clock: measures how long calls take.
-            period: of the control steps [s].
+            period: of the sensors [s]; motions may command more often.
             step: returns the number of the control step, for messages.
         """
         super().__init__(robot, RobotError, step)

@@ -101,7 +101,7 @@ class Loop:
         self._limits = limits or CommandLimits.of(self.arm)
         self._clock = clock or (StepClock() if robot.own_time else WallClock())
         self._robot = CheckedRobot(
-            robot, self._clock, self._period, lambda: self._step_count
+            robot, self._clock, robot.arm.control_period, lambda: self._step_count
         )
         self._due = 0.0
         self._opened_at = 0.0

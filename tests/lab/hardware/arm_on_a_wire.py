@@ -178,6 +178,10 @@ class ArmOnAWire:
         (servo,) = [s for s in self.emulator.status()["servos"] if s["id"] == id]
         return servo
 
+    def emulated(self, id):
+        """An emulated servo itself."""
+        return next(one for one in self.emulator._emulator.servos if one.id == id)
+
     def places(self):
         """True displacement of every cable [m]."""
         return [servo["displacement"] for servo in self.emulator.status()["servos"]]

@@ -119,8 +119,9 @@ def test_unknown_servos_are_refused_with_the_list_and_the_way_out(bench):
 
 def test_registers_of_arm_files_are_those_of_the_driver():
     own = set(OwnRegisters.model_fields) - {"indirect_data"}
-    identity = {"model_number", "firmware", "id", "baud_rate", "return_delay"}
-    assert own | identity == set(tables.REGISTERS)
+    everywhere = {"model_number", "firmware", "id", "baud_rate", "return_delay"}
+    everywhere |= {"secondary_id", "startup_configuration"}
+    assert own | everywhere == set(tables.REGISTERS)
 
 
 def test_own_addresses_keep_the_other_facts():

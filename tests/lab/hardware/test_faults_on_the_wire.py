@@ -7,6 +7,7 @@ from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import servos_of
 from s2c2a.lab.cli import motors
+from s2c2a.lab.emulation.xl330 import TORQUE_AT_START
 from s2c2a.lab.hardware import bring_up
 from s2c2a.lab.hardware.bus import PortLostError
 from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
@@ -133,11 +134,18 @@ def test_an_absent_servo_costs_the_others_a_cycle_at_most(wire, fast_read):
     wire.check_records()
 
 
-def test_a_servo_that_restarted_moves_only_after_the_robot_was_opened_again(wire):
+@pytest.mark.parametrize("startup", [0, TORQUE_AT_START])
+def test_a_servo_that_restarted_moves_only_after_the_robot_was_opened_again(
+    wire, startup
+):
+    servo = wire.emulated(4)
+    servo._turns_lost -= 1  # it counts from another turn, and will forget that
     with wire.driven() as loop:
         wire.steps(6)
+        servo["startup"] = startup
         wire.sees("reboot 4", "servo 4", CYCLES)
         assert wire.led_to_rest()
+        servo["startup"] = 0
         assert "has restarted" in loop.fault
         assert not wire.servo(4)["torque"]
         wire.steps(2)

@@ -18,11 +18,11 @@ NOTHING = np.zeros(SHAPE)
 TAUT = np.full(SHAPE, 2.0)  # N
 
 
-def fault_of(state, restarted=()):
+def fault_of(state):
     """Fault where the servo of module 2, cable 1 has a state, and others are sound."""
     states = dict.fromkeys(IDS, SOUND) | {4: state}
     states = {id: state for id, state in states.items() if state is not None}
-    return describe_faults(states, SERVOS, IDS, restarted)
+    return describe_faults(states, SERVOS, IDS, restarted=())
 
 
 def test_sound_servos_have_no_fault():
@@ -48,11 +48,6 @@ def test_a_fault_names_servo_place_and_cause(change, text):
 
 def test_a_servo_without_an_answer_is_named():
     assert fault_of(None) == "servo 4 (module 2, cable 1) does not answer"
-
-
-def test_a_servo_that_restarted_is_named():
-    fault = fault_of(None, restarted={4})
-    assert fault.startswith("servo 4 (module 2, cable 1) has restarted")
 
 
 @pytest.mark.parametrize(

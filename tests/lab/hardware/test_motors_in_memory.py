@@ -287,16 +287,62 @@ def test_a_stored_limit_is_lowered_to_that_of_the_arm_file_and_announced(
     assert "EEPROM" not in capsys.readouterr().out
 
 
-def test_declined_changes_of_stored_settings_change_nothing(make_bench, monkeypatch):
+@pytest.mark.parametrize(
+    ("id", "name", "value", "change"),
+    [
+        (2, "homing_offset", 77, "homing_offset 77 -> 0"),
+        (2, "startup", 3, "startup_configuration 3 -> 0"),
+        (2, "secondary_id", 99, "secondary_id 99 -> 255"),
+        (4, "secondary_id", 2, r"servos \[4\]: secondary_id 2 -> 255"),
+    ],
+)
+def test_what_a_servo_must_not_store_is_changed_if_the_operator_agrees(
+    make_bench, monkeypatch, id, name, value, change
+):
     bench = make_bench()
-    bench.port[2]["homing_offset"] = 77
+    bench.port[id][name] = value
     before = bench.stored()
-    monkeypatch.setattr(motors, "_confirm", lambda text, yes: "EEPROM" not in text)
-    with pytest.raises(StoredSettingsError, match="homing_offset 77 -> 0"):
-        bench.run("jog")
+    with monkeypatch.context() as context:
+        context.setattr(motors, "_confirm", lambda text, yes: "EEPROM" not in text)
+        with pytest.raises(StoredSettingsError, match=change):
+            bench.run("jog")
     assert bench.stored() == before
-    assert bench.port[2]["homing_offset"] == 77
+    assert bench.port[id][name] == value
     assert not bench.port[2].torque
+    bench.run("jog")
+    assert bench.port[id][name] == {"secondary_id": 255}.get(name, 0)
+    assert bench.port[4].state.ticks == START
+
+
+def test_a_scan_tells_which_servo_obeys_another_id(make_bench, capsys):
+    bench = make_bench()
+    bench.port[4]["secondary_id"] = 2
+    motors.scan(bench.arm, "fake")
+    assert "servo 4 also obeys id 2 (its secondary id)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("verb", ["jog", "home", "check"])
+def test_a_servo_that_restarts_ends_every_verb_and_is_named(make_bench, verb, protocol):
+    bench = make_bench(protocol)
+    restarted = bench.while_moving(lambda: bench.port[2].restart(bench.clock.now))
+    with pytest.raises(BusError, match=r"servo 2 \(module 1, cable 2\) has restarted"):
+        bench.run(verb)
+    assert restarted
+    assert not bench.port[2].torque
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_servo_that_restarts_before_it_is_switched_on_stays_off(make_bench, protocol):
+    bench = make_bench(protocol)
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        bus.accept_stored = lambda changes: True
+        bus.prepare([2], 0.6, 1.0)
+        bus.send_goals({2: 5000})
+        bench.port[2].restart(bench.clock.now)
+        with pytest.raises(BusError, match="servo 2 has restarted"):
+            bus.set_torque([2], on=True)
+        assert not bench.port[2].torque
 
 
 def test_a_declined_limit_stays_and_the_servo_moves(make_bench, monkeypatch):

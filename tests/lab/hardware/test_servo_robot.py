@@ -144,16 +144,6 @@ def test_a_lost_port_is_a_fault_of_the_reading(bench):
     assert "plug it in again" in reading.fault
 
 
-def test_a_servo_that_restarted_is_a_fault_until_the_robot_is_opened_again(bench):
-    state = bench.bus.states.pop(5)
-    bench.bus.restarted = {5}
-    assert "has restarted" in bench.robot.read().fault
-    bench.bus.states[5] = state
-    bench.robot.open()
-    assert len(bench.bus.prepared) == 2
-    assert bench.robot.read().fault == ""
-
-
 def test_servos_that_stopped_by_their_watchdog_obey_again(bench):
     bench.bus.states[5] = replace(bench.bus.states[5], watchdog_tripped=True)
     assert "stopped by itself" in bench.robot.read().fault

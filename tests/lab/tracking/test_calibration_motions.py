@@ -189,7 +189,62 @@ def play_in_real_time(robot, clock):
     tracker = SimulatedTracker(robot)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tracking, "await_poses", lambda *_: None)
-        tracking.play_motion(robot, tracker, bending, clock)
+        return tracking.play_motion(robot, tracker, bending, clock)
+
+
+def test_late_readings_are_left_out_and_the_motion_goes_on(monkeypatch):
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    clock = StepClock()
+    robot = TrackedSimulation(ARM)
+    read = robot.read
+
+    def read_late():
+        clock.wait_until(clock.now() + 0.1 * (len(times) % 2))
+        times.append(clock.now())
+        return replace(read(), time=clock.now())
+
+    times = []
+    monkeypatch.setattr(robot, "read", read_late)
+    with pytest.warns(UserWarning, match="readings took longer than 20 ms"):
+        player = play_in_real_time(robot, clock)
+    assert player.late == pytest.approx(len(times) / 2, abs=2)
+    assert len(player.times) == pytest.approx(len(times) / 2, abs=2)
+
+
+def test_interrupted_frames_are_continued(monkeypatch, tmp_path):
+    monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.3)
+    monkeypatch.setattr(tracking, "SETTLING_TIME", 0.0)
+    monkeypatch.setattr(tracking, "find_frames", lambda arm, held: held)
+    path = tmp_path / "arm.tracking.json"
+    arm = ARM.model_copy(update={"modules": ARM.modules[:1]})
+    whole = len(tracking.held_bends(arm))
+
+    def measure(progress):
+        file = tracking.CalibrationFile(arm, path)
+        robot = TrackedSimulation(arm)
+        tracker = SimulatedTracker(robot)
+        saved = []
+
+        def save(held):
+            saved.append(len(held))
+            file.store_held(held)
+
+        try:
+            return tracking.measure_frames(robot, tracker, progress, file.held, save)
+        finally:
+            counts.append(saved)
+
+    def interrupt(done, total):
+        if done == 4:
+            raise KeyboardInterrupt
+
+    counts = []
+    with pytest.raises(KeyboardInterrupt):
+        measure(interrupt)
+    held = measure(lambda done, total: None)
+    assert counts == [[1, 2, 3, 4], [*range(5, whole + 1), 0]]
+    assert len(held) == whole
+    assert tracking.CalibrationFile(arm, path).held == []
 
 
 def test_a_motion_does_not_go_on_after_a_standstill(monkeypatch):

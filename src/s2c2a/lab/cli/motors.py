@@ -59,12 +59,18 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
         with _opened(table, table.port) as bus:
             rates = bus.baud_rates if all_rates else (table.baud_rate,)
             rows = []
+            notes = []
             for rate in rates:
                 bus.set_baud_rate(rate)
                 for info in bus.scan():
                     place = servos.number_of(info.id)
                     cells = (info.id, info.model, info.firmware, rate, place)
                     rows.append(tuple(map(str, cells)))
+                    if info.secondary_id is not None:
+                        notes.append(
+                            f"servo {info.id} also obeys id {info.secondary_id} (its "
+                            "secondary id); jog, home and check ask, then switch that off"
+                        )
             bus.set_baud_rate(table.baud_rate)
             try:
                 check_presence(bus, ids, servos.number_of)
@@ -74,6 +80,8 @@ def scan(arm: Arm = "twin_arm", port: PortName = "", all_rates: bool = False) ->
             raise S2C2AError(f"{table.port}: {fault}" if servos.groups else fault)
         title = f"Servos on {table.port}" if servos.groups else "Servos"
         print_table(title, ("id", "model", "firmware", "bit/s", "cable"), rows)
+        for note in notes:
+            print(note)
         _print_slow_adapter(table.port)
         if fault:
             print(f"at {table.baud_rate} bit/s, {fault}")

@@ -59,18 +59,36 @@ def frames(
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",
     out: Path | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Find the frames of an arm in the tracked bodies; every module bends.
+
+    A second start continues an interrupted one.
 
     Args:
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
+        overwrite: begin again, as after a body was moved on the arm.
     """
     from s2c2a.lab.tracking.calibration_motions import measure_frames
 
     spec = load_arm(arm)
     file = _calibration_file(spec, out)
-    found = _measure(measure_frames, spec, tracking, robot, robot_option)
+    before = [] if overwrite else file.held
+    if before:
+        print(
+            f"{len(before)} bends were held before and are only passed; if a body was "
+            "moved since, begin again (--overwrite)"
+        )
+    found = _measure(
+        measure_frames,
+        spec,
+        tracking,
+        robot,
+        robot_option,
+        before=before,
+        save=file.store_held,
+    )
     path = file.store_frames(found)
     rotations = np.rad2deg(found.rotation_residuals)
     rows = [

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -155,12 +156,19 @@ class ServoProtocol(ABC):
         if packet.instruction == SYNC_WRITE:
             self._write_each(packet.parameters, servos)
             return []
-        addressed = [servo for servo in servos if packet.id in (servo.id, BROADCAST)]
+        addressed = [
+            servo
+            for servo in servos
+            if packet.id == BROADCAST or servo.obeys(packet.id)
+        ]
         answers = []
         for servo in sorted(addressed, key=lambda servo: servo.id):
             given = self._answer_alone(packet, servo, now)
-            # Only a ping is answered by all.
-            if given and (packet.id != BROADCAST or packet.instruction == PING):
+            # Only a ping is answered by all; nobody answers to a secondary id.
+            asked = packet.id == servo.id
+            if packet.id == BROADCAST:
+                asked = packet.instruction == PING
+            if given and asked:
                 answers.append(given)
         return answers
 
@@ -230,13 +238,9 @@ class ServoProtocol(ABC):
 
     def _write_each(self, parameters: bytes, servos: Sequence[Servo]) -> None:
         """Execute the writes of a sync write, which no servo answers."""
-        by_id = {servo.id: servo for servo in servos}
         address, size = self._span(parameters)
         for start in range(2 * self.word, len(parameters) - size, size + 1):
-            servo = by_id.get(parameters[start])
-            if servo is None:
-                continue
-            try:
-                servo.write(address, parameters[start + 1 : start + 1 + size])
-            except RefusalError:
-                continue
+            for servo in servos:
+                if servo.obeys(parameters[start]):
+                    with suppress(RefusalError):
+                        servo.write(address, parameters[start + 1 : start + 1 + size])

@@ -175,6 +175,10 @@ class Servo(ABC):
         """Whether a hardware error keeps the torque off."""
         return bool(self["hardware_error"] & self._shutdown_bits)
 
+    def obeys(self, id: int) -> bool:
+        """Whether the servo does what it is told under an id, maybe without an answer."""
+        return id == self.id
+
     @abstractmethod
     def set_up(self, current: float) -> None:
         """Store the settings of an arm in use: several turns, and a current limit [A]."""

@@ -42,6 +42,8 @@ POSITION_MODE = 3
 EXTENDED_POSITION_MODE = 4
 CURRENT_BASED_POSITION_MODE = 5
 _MODES = (POSITION_MODE, EXTENDED_POSITION_MODE, CURRENT_BASED_POSITION_MODE)
+TORQUE_AT_START = 1
+"""Bit of the register `startup`."""
 _TURNS_LIMIT = 1_048_575  # ticks
 _TICKS = 32_768  # ms; after which the time starts again
 
@@ -174,6 +176,9 @@ class XL330(Servo):
     def answers_writes(self) -> bool:
         return self["status_return_level"] >= 2
 
+    def obeys(self, id: int) -> bool:
+        return id in (self.id, self["secondary_id"])
+
     def set_up(self, current: float) -> None:
         self["return_delay"] = 0
         has_current = self["model_number"] not in WITHOUT_CURRENT
@@ -227,6 +232,7 @@ class XL330(Servo):
     def _restart(self, silent_until: float) -> None:
         super()._restart(silent_until)
         self._reset_goals()
+        self["torque_enable"] = self["startup"] & TORQUE_AT_START
 
     def _reset_goals(self) -> None:
         self["goal_position"] = self._present_position

@@ -384,7 +384,7 @@ class BringUp:
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
         EMERGENCY_STOP.check()
         states = self._bus.read_patiently(ids, PATIENCE)
-        if fault := describe_faults(states, self._servos, ids):
+        if fault := describe_faults(states, self._servos, ids, self._bus.restarted):
             raise BusError(fault)
         return states
 

@@ -29,6 +29,12 @@ NO_WATCHDOG = (
 )
 
 
+RESTARTED = (
+    "has restarted, as after a loss of power, and forgot its position; check its cable "
+    "and the supply, then open the arm again"
+)
+
+
 class BusError(S2C2AError):
     """A servo bus failed: a port, a servo that does not answer, or a refused write."""
 
@@ -68,12 +74,14 @@ class ServoInfo:
         model_number: as the servo states it.
         model: name of the model, or "unknown".
         firmware: version.
+        secondary_id: another id that it obeys; None without one.
     """
 
     id: int
     model_number: int
     model: str
     firmware: int
+    secondary_id: int | None = None
 
 
 @dataclass(frozen=True)
@@ -146,8 +154,8 @@ class ServoBus(ABC):
         accept_stored: gets the changes of settings that servos keep without power, in
             one line, and returns whether they are made. By default none is.
         restarted: ids of servos that lost their settings since `prepare`. They forgot
-            their turns: they have no state and must not move before they are prepared
-            again.
+            their turns: they have no state, no torque, and get no goal before they are
+            prepared again.
     """
 
     ticks_per_turn: int
@@ -188,6 +196,7 @@ class ServoBus(ABC):
     def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
         """Set settings and limits of servos, and switch their torque off.
 
+        Other servos that obey one of these ids, too, are to obey their own alone.
         Nothing is changed if a servo is of another model, or if it needs another stored
         setting that `accept_stored` declines. A stored limit is never raised.
 
@@ -241,6 +250,9 @@ class ServoBus(ABC):
     @abstractmethod
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions in one packet, without an answer.
+
+        A servo that has restarted gets none, nor does one that did not answer last,
+        which may be restarting.
 
         Args:
             goals: position by id [ticks].

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 import numpy as np
 
 from s2c2a.arm import Servos
-from s2c2a.lab.hardware.bus import ServoState
+from s2c2a.lab.hardware.bus import RESTARTED, ServoState
 from s2c2a.lab.hardware.presence import ALL_SILENT
 from s2c2a.spaces import Actions
 
@@ -16,17 +16,13 @@ GEAR_FRICTION = 0.4  # N of cable tension; of the XL330, if the arm file has non
 MOVING = 0.0001  # m between two readings
 FOLLOWING_ERROR = 0.004  # m
 STALL_TIME = 1.0  # s
-RESTARTED = (
-    "has restarted, as after a loss of power, and forgot its position; check its cable "
-    "and the supply, then open the arm again"
-)
 
 
 def describe_faults(
     states: Mapping[int, ServoState],
     servos: Servos,
     ids: Iterable[int],
-    restarted: Container[int] = (),
+    restarted: Container[int],
 ) -> str:
     """Describe the first fault of an arm's servos; empty if there is none.
 

@@ -8,11 +8,13 @@ from typing import Any, ClassVar
 
 from s2c2a.arm.servos import WAY_OUT
 from s2c2a.lab.hardware.bus import (
+    RESTARTED,
     BusError,
     Hearing,
     PortLostError,
     ServoBus,
     ServoInfo,
+    ServoState,
     StoredChange,
 )
 from s2c2a.lab.hardware.packets import Answer, AnswerReader, Register, ServoPackets
@@ -84,6 +86,7 @@ class SerialBus(ServoBus):
         self._max_current = min(max_current or largest, largest)
         self._stored_limits: dict[int, int] = {}
         self.restarted: set[int] = set()
+        self._silent: set[int] = set()
         self._line = line or SerialLine(port, baud_rate)
 
     @property
@@ -102,6 +105,18 @@ class SerialBus(ServoBus):
     @abstractmethod
     def _stored_changes(self, id: int) -> list[StoredChange]:
         """Changes of stored settings; only what differs is written."""
+
+    def _aliases(self, ids: Collection[int]) -> dict[int, StoredChange]:
+        """Changes of servos of the line, so that each id is that of one servo."""
+        return {}
+
+    @abstractmethod
+    def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
+        """States of the servos that answer; None of one that lost its settings."""
+
+    @abstractmethod
+    def _send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goals to servos that kept their settings."""
 
     @abstractmethod
     def _prepare_one(
@@ -138,11 +153,56 @@ class SerialBus(ServoBus):
         for info in infos:
             self.check_model(info, self._model_name, self.model.number)
         changes = {id: self._stored_changes(id) for id in ids}
+        aliases = self._aliases(ids)
+        for id, alias in aliases.items():
+            changes.setdefault(id, []).append(alias)
         accepted = self.confirm_stored(changes)
+        for id in aliases.keys() - set(ids):
+            self.write(id, aliases[id].name, aliases[id].new)
         self.set_torque(ids, on=False)
         self.restarted -= set(ids)
         for info in infos:
             self._prepare_one(info, accepted.get(info.id, ()), current, speed)
+
+    def send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goals to servos that are known to be prepared; see `ServoBus`."""
+        barred = self._silent | self.restarted
+        allowed = {id: goal for id, goal in goals.items() if id not in barred}
+        if allowed:
+            self._send_goals(allowed)
+
+    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+        """Read the states of servos, and switch off those that restarted.
+
+        See `ServoBus`.
+        """
+        ids = tuple(ids)
+        answers = self._read_states(ids)
+        self._silent = (self._silent | set(ids)) - answers.keys()
+        self.restarted |= {id for id, state in answers.items() if state is None}
+        lost = self.restarted & answers.keys()
+        if lost:
+            # some have torque at their start, without the limits of `prepare`
+            self._sync_write("torque", dict.fromkeys(sorted(lost), 0))
+        return {
+            id: state
+            for id, state in answers.items()
+            if state is not None and id not in lost
+        }
+
+    def _checked_states(self, ids: Sequence[int]) -> dict[int, ServoState]:
+        """States of servos that are to be switched on.
+
+        Raises:
+            BusError: one of them is silent, or lost goal and limits.
+        """
+        states = self.read_patiently(ids, EXCHANGE_MARGIN)
+        for id in ids:
+            if id in self.restarted:
+                raise BusError(f"servo {id} {RESTARTED}")
+            if id not in states:
+                raise self._absence(id)
+        return states
 
     def set_current(self, ids: Iterable[int], current: float) -> None:
         """Set the largest current; see `ServoBus`.

@@ -8,7 +8,8 @@ import numpy as np
 
 from s2c2a.arm import Servos
 from s2c2a.execution.progress import Progress, quiet
-from s2c2a.lab.hardware.bus import ServoBus
+from s2c2a.lab.hardware.bus import BusError, ServoBus
+from s2c2a.lab.hardware.monitor import describe_faults
 from s2c2a.lab.hardware.presence import ALL_SILENT, SOME_SILENT, Place
 from s2c2a.runtime.emergency import EMERGENCY_STOP
 
@@ -94,6 +95,7 @@ def measure_timing(
 
     Raises:
         PortLostError: the port is gone.
+        BusError: a servo has restarted.
         EmergencyStopError: the emergency stop was triggered.
     """
     ids = [id for row in servos.ids for id in row]
@@ -117,4 +119,8 @@ def measure_timing(
         due = max(due + 1.0 / rate, began)
         if cycle % 100 == 99:
             progress("timing", cycle + 1, cycles)
+    if bus.restarted:
+        raise BusError(
+            describe_faults({}, servos, sorted(bus.restarted), bus.restarted)
+        )
     return BusTiming(durations, late, incomplete, missed, 1.0 / rate)

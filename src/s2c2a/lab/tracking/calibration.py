@@ -1,7 +1,7 @@
 """Calibration of a tracker for one arm: latency and frame offsets, in a file."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -11,6 +11,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files.json_files import load_json, save_json
+from s2c2a.lab.tracking.frames import HeldPoses
 from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 from s2c2a.lab.tracking.states import ModuleEnds
 
@@ -55,6 +56,38 @@ class StoredPose(_Stored):
         return Pose(np.array(self.position), np.array(self.rotation))
 
 
+class StoredHeldPoses(_Stored):
+    """Poses in one held configuration of an unfinished calibration.
+
+    Attributes:
+        bends: of the encoders [rad].
+        base: `T_world_base`.
+        ends: `T_world_end` of every module end, from the base.
+    """
+
+    bends: tuple[tuple[float, float], ...] = Field(max_length=MAX_BODIES)
+    base: StoredPose
+    ends: tuple[StoredPose, ...] = Field(max_length=MAX_BODIES)
+
+    @classmethod
+    def of(cls, held: HeldPoses) -> Self:
+        """Return poses as a file stores them."""
+        ends = tuple(StoredPose.of(end) for end in held.ends)
+        return cls.model_validate(
+            {
+                "bends": held.bends.tolist(),
+                "base": StoredPose.of(held.base),
+                "ends": ends,
+            }
+        )
+
+    @property
+    def held(self) -> HeldPoses:
+        """The poses."""
+        ends = tuple(end.pose for end in self.ends)
+        return HeldPoses(np.array(self.bends), self.base.pose, ends)
+
+
 class FrameResidual(_Stored):
     """What the fit of the frames leaves unexplained at one module's end.
 
@@ -78,6 +111,7 @@ class TrackingCalibration(_Stored):
         base_offset: `T_base_arm`, of the arm's base frame in the base body.
         end_offsets: `T_end_module` by body, of the module's end frame in the body.
         residuals: of the frame offsets, by body.
+        held: poses of frames that are not all held yet.
     """
 
     format: int = Field(default=FORMAT, ge=FORMAT, le=FORMAT)
@@ -93,6 +127,7 @@ class TrackingCalibration(_Stored):
     residuals: dict[BodyName, FrameResidual] | None = Field(
         default=None, max_length=MAX_BODIES
     )
+    held: tuple[StoredHeldPoses, ...] = Field(default=(), max_length=8 * MAX_BODIES + 2)
 
     @classmethod
     def empty(cls, arm: ArmSpec) -> Self:
@@ -118,6 +153,10 @@ class TrackingCalibration(_Stored):
                 "residuals": dict(residuals),
             }
         )
+
+    def with_held(self, held: Sequence[HeldPoses]) -> Self:
+        """Return the calibration with the poses of unfinished frames."""
+        return self._changed({"held": tuple(map(StoredHeldPoses.of, held))})
 
     def _changed(self, values: dict[str, Any]) -> Self:
         fields = {name: getattr(self, name) for name in type(self).model_fields}
@@ -201,6 +240,12 @@ def load_tracking_calibration(
         raise TrackingCalibrationError(
             f"{path} is the tracking calibration of '{calibration.arm}', not of "
             f"'{arm.name}'; name another file, or calibrate the tracker of this arm"
+        )
+    counts = {len(part) for one in calibration.held for part in (one.bends, one.ends)}
+    if counts - {arm.module_count}:
+        raise TrackingCalibrationError(
+            f"{path} has unfinished frames of another number of modules than "
+            f"'{arm.name}'; begin again (`s2c2a tracking frames --overwrite`)"
         )
     # check that the offsets are of bodies that the arm file names
     try:

@@ -4,7 +4,8 @@ The control loop plays them, with more control steps a second than otherwise and
 largest speed and acceleration.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,6 @@ from s2c2a.runtime.limits import arm_at
 from s2c2a.spaces import Actions, Reading
 
 COMMAND_RATE = 50.0  # Hz
-FAULT_PATIENCE = 0.5  # s, for which the arm is held before it goes to rest
 POLL_PERIOD = 0.002  # s
 CHIRP_DURATION = 40.0  # s
 CHIRP_FREQUENCIES = (0.15, 2.5)  # Hz
@@ -96,7 +96,11 @@ class TrackedPlayer(Player):
     Attributes:
         times: of the readings since the log began, on the clock of the tracker [s].
         cables: of the readings [m or N].
+        late: readings that took longer than a control period: they are not logged,
+            since nobody knows when they were measured.
     """
+
+    late = 0
 
     def __init__(self, arm: ArmSpec, clock: FrameClock):
         """A player without a motion (`play_motion`).
@@ -121,10 +125,14 @@ class TrackedPlayer(Player):
         self._first_frame = len(self._clock.frames)
 
     def estimate(self, reading: Reading, last_command: Actions) -> Reading:
-        """The reading itself, which is logged."""
-        # servos are asked one by one
-        self.times.append((self._clock.woke + self._clock.now()) / 2)
-        self.cables.append(reading["cables"])
+        """The reading itself, which is logged unless it is late."""
+        now = self._clock.now()
+        if now - self._clock.woke > self.arm.control_period:
+            self.late += 1
+        else:
+            # servos are asked one by one
+            self.times.append((self._clock.woke + now) / 2)
+            self.cables.append(reading["cables"])
         return super().estimate(reading, last_command)
 
     def action(self, bends: Float[np.ndarray, "modules 2"]) -> Actions:
@@ -186,7 +194,7 @@ def play_motion(
         frames = FrameClock(tracker, clock)
         player = TrackedPlayer(arm_at(robot.arm, COMMAND_RATE), frames)
         player.motion = motion(player)
-        patience = Patience.of(COMMAND_RATE, unsound=FAULT_PATIENCE)
+        patience = Patience.of(COMMAND_RATE)
         with Loop(
             robot,
             player,
@@ -196,6 +204,12 @@ def play_motion(
         ) as loop:
             for _ in play(loop, player):
                 pass
+    if player.late:
+        warnings.warn(
+            f"{player.late} readings took longer than {1000 / COMMAND_RATE:g} ms and are "
+            "left out; close other programs of this computer if there are many",
+            stacklevel=1,
+        )
     return player
 
 
@@ -312,16 +326,28 @@ def _single_bends(sizes: np.ndarray) -> Float[np.ndarray, "n modules 2"]:
 
 
 def measure_frames(
-    robot: Robot, tracker: Tracker, progress: MotionProgress = lambda done, total: None
+    robot: Robot,
+    tracker: Tracker,
+    progress: MotionProgress = lambda done, total: None,
+    before: Sequence[HeldPoses] = (),
+    save: Callable[[Sequence[HeldPoses]], None] = lambda held: None,
 ) -> Frames:
     """Hold bends of every module, and find the frames of the arm in tracked bodies.
+
+    Args:
+        robot: that moves.
+        tracker: of its module ends.
+        progress: called after every held bend.
+        before: poses of an unfinished calibration; their bends are only passed, since
+            friction remembers the way.
+        save: called with all poses after every held bend, and with none at the end.
 
     Raises:
         TrackingError: bodies are missing, or their poses do not fit the arm.
         RobotError: the robot has a lasting fault; it goes to rest.
         EmergencyStopError: the emergency stop was triggered.
     """
-    held = []
+    held = list(before)
     ends = ModuleEnds.of_arm(robot.arm)
     if not all(ends.ends):
         raise TrackingError(
@@ -335,13 +361,18 @@ def measure_frames(
             target = player.action(bend)
             yield from player.approach(player.action(way_point))
             yield from player.approach(target)
-            yield from player.hold(target, SETTLING_TIME)
-            player.begin_log()
-            yield from player.hold(target, AVERAGING_TIME)
-            held.append(_held_poses(robot.arm, player, ends))
+            if done > len(before):
+                yield from player.hold(target, SETTLING_TIME)
+                player.begin_log()
+                yield from player.hold(target, AVERAGING_TIME)
+                while not player.cables:
+                    yield target  # all readings were late
+                held.append(_held_poses(robot.arm, player, ends))
+                save(held)
             progress(done, len(targets))
 
     play_motion(robot, tracker, motion)
+    save(())
     return find_frames(robot.arm, held)
 
 
@@ -381,6 +412,15 @@ class CalibrationFile:
         self._arm = arm
         self._path = path or calibration_path(arm)
         self._calibration = load_or_empty(self._path, arm)
+
+    @property
+    def held(self) -> list[HeldPoses]:
+        """Poses of unfinished frames."""
+        return [one.held for one in self._calibration.held]
+
+    def store_held(self, held: Sequence[HeldPoses]) -> None:
+        """Write the poses of unfinished frames."""
+        self._store(self._calibration.with_held(held))
 
     def store_latency(self, found: Latency) -> Path:
         """Write the latency, and return the path."""

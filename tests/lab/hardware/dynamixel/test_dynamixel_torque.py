@@ -43,6 +43,7 @@ def bus(monkeypatch):
 def test_servos_confirm_goals_and_watchdogs_before_they_are_switched_on(bus):
     written = []
     bus.write = lambda *values: written.append(values)
+    bus._checked_states = lambda ids: {}
     bus.send_goals({1: 100, 2: 200})
     bus.set_torque([1, 2], on=True)
     assert written == [

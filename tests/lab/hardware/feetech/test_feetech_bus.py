@@ -237,20 +237,6 @@ def test_a_servo_is_switched_on_only_after_it_confirmed_its_goal(bus, port):
     assert port[1].memory[42:44] == b"\x64\x00"
 
 
-def test_a_servo_that_restarted_has_no_state_and_gets_no_goal(bus, port):
-    prepared(bus, 1, 2)
-    bus.set_torque([1, 2], True)
-    port[1].set(40, *bytes(9))  # torque, goal and limits after power-up
-    assert set(bus.read_states([1, 2])) == {2}
-    bus.send_goals({1: 100, 2: 200})
-    assert bus.restarted == {1}
-    assert port[1].memory[40] == 0
-    assert port[2].memory[42:44] == b"\xc8\x00"
-    prepared(bus, 1)
-    assert set(bus.read_states([1, 2])) == {1, 2}
-    assert bus.restarted == set()
-
-
 def test_a_servo_that_did_not_answer_gets_no_goal(bus, port):
     prepared(bus, 1)
     bus.set_torque([1], True)

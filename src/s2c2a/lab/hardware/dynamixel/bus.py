@@ -1,7 +1,9 @@
 """Servo bus of DYNAMIXEL X-series servos."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 from s2c2a.lab.hardware.bus import (
     UNKNOWN,
@@ -124,11 +126,18 @@ class DynamixelBus(SerialBus):
         self._line.write(self.packets.encode(BROADCAST, PING))
         reader = self.packets.reader()
         found = list(self._receive(reader, BROADCAST * SCAN_TIME, wanted))
-        return [
-            self._info_of(packet)
-            for packet in sorted(found, key=lambda packet: packet.id)
-            if not wanted or packet.id in wanted
-        ]
+        infos = []
+        for packet in sorted(found, key=lambda packet: packet.id):
+            if wanted and packet.id not in wanted:
+                continue
+            info = self._info_of(packet)
+            # two servos with one id are in the list, too
+            with suppress(BusError):
+                secondary = self.read(info.id, "secondary_id")
+                if secondary <= tables.MAX_ID:
+                    info = replace(info, secondary_id=secondary)
+            infos.append(info)
+        return infos
 
     def assign(self, id: int, new_id: int, baud_rate: int) -> None:
         """Store another id and baud rate; see `ServoBus`."""
@@ -173,6 +182,7 @@ class DynamixelBus(SerialBus):
                 if id in self._goals:
                     self.write(id, "goal_position", self._goals[id])
             self.arm_watchdog(ids, self._watchdog)
+            self._checked_states(ids)
         self._sync_write("torque", dict.fromkeys(ids, int(on)))
         self._write_values("torque", dict.fromkeys(ids, int(on)))  # with a confirmation
 
@@ -185,8 +195,7 @@ class DynamixelBus(SerialBus):
             )
         self._write_values("watchdog", dict.fromkeys(ids, units))
 
-    def send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goal positions; see `ServoBus`."""
+    def _send_goals(self, goals: Mapping[int, int]) -> None:
         limited = {
             id: min(max(ticks, -tables.MAX_POSITION), tables.MAX_POSITION)
             for id, ticks in goals.items()
@@ -194,15 +203,15 @@ class DynamixelBus(SerialBus):
         self._goals |= limited
         self._sync_write("goal_position", limited)
 
-    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
-        """Read the states of servos; see `ServoBus`.
+    def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
+        """Read the states of servos.
 
         Every servo waits for the answer of the one before, so an absent servo silences
         those behind it. From then on it is asked last, and without a joint answer,
         which would lack all of them.
         """
         order = sorted(ids, key=lambda id: self._misses.get(id, 0))
-        found: dict[int, ServoState] = {}
+        found: dict[int, ServoState | None] = {}
         for address, group in self._groups(order):
             blocks = self._read_group(address, group)
             for id in blocks:
@@ -211,8 +220,7 @@ class DynamixelBus(SerialBus):
             if missing:
                 # those behind it may be silent because of it
                 self._misses[missing[0]] = self._misses.get(missing[0], 0) + 1
-            states = {id: self._state(id, block) for id, block in blocks.items()}
-            found |= {id: state for id, state in states.items() if state is not None}
+            found |= {id: self._state(block) for id, block in blocks.items()}
         return found
 
     def reboot(self, id: int) -> None:
@@ -259,6 +267,7 @@ class DynamixelBus(SerialBus):
             "drive_mode": 0,
             "operating_mode": self.model.operating_mode,
             "homing_offset": 0,
+            "startup_configuration": 0,
         }
         limit_name = self.model.stored_limit_register
         names = (*required, "return_delay", limit_name)
@@ -266,6 +275,17 @@ class DynamixelBus(SerialBus):
         allowed = self._current_units(self._max_current)
         wanted = {"return_delay": 0, limit_name: min(stored[limit_name], allowed)}
         return stored_changes(stored, required, wanted)
+
+    def _aliases(self, ids: Collection[int]) -> dict[int, StoredChange]:
+        """A servo obeys its secondary id, too, and does not answer it."""
+        return {
+            info.id: StoredChange(
+                "secondary_id", info.secondary_id, tables.NO_SECONDARY_ID
+            )
+            for info in self.scan()
+            if info.secondary_id is not None
+            if info.id in ids or info.secondary_id in ids
+        }
 
     def _join_state(self, info: ServoInfo) -> None:
         """Let indirect addresses join the registers of `STATE_LAYOUT` to one block."""
@@ -314,7 +334,7 @@ class DynamixelBus(SerialBus):
             self._line.drain(CYCLE_QUIET_TIME)
         return found
 
-    def _state(self, id: int, data: bytes) -> ServoState | None:
+    def _state(self, data: bytes) -> ServoState | None:
         """The state in a joined block; None if the servo has restarted."""
         values = {}
         start = 0
@@ -323,8 +343,6 @@ class DynamixelBus(SerialBus):
             values[name] = register.decode(data[start : start + register.size])
             start += register.size
         if values["status_return_level"] != ANSWER_ALL:
-            self.restarted.add(id)
-        if id in self.restarted:
             return None
         return ServoState(
             position=values["position"],

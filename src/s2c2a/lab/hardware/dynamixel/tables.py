@@ -24,9 +24,12 @@ REGISTERS = MappingProxyType(
         "return_delay": Register(9, 1),
         "drive_mode": Register(10, 1),
         "operating_mode": Register(11, 1),
+        "secondary_id": Register(12, 1),
         "homing_offset": Register(20, 4, signed=True),
         "pwm_limit": Register(36, 2),
         "current_limit": Register(38, 2),
+        # torque on and restored values at the start; zero where there is none
+        "startup_configuration": Register(60, 1),
         "torque": Register(64, 1),
         "status_return_level": Register(68, 1),
         "hardware_error": Register(70, 1),
@@ -62,6 +65,9 @@ EXTENDED_POSITION = 4
 FULL_PWM = 885
 """PWM of the whole supply voltage, in the unit of its registers."""
 INDIRECT_DATA = 224
+MAX_ID = 252
+NO_SECONDARY_ID = 255
+"""Each value above `MAX_ID` stands for none; this one is the factory's."""
 
 VOLTAGE_UNIT = 0.1  # V
 VELOCITY_UNIT = 0.229 * 2 * math.pi / 60  # rad/s

@@ -39,9 +39,8 @@ class FeetechBus(SerialBus):
     servos whose torque this bus has switched off are therefore kept back until it is
     switched on.
 
-    Restart. A servo that restarts loses its limits, which come with every state. Since
-    a goal would switch it on and turn it by whole turns, it gets none before the next
-    `prepare`; nor does a servo that did not answer last, which may be restarting.
+    Restart. A servo that restarts loses its limits, which come with every state. A goal
+    would switch it on and turn it by whole turns.
     """
 
     brand = "Feetech"
@@ -79,7 +78,6 @@ class FeetechBus(SerialBus):
         self._phases: dict[int, int] = {}
         self._kept_goals: dict[int, int | None] = {}
         self._speeds: dict[int, int] = {}
-        self._silent: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
         """See `ServoBus`; without ids it takes about six seconds."""
@@ -165,17 +163,13 @@ class FeetechBus(SerialBus):
         ids = tuple(ids)
         if on:
             # write the goals that were kept back; servos without one stay in place
-            kept = {id: self._kept_goals[id] for id in ids if id in self._kept_goals}
-            unknown = [id for id, goal in kept.items() if goal is None]
-            states = self.read_states(unknown)
-            missing = [id for id in unknown if id not in states]
-            if missing:
-                raise self._absence(missing[0])
-            goals = {id: state.position for id, state in states.items()}
-            goals |= {id: goal for id, goal in kept.items() if goal is not None}
-            for id, goal in goals.items():
+            kept = [id for id in ids if id in self._kept_goals]
+            for id, state in self._checked_states(kept).items():
+                goal = self._kept_goals[id]
                 # confirmed: with a lost goal, the servo would turn to its old one
-                self.write(id, "goal_position", goal)
+                self.write(
+                    id, "goal_position", state.position if goal is None else goal
+                )
                 del self._kept_goals[id]
         else:
             self._kept_goals |= dict.fromkeys(ids)
@@ -203,28 +197,21 @@ class FeetechBus(SerialBus):
         """
         # refuses an impossible goal of any servo
         self.packets.sync_write(goals, REGISTERS["goal_position"])
+        super().send_goals(goals)
+
+    def _send_goals(self, goals: Mapping[int, int]) -> None:
         kept = goals.keys() & self._kept_goals.keys()
         self._kept_goals |= {id: goals[id] for id in kept}
-        barred = kept | self._silent | self.restarted
-        sent = {id: goal for id, goal in goals.items() if id not in barred}
+        sent = {id: goal for id, goal in goals.items() if id not in kept}
         if sent:
             self._sync_write("goal_position", sent)
 
-    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
-        ids = tuple(ids)
+    def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         if not ids:
             return {}
         block = REGISTERS["state"]
         answers = self._answers(self.packets.sync_read(ids, block), ids, block)
-        self._silent = (self._silent | set(ids)) - answers.keys()
-        self.restarted |= {
-            id for id, answer in answers.items() if self._has_restarted(answer)
-        }
-        return {
-            id: self._state(answer)
-            for id, answer in answers.items()
-            if id not in self.restarted
-        }
+        return {id: self._state(answer) for id, answer in answers.items()}
 
     def reboot(self, id: int) -> None:
         """Switch the torque off, which clears an overload.
@@ -295,12 +282,11 @@ class FeetechBus(SerialBus):
         self.write(id, name, value)
         self.write(id, "lock", 1)
 
-    def _has_restarted(self, answer: Answer) -> bool:
-        """Whether a servo lost the speed that it was prepared with."""
+    def _state(self, answer: Answer) -> ServoState | None:
+        """The state; None of a servo that lost the speed of `prepare`."""
         speed = _value(answer, "goal_speed")
-        return speed != self._speeds.get(answer.id, speed)
-
-    def _state(self, answer: Answer) -> ServoState:
+        if speed != self._speeds.get(answer.id, speed):
+            return None
         position = _value(answer, "position")
         if not self._phase(answer.id) & tables.PHASE_FULL_ANGLE:
             position = self._turns.unwrap(answer.id, position)
