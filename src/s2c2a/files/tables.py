@@ -137,7 +137,7 @@ def is_comment(line: str) -> bool:
 
 
 def find_delimiter(sample: Sequence[str]) -> str:
-    """The delimiter that gives most numbers in rows as long as the first one."""
+    """The delimiter that gives most numbers in rows as long as the first one, or longer."""
     scores = {",": 0.0}
     for delimiter in DELIMITERS:
         rows = list(_split(sample, delimiter))
@@ -148,7 +148,7 @@ def find_delimiter(sample: Sequence[str]) -> str:
         cells = 0
         for row in rows:
             cells += len(row)
-            if len(row) == width:
+            if len(row) >= width:
                 values += sum(is_value(cell, delimiter != ",") for cell in row)
         scores[delimiter] = values / cells
     order = [each for each in DELIMITERS if each in scores]
