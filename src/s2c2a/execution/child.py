@@ -73,8 +73,11 @@ def arrays_of_child(file: str, *arguments: str, request: str = "") -> list[np.nd
     raise ChildError(reasons[-1])
 
 
-def limit_memory(size: int) -> None:
-    """Let this process allocate at most so many bytes, and write no larger files or dumps."""
+def limit_memory(size: int = 3 * MAX_BYTES) -> None:
+    """Let this process allocate at most so many bytes, and write no larger files or dumps.
+
+    By default they suffice for the content of a file, and copies in other forms.
+    """
     with suppress(ImportError, ValueError, OSError):  # not on every system
         import resource  # noqa: PLC0415  # of POSIX alone
 

@@ -10,12 +10,10 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.reading import read_here
 from s2c2a.logs.tables import ColumnRequest, pack_table
 
-MAX_MEMORY = 1_500_000_000  # bytes; a few times the largest log
-
 
 def main(path: str, out: str) -> None:
     """Write the table that the standard input requests."""
-    limit_memory(MAX_MEMORY)
+    limit_memory()
     request = ColumnRequest(**json.load(sys.stdin))
     try:
         np.savez(out, *pack_table(read_here(path, request)))
