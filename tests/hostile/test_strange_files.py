@@ -134,11 +134,13 @@ def test_every_reader_rejects_links_to_other_files(tmp_path, name, target):
 
 
 @pytest.mark.parametrize("name", [*BY_PATH, *TABLES])
-@pytest.mark.parametrize("kind", ["folder", "missing", *STRANGE])
+@pytest.mark.parametrize("kind", ["folder", "missing", "pipe", *STRANGE])
 def test_every_reader_names_the_strange_file_that_it_rejects(tmp_path, name, kind):
     path = tmp_path / f"ä {name}"
     if kind == "folder":
         path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
     elif kind in STRANGE:
         path.write_bytes(STRANGE[kind])
     elif name == "begun.json":

@@ -141,12 +141,8 @@ def test_a_continued_run_does_not_list_files_that_came_in_between(tmp_path):
     folder = run_in(tmp_path / "run")
     OTHERS["a file"](folder)
     run_in(folder, resume=True)
-    assert listed_files(folder) == {
-        MANIFEST,
-        "options.json",
-        "results.json",
-        "runs/a.episodes",
-    }
+    names = {name for name, _ in listed_files(folder)}
+    assert names == {"options.json", "results.json", "runs/a.episodes"}
     with pytest.raises(S2C2AError, match=r"thesis\.tex"):
         open_run_directory(folder, "x", {}, overwrite=True)
 
@@ -156,7 +152,7 @@ def test_a_name_is_listed_before_its_file_is_written(tmp_path):
     path = tmp_path / "run" / "late.json"
     with atomic_write(path) as part:
         part.touch()
-        assert "late.json" in listed_files(tmp_path / "run")
+        assert ("late.json", "") in listed_files(tmp_path / "run")
     list_in_manifest(tmp_path / "elsewhere.json")
     assert "elsewhere.json" not in (tmp_path / "run" / MANIFEST).read_text()
 
@@ -168,37 +164,50 @@ def test_a_link_to_a_run_directory_is_not_replaced(tmp_path):
         open_run_directory(tmp_path / "link", "x", {}, overwrite=True)
 
 
-@pytest.mark.parametrize("line", ["[" * 100_000, "9" * 5000, "3", "null", '{"a": "b"}'])
-def test_a_line_of_a_manifest_without_a_name_lists_nothing(tmp_path, line):
+@pytest.mark.parametrize(
+    "line", ["[" * 100_000, "9" * 5000, "3", "null", '"a"', '["a"]', '["a", "b", "c"]']
+)
+def test_a_manifest_with_a_line_of_another_form_lists_nothing(tmp_path, line):
     folder = run_in(tmp_path / "run")
     with open(folder / MANIFEST, "a") as manifest:
         manifest.write(f"{line}\n")
-    open_run_directory(folder, "x", {}, overwrite=True)
+    with pytest.raises(S2C2AError, match=r"holds manifest\.jsonl"):
+        open_run_directory(folder, "x", {}, overwrite=True)
 
 
-def list_by_hand(folder, *names):
+@pytest.mark.parametrize("digest", ["", "0" * 64])
+def test_a_listed_name_with_another_content_is_not_deleted(tmp_path, digest):
+    folder = run_in(tmp_path / "run")
+    (folder / "thesis.tex").write_text("of value")
+    list_by_hand(folder, "thesis.tex", digest=digest)
+    (folder / "results.json").write_text("changed by hand")
+    with pytest.raises(S2C2AError, match=r"holds results\.json, thesis\.tex"):
+        open_run_directory(folder, "x", {}, overwrite=True)
+    assert (folder / "thesis.tex").read_text() == "of value"
+
+
+def list_by_hand(folder, *names, digest=""):
     with open(folder / MANIFEST, "a") as manifest:
-        manifest.writelines(f"{json.dumps(name)}\n" for name in names)
+        manifest.writelines(f"{json.dumps([name, digest])}\n" for name in names)
 
 
-def test_names_and_links_in_a_manifest_delete_nothing_outside(tmp_path):
+def test_names_in_a_manifest_delete_nothing_outside(tmp_path):
     outside = tmp_path / "dear" / "letter.tex"
     outside.parent.mkdir()
     outside.write_text("of value")
     folder = run_in(tmp_path / "run")
     list_by_hand(folder, "../dear/letter.tex", str(outside), "..", ".", "/", "", "a\0b")
-    list_by_hand(folder, "link", "link/letter.tex")
-    (folder / "link").symlink_to(outside.parent)
     open_run_directory(folder, "x", {}, overwrite=True)
     assert outside.read_text() == "of value"
 
 
-def test_a_link_in_place_of_a_listed_folder_is_not_followed(tmp_path):
+@pytest.mark.parametrize("name", ["link", "link/letter.tex"])
+def test_a_link_in_place_of_what_is_listed_is_not_followed(tmp_path, name):
     outside = tmp_path / "dear"
     outside.mkdir()
     (outside / "letter.tex").write_text("of value")
     folder = run_in(tmp_path / "run")
-    list_by_hand(folder, "link/letter.tex")
+    list_by_hand(folder, name)
     (folder / "link").symlink_to(outside)
     with pytest.raises(S2C2AError, match="holds link"):
         open_run_directory(folder, "x", {}, overwrite=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2c2a.logs import map_from_toml
-from s2c2a.logs.errors import LogError
+from s2c2a.logs.errors import LogError, reading_as
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.tables import ColumnRequest
 from s2c2a.logs.take import build_take
@@ -124,7 +124,7 @@ def test_times_of_recording_are_seconds_and_missing_fields_are_named(bag):
 def test_a_broken_bag_is_an_error(tmp_path):
     path = tmp_path / "walk.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
-    with pytest.raises(LogError, match="cannot be read as MCAP"):
+    with pytest.raises(LogError, match="cut off: it ends after 0 whole messages"):
         read_table(path, ColumnRequest(["time"]))
 
 
@@ -146,3 +146,27 @@ def test_a_bag_of_ros_1_is_read_alike(tmp_path):
     table = read_table(path, ColumnRequest(["header.stamp", "point.x"]))
     np.testing.assert_allclose(table.numbers["point.x"], 0.1 * np.arange(5))
     assert table.numbers["header.stamp"][1] == pytest.approx(START + 1.5, abs=1e-6)
+
+
+def test_an_mcap_file_that_is_cut_off_says_how_much_is_whole(tmp_path):
+    writer = pytest.importorskip("mcap.writer")
+    path = tmp_path / "walk.mcap"
+    with open(path, "wb") as file:
+        out = writer.Writer(file, use_chunking=False)
+        out.start()
+        channel = out.register_channel("/a", "json", 0)
+        for moment in range(10):
+            out.add_message(channel, moment, b'{"a": 1}', moment)
+        out.finish()
+    content = path.read_bytes()
+    path.write_bytes(content[: content.rindex(b'{"a": 1}') + 3])
+    with pytest.raises(LogError, match="cut off: it ends after 9 whole messages"):
+        read_table(path, ColumnRequest(["a"]))
+
+
+def test_an_error_without_a_text_has_a_name():
+    with (
+        pytest.raises(LogError, match="cannot be read as MCAP: KeyError; look"),
+        reading_as("a.mcap", "MCAP", "look"),
+    ):
+        raise KeyError

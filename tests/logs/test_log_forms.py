@@ -16,6 +16,8 @@ from simulated_logs import record, write_log  # type: ignore[import-not-found]
 from s2c2a.logs import map_from_toml
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.pipeline import _read_takes
+from s2c2a.logs.reading import read_here
+from s2c2a.logs.tables import ColumnRequest
 
 EPOCH = 1_700_000_000  # s
 MOTIVE = (
@@ -374,7 +376,7 @@ def test_parquet_with_dots_in_its_names_is_the_same_take(log, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["log.xlsx", "log.parquet"])
-def test_without_the_extra_the_way_out_names_it(log, tmp_path, monkeypatch, name):
+def test_without_the_extra_the_way_out_names_it(tmp_path, monkeypatch, name):
     path = tmp_path / name
     path.write_bytes(b"PK")
     for module in ("openpyxl", "pyarrow.parquet"):
@@ -382,7 +384,7 @@ def test_without_the_extra_the_way_out_names_it(log, tmp_path, monkeypatch, name
     form = {"log.xlsx": "XLSX", "log.parquet": "Parquet"}[name]
     told = f'{form}: export as CSV, or install the extra: pip install "s2c2a[tables]"'
     with pytest.raises(LogError, match=re.escape(told)):
-        take_of(path, log[0].map)
+        read_here(path, ColumnRequest(["a"]))
 
 
 @pytest.mark.parametrize("ending", ["xlsx", "parquet"])

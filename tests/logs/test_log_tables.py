@@ -1,7 +1,6 @@
 """Log files: valid tables are read, invalid or malicious ones are errors."""
 
 import gzip
-import io
 import pickle
 import zipfile
 
@@ -9,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from s2c2a.logs import array_files, mat_files, text_files
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.reading import read_table
+from s2c2a.logs.reading import read_here, read_table
 from s2c2a.logs.tables import ColumnRequest
 
 AB = ColumnRequest(["a", "b"])
@@ -112,22 +110,6 @@ def test_a_missing_file_is_an_error(tmp_path):
         read_table(tmp_path / "nowhere.csv", AB)
 
 
-def test_files_that_unpack_beyond_the_limit_are_refused(written, monkeypatch):
-    monkeypatch.setattr(text_files, "MAX_BYTES", 1000)
-    monkeypatch.setattr(array_files, "MAX_BYTES", 1000)
-    monkeypatch.setattr(mat_files, "MAX_BYTES", 1000)
-    with pytest.raises(LogError, match="more than 1000 bytes"):
-        read_table(written(gzip.compress(b"a,b\n" + b"1,2\n" * 1000)), AB)
-    squeezed = io.BytesIO()
-    np.savez_compressed(squeezed, a=np.zeros(1000))
-    with pytest.raises(LogError, match="and 1000 bytes"):
-        read_table(written(squeezed.getvalue(), "log.npz"), AB)
-    swollen = io.BytesIO()
-    savemat(swollen, {"a": np.zeros(1000)}, do_compression=True)
-    with pytest.raises(LogError, match="more than 1000"):
-        read_table(written(swollen.getvalue(), "log.mat"), AB)
-
-
 @pytest.mark.parametrize("ending", ["npz", "mat"])
 def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
     values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
@@ -224,7 +206,8 @@ def test_damaged_files_are_errors(tmp_path, ending):
         damaged[random.integers(len(damaged))] ^= random.integers(1, 256)
         path.write_bytes(bytes(damaged))
         try:
-            read_table(path, AB)
+            # SciPy's reader may end the process
+            (read_table if ending == "mat" else read_here)(path, AB)
         except LogError:
             errors += 1
     assert errors > count / 8
@@ -254,3 +237,29 @@ def test_an_array_that_may_be_read_in_two_ways_is_refused_with_the_way_out(tmp_p
     np.savez(path, p=np.zeros((3, 5)))
     with pytest.raises(LogError, match=r"'p' is 3 x 5, .* such as p = p\.'"):
         read_table(path, ColumnRequest(["p.0", "p.1"]))
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
+def test_more_cells_than_names_are_an_error_with_the_line(written, delimiter):
+    """The columns of such rows may have shifted."""
+    rows = ["a,b", "1,2,3,4", "5,6,7,8"]
+    text = "\n".join(rows).replace(",", delimiter)
+    with pytest.raises(
+        LogError, match="line 2, it has 4 cells, and the header 2 names"
+    ):
+        read_table(written(text), AB)
+
+
+def test_a_longer_row_of_a_sheet_is_an_error_with_its_number(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["a", "b", None], [1, 2, None], [3, 4, 5]):
+        book.active.append(row)
+    book.save(tmp_path / "log.xlsx")
+    with pytest.raises(LogError, match="row 3, it has 3 cells, and the header 2 names"):
+        read_table(tmp_path / "log.xlsx", AB)
+
+
+def test_a_blank_cell_at_the_end_of_rows_is_no_column(written):
+    table = read_table(written("a,b\n1,2,\n3,4, \n"), AB)
+    np.testing.assert_array_equal(table.numbers["b"], [2.0, 4.0])

@@ -1,5 +1,7 @@
 """Scene files: every kind of obstacle, its surface, its time, and refusals."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import Task
+from s2c2a.tasks.meshes import covering_spheres
 from s2c2a.tasks.scenes import Scene, Sphere, load_scene, save_scene, solid_of
 
 SOLIDS = {
@@ -78,6 +81,19 @@ def test_a_solid_is_known_by_its_row_and_written_back(tmp_path, kind):
     np.testing.assert_allclose(again.rows(), solid.rows(), atol=2e-5)
     save_scene(Scene(obstacles=(again,)), tmp_path / "copy.toml")
     assert load_scene(tmp_path / "copy.toml").obstacles == (again,)
+
+
+def test_a_mesh_leads_to_no_other_files_and_takes_little_memory(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box()
+    os.mkfifo(tmp_path / "pipe.mtl")
+    text = f"mtllib pipe.mtl\n{box.export(file_type='obj')}"
+    (tmp_path / "box.obj").write_text(text)
+    assert len(covering_spheres(tmp_path / "box.obj", 9).spheres) > 1
+    triangles = np.random.default_rng(0).random((100_000, 3, 3))
+    trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles)).export(tmp_path / "x.stl")
+    with pytest.raises(TargetError, match=r"x\.stl.* more memory than a file may take"):
+        covering_spheres(tmp_path / "x.stl", 9)
 
 
 def test_spheres_contain_the_solid_of_a_mesh(tmp_path):

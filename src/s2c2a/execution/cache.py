@@ -9,8 +9,8 @@ from pathlib import Path
 import platformdirs
 
 from s2c2a.execution.after_import import import_after
+from s2c2a.files.text import MAX_BYTES
 
-MAX_PROGRAM_BYTES = 500_000_000  # bytes on the user's disk, at the first start of a day
 IMPORTED = time.time()
 """When `import s2c2a` read the first sources [s]."""
 
@@ -54,7 +54,7 @@ def enable_compilation_cache() -> None:
     trim_daily(folder, folder.with_name("executables"))
 
 
-def trim_daily(*folders: Path, max_bytes: int = MAX_PROGRAM_BYTES) -> None:
+def trim_daily(*folders: Path, max_bytes: int = MAX_BYTES) -> None:
     """Once a day, delete the files that were used longest ago until the rest fits.
 
     Most file systems note a file's use once a day; on the others, age counts from
@@ -62,7 +62,7 @@ def trim_daily(*folders: Path, max_bytes: int = MAX_PROGRAM_BYTES) -> None:
 
     Args:
         folders: the first one holds an empty file with the date.
-        max_bytes: of all folders together.
+        max_bytes: of all folders together, on the user's disk.
     """
     today = folders[0] / f".trimmed-{time.strftime('%Y-%m-%d')}"
     try:

@@ -1,18 +1,30 @@
 """Starts of processes: none imports what lies in the current folder.
 
-Programs that read files of strangers in native code run as bare files: a damaged file can
-end such a process, or fill its memory; it cannot harm this one.
+Programs that read files of strangers have one of their own: a damaged file can end it, and
+a small one can unpack to more than the memory or the disk holds; it cannot harm this one.
 """
 
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from s2c2a.files.text import MAX_BYTES
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that keeps the current folder and that of the program off Python's path."""
+PATIENCE = 600.0  # s; the largest bag takes some minutes
+
+
+class ChildError(Exception):
+    """A program did not read its file; the message says why."""
 
 
 def child_command(*program: str) -> list[str]:
@@ -59,10 +71,59 @@ def spawning() -> SpawnContext:
     return _SafeSpawn()
 
 
-def limit_memory(size: int) -> None:
-    """Let this process allocate at most so many bytes, and leave no core dump."""
+def arrays_of_child(file: str, *arguments: str, request: str = "") -> list[np.ndarray]:
+    """Run a program that reads a file, and return its arrays.
+
+    Args:
+        file: the program; its last argument is the NPZ file that it writes.
+        arguments: further ones, before that.
+        request: what it finds in its standard input.
+
+    Raises:
+        ChildError: it failed, took too long, or needed too much memory.
+    """
+    # temporary files of a killed program go with the folder
+    with TemporaryDirectory() as folder:
+        out = Path(folder, "arrays.npz")
+        try:
+            done = subprocess.run(
+                child_command(file, *arguments, str(out)),
+                input=request,
+                capture_output=True,
+                timeout=PATIENCE,
+                encoding="utf-8",
+                errors="backslashreplace",
+                # each thread of BLAS would reserve memory, which is limited
+                env=os.environ
+                | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1", "TMPDIR": folder},
+            )
+        except subprocess.TimeoutExpired:
+            raise ChildError(
+                f"it takes more than {PATIENCE:g} s; give a smaller one"
+            ) from None
+        if done.returncode == 0:
+            with np.load(out, allow_pickle=False) as arrays:
+                return list(arrays.values())
+    reasons = done.stderr.strip().splitlines()
+    if done.returncode < 0 or not reasons:
+        raise ChildError(
+            "its reader crashed: it is damaged, or unpacks to too much; make it anew"
+        )
+    if "MemoryError" in reasons[-1]:
+        raise ChildError(
+            "it unpacks to more memory than a file may take; give a smaller one"
+        )
+    raise ChildError(reasons[-1])
+
+
+def limit_memory(size: int = 3 * MAX_BYTES) -> None:
+    """Let this process allocate at most so many bytes, and write no larger files or dumps.
+
+    By default they suffice for the content of a file, and copies in other forms.
+    """
     with suppress(ImportError, ValueError, OSError):  # not on every system
         import resource  # noqa: PLC0415  # of POSIX alone
 
-        resource.setrlimit(resource.RLIMIT_AS, (size, size))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (MAX_BYTES, MAX_BYTES))
+        resource.setrlimit(resource.RLIMIT_AS, (size, size))

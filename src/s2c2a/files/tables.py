@@ -12,6 +12,7 @@ from datetime import UTC, datetime, time
 from itertools import chain, islice
 
 from s2c2a.errors import S2C2AError
+from s2c2a.files.text import open_regular
 
 METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -55,10 +56,11 @@ def read_any_text(path: str | os.PathLike, fault: type[S2C2AError], most: int) -
         S2C2AError: the file cannot be read, is too large, or is no such text.
     """
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             is_gzip = file.read(2) == b"\x1f\x8b"
-        with gzip.open(path, "rb") if is_gzip else open(path, "rb") as file:
-            content = file.read(most + 1)
+            file.seek(0)
+            with gzip.open(file) if is_gzip else file as unpacked:
+                content = unpacked.read(most + 1)
         if len(content) > most:
             raise fault(
                 f"{path} has more than {most} bytes of text; save fewer rows or columns"
@@ -137,7 +139,7 @@ def is_comment(line: str) -> bool:
 
 
 def find_delimiter(sample: Sequence[str]) -> str:
-    """The delimiter that gives most numbers in rows as long as the first one."""
+    """The delimiter that gives most numbers in rows as long as the first one, or longer."""
     scores = {",": 0.0}
     for delimiter in DELIMITERS:
         rows = list(_split(sample, delimiter))
@@ -148,7 +150,7 @@ def find_delimiter(sample: Sequence[str]) -> str:
         cells = 0
         for row in rows:
             cells += len(row)
-            if len(row) == width:
+            if len(row) >= width:
                 values += sum(is_value(cell, delimiter != ",") for cell in row)
         scores[delimiter] = values / cells
     order = [each for each in DELIMITERS if each in scores]

@@ -1,11 +1,14 @@
 """Atomic file writes, and guarded reading of text files from other people."""
 
+import hashlib
 import json
 import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +28,17 @@ MAX_DOTS = 1000
 """In a line of TOML: parsing time grows with the square of the key's parts."""
 
 
+def open_regular(path: str | os.PathLike) -> BufferedReader:
+    """Open a file of strangers; reading from a pipe or a device may never end.
+
+    Raises:
+        OSError: it cannot be opened, or is no regular file.
+    """
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise OSError(f"{path} is not a regular file")
+    return open(path, "rb")
+
+
 def read_text(
     path: str | os.PathLike, fault: type[S2C2AError] = S2C2AError, most: int = MAX_TEXT
 ) -> str:
@@ -39,7 +53,7 @@ def read_text(
         S2C2AError: the file cannot be read, is too large or is not UTF-8.
     """
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             content = file.read(most + 1)
         if len(content) > most:
             raise fault(f"{path} has more than {most} bytes; take a smaller file")
@@ -49,14 +63,6 @@ def read_text(
             f"{path}: cannot be read as UTF-8 text: {error}; check the path, and that "
             "it is text"
         ) from error
-
-
-def holds(path: str | os.PathLike, text: str) -> bool:
-    """Whether the content of a file equals a text; reads no more than its length."""
-    expected = text.encode()
-    with suppress(OSError), open(path, "rb") as file:
-        return file.read(len(expected) + 1) == expected
-    return False
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -84,17 +90,16 @@ def toml_comment(text: str) -> str:
 
 
 MANIFEST = "manifest.jsonl"
-"""List of the files of a folder that this package wrote, a name a line."""
+"""List of the files of a folder that this package wrote: name and digest, one a line."""
 _PART = re.compile(r"\.(.+)\.\d+\.part")
 """Name of a temporary file of `atomic_write`."""
-_listed: dict[Path, set[str]] = {}
+_kept: set[Path] = set()
 
 
 def keep_manifest(folder: str | os.PathLike) -> None:
     """List in a manifest all files that this process writes into a folder from now on.
 
-    A name is listed before its file is written, so that a killed process leaves no file
-    without its name. `manifests_of_one_command` ends it.
+    `manifests_of_one_command` ends it.
 
     Raises:
         OSError: the manifest is a link: a stranger's folder must not lead elsewhere.
@@ -102,79 +107,85 @@ def keep_manifest(folder: str | os.PathLike) -> None:
     root = Path(os.path.abspath(folder))
     if (root / MANIFEST).is_symlink():
         raise OSError(f"{MANIFEST} is a link, and nothing is written through links")
-    _listed[root] = set(listed_files(root))
-    list_in_manifest(root / MANIFEST)
+    _kept.add(root)
 
 
 @contextmanager
 def manifests_of_one_command() -> Iterator[None]:
     """End the manifests that are begun within."""
-    before = dict(_listed)
+    before = set(_kept)
     try:
         yield
     finally:
-        _listed.clear()
-        _listed.update(before)
+        _kept.clear()
+        _kept.update(before)
 
 
-def list_in_manifest(path: str | os.PathLike) -> None:
+def list_in_manifest(path: Path, content: Path | None = None) -> None:
     """List a file in the open manifest of its folder, if there is one.
 
-    `atomic_write` does so; a library that writes by itself needs this call.
+    Args:
+        path: of the file.
+        content: a file with its content; None before it is written, so that a killed
+            process leaves no temporary file without its name.
     """
     absolute = Path(os.path.abspath(path))
-    for root, names in list(_listed.items()):
+    for root in _kept:
         if not absolute.is_relative_to(root):
             continue
         name = absolute.relative_to(root).as_posix()
-        if name in names:
-            continue
+        digest = digest_of(content) if content else ""
         root.mkdir(parents=True, exist_ok=True)
         with open(root / MANIFEST, "a", encoding="utf-8") as manifest:
-            manifest.write(f"{json.dumps(name)}\n")
-        names.add(name)
+            manifest.write(f"{json.dumps([name, digest])}\n")
 
 
-def listed_files(folder: Path) -> frozenset[str]:
-    """Names in the manifest of a folder, relative to it; none without a manifest."""
-    names = set()
-    with suppress(OSError, UnicodeDecodeError):
-        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
-            # the last line of a killed process, or a line of a stranger
-            with suppress(ValueError, RecursionError):
-                names.add(str(json.loads(line)))
-    return frozenset(names)
+def digest_of(path: Path) -> str:
+    """Digest of the content of a file."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def listed_files(folder: Path) -> frozenset[tuple[str, str]]:
+    """Names, relative to the folder, and digests in its manifest.
+
+    A manifest with any other line lists nothing: it may be a stranger's.
+    """
+    with suppress(S2C2AError, ValueError, TypeError, RecursionError):
+        # the last part is blank, or a line of a killed process
+        *lines, _ = read_text(folder / MANIFEST, most=MAX_BYTES).split("\n")
+        return frozenset(
+            (str(name), str(digest)) for name, digest in map(json.loads, lines)
+        )
+    return frozenset()
 
 
 def unlisted_files(folder: Path) -> list[str]:
-    """Names of all that a folder holds beside the files of its manifest, sorted."""
+    """Names of all that a folder holds beside the files of its manifest, sorted.
+
+    A file of a listed name with another content is none of them.
+    """
     listed = listed_files(folder)
-    folders = {parent.as_posix() for name in listed for parent in Path(name).parents}
+    names = {name for name, _ in listed}
+    folders = {parent.as_posix() for name in names for parent in Path(name).parents}
     others = []
     for path in _walk(folder):
         name = path.relative_to(folder).as_posix()
         part = _PART.fullmatch(path.name)
-        whole = path.with_name(part[1]) if part else path
-        is_folder = path.is_dir() and not path.is_symlink()
-        known = folders if is_folder else listed
-        if whole.relative_to(folder).as_posix() not in known:
+        is_known = False
+        if path.is_dir():
+            is_known = name in folders
+        elif part:
+            whole = path.with_name(part[1]).relative_to(folder).as_posix()
+            is_known = whole in names
+        elif name == MANIFEST:
+            is_known = bool(listed)
+        elif name in names:
+            with suppress(OSError):
+                is_known = (name, digest_of(path)) in listed
+        if path.is_symlink() or not is_known:
             others.append(name)
     return sorted(others)
-
-
-def delete_listed_files(folder: Path) -> None:
-    """Delete a folder that holds only the files of its manifest.
-
-    Raises:
-        OSError: something else is in the folder; it stays.
-    """
-    for path in reversed(list(_walk(folder))):
-        if path.is_dir() and not path.is_symlink():
-            path.rmdir()
-        elif path.name != MANIFEST or path.parent != folder:
-            path.unlink()
-    (folder / MANIFEST).unlink()
-    folder.rmdir()
 
 
 def _walk(folder: Path) -> Iterator[Path]:
@@ -229,6 +240,8 @@ def atomic_write(
         path.parent.mkdir(parents=True, exist_ok=True)
         list_in_manifest(path)
         yield temporary
+        if temporary.is_file():
+            list_in_manifest(path, temporary)
         os.replace(temporary, path)
     except BaseException as error:
         with suppress(OSError):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -13,9 +14,8 @@ from s2c2a.errors import MAX_SHOWN, S2C2AError
 from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import (
-    delete_listed_files,
-    holds,
     keep_manifest,
+    read_text,
     unlisted_files,
     write_atomically,
 )
@@ -57,7 +57,9 @@ def open_run_directory(
     content = {"options": options, "versions": versions()}
     text = json.dumps(content, indent=1, default=str) + "\n"
     marker = folder / MARKER
-    resumes = resume and not overwrite and marker.is_file() and holds(marker, text)
+    resumes = (
+        resume and not overwrite and marker.is_file() and read_text(marker) == text
+    )
     if not resumes:
         _clear(folder, overwrite, resume)
     try:
@@ -99,7 +101,7 @@ def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
     aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
     try:
         folder.rename(aside)
-        delete_listed_files(aside)
+        shutil.rmtree(aside)
     except OSError as error:
         raise S2C2AError(
             f"{folder} cannot be replaced: {error}; choose another --out"

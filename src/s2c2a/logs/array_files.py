@@ -1,14 +1,13 @@
 """NPZ and MAT files as named columns; pickled objects are never loaded."""
 
 import os
-import zipfile
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from s2c2a.logs.array_orientation import orient_arrays
-from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, MAX_ROWS, LogError, reading_as
+from s2c2a.logs.errors import MAX_COLUMNS, MAX_ROWS, LogError, reading_as
 from s2c2a.logs.mat_files import read_mat_arrays
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
 
@@ -21,16 +20,11 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
     Raises:
         LogError: the file is not an NPZ file, is too large, or holds objects.
     """
-    with reading_as(path, "NPZ", "save plain arrays of numbers"):
-        with zipfile.ZipFile(path) as file:
-            sizes = [entry.file_size for entry in file.infolist()]
-            if sum(sizes) > MAX_BYTES or len(sizes) > MAX_COLUMNS:
-                raise LogError(
-                    f"{path} unpacks to {len(sizes)} arrays of {sum(sizes)} bytes; "
-                    f"at most {MAX_COLUMNS} arrays and {MAX_BYTES} bytes are read"
-                )
-        with np.load(path, allow_pickle=False) as arrays:
-            columns = _columns({name: arrays[name] for name in arrays.files}, request)
+    with (
+        reading_as(path, "NPZ", "save plain arrays of numbers"),
+        np.load(path, allow_pickle=False) as arrays,
+    ):
+        columns = _columns({name: arrays[name] for name in arrays.files}, request)
     return table_of_arrays(path, columns, request)
 
 
@@ -38,8 +32,7 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
     """Read the requested columns of a MAT file up to version 7, named as in `read_npz`.
 
     Raises:
-        LogError: the file does not exist, is damaged, of version 7.3 (HDF5), or too
-            large.
+        LogError: the file is damaged, of version 7.3 (HDF5), or too large.
     """
     with reading_as(path, "MAT", "save plain arrays of numbers with -v7"):
         columns = _columns(read_mat_arrays(path), request)

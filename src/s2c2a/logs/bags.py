@@ -6,6 +6,7 @@ code, and files of strangers run none.
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ TIME = "time"
 STAMP = "header.stamp"
 """Column of the times in the messages' headers [s]."""
 NANOSECOND = 1e-9  # s
+READ_SIZE = 1_000_000  # bytes at a time
 
 
 def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
@@ -35,7 +37,8 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
     is_first = Path(path).suffix.lower() == ".bag"
     with needs_extra(path, "rosbag or MCAP"):
         from rosbags import rosbag1, rosbag2  # noqa: PLC0415  # an extra
-    _check_size(Path(path))
+
+        _check_size(Path(path))
     reader = rosbag1.Reader if is_first else rosbag2.Reader
     with (
         reading_as(
@@ -51,13 +54,27 @@ def read_bag(path: str | os.PathLike, request: ColumnRequest) -> Table:
 
 
 def _check_size(path: Path) -> None:
-    files = path.iterdir() if path.is_dir() else [path]
-    size = sum(file.stat().st_size for file in files)
+    """Refuse a folder that is too large; compressed files are unpacked to the disk."""
+    size = sum(map(_unpacked_size, path.iterdir() if path.is_dir() else ()))
     if size > MAX_BYTES:
         raise LogError(
-            f"{path} has {size} bytes; at most {MAX_BYTES} are read. Record the topics "
-            "of the arm alone"
+            f"{path} unpacks to more than {MAX_BYTES} bytes. Record the topics of the arm "
+            "alone"
         )
+
+
+def _unpacked_size(file: Path) -> int:
+    """Size of a file; beyond the limit, no more than that is unpacked."""
+    import zstandard  # noqa: PLC0415  # an extra
+
+    size = 0
+    with file.open("rb") as packed, suppress(zstandard.ZstdError):
+        unpacking = zstandard.ZstdDecompressor().stream_reader(
+            packed, read_across_frames=True
+        )
+        while size <= MAX_BYTES and (part := unpacking.read(READ_SIZE)):
+            size += len(part)
+    return max(size, file.stat().st_size)
 
 
 def _topic_of(path: str | os.PathLike, topics: Any, wanted: str | None) -> str:

@@ -29,11 +29,12 @@ def reading_as(path: str | os.PathLike, form: str, way_out: str) -> Iterator[Non
     """
     try:
         yield
-    except LogError:
+    except (LogError, MemoryError):
         raise
     except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise LogError(
-            f"{path} cannot be read as {form}: {error!s:.200}; {way_out}"
+            f"{path} cannot be read as {form}: {reason:.200}; {way_out}"
         ) from error
 
 

@@ -1,25 +1,20 @@
-"""MAT files of versions 4 to 7: arrays of numbers and text.
+"""MAT files of versions 4 to 7: arrays of numbers and text, which SciPy reads."""
 
-SciPy reads them in native code, in a process of its own (`mat_program`).
-"""
-
-import io
+import math
 import os
-import subprocess
-from pathlib import Path
 
 import numpy as np
 
-from s2c2a.execution.child import child_command
-from s2c2a.logs.errors import MAX_BYTES, LogError
+from s2c2a.logs.errors import MAX_COLUMNS, LogError
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 HEADER = 128  # bytes; text that names the version
-PROGRAM = str(Path(__file__).with_name("mat_program.py"))
-PATIENCE = 60.0  # s; the largest log takes a few
+MAX_DEPTH = 8  # of cells and structures in each other
+Arrays = dict[str, np.ndarray]
+"""Arrays by name."""
 
 
-def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
+def read_mat_arrays(path: str | os.PathLike) -> Arrays:
     """Arrays of numbers and of text, by name; other values are left out.
 
     Fields of structures are `log.t`, cells `u.0`; equal parts of an array of structures
@@ -28,34 +23,74 @@ def read_mat_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
     A matrix of characters becomes an array of its rows.
 
     Raises:
-        LogError: the file is of another version, damaged, or too large.
-        OSError: it cannot be read.
+        LogError: the file is of another version, or has too many parts.
     """
-    with Path(path).open("rb") as file:
+    from scipy.io import loadmat  # noqa: PLC0415  # takes time
+
+    with open(path, "rb") as file:
         head = file.read(HEADER)
-        size = os.fstat(file.fileno()).st_size
-    if size > MAX_BYTES:
-        raise LogError(f"{path} has more than {MAX_BYTES} bytes; save fewer rows")
     if head.startswith(HDF5) or b"MATLAB 7.3" in head:
         raise LogError(
             f"{path} is a MAT file of version 7.3 (HDF5), which is not supported; "
             "save it with -v7 in MATLAB"
         )
-    program = child_command(PROGRAM, os.path.abspath(path))
-    try:
-        done = subprocess.run(
-            [*program, str(MAX_BYTES)],
-            stdin=subprocess.DEVNULL,
-            # each thread of its own would reserve memory, which is limited
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            capture_output=True,
-            timeout=PATIENCE,
+    arrays: Arrays = {}
+    for name, value in loadmat(path, appendmat=False).items():
+        if not name.startswith("__"):
+            arrays |= _arrays_of(name, value, 0)
+    return arrays
+
+
+def _arrays_of(name: str, value: object, depth: int) -> Arrays:
+    """Numbers and texts of a value by name; those of cells and structures with a dot.
+
+    Complex numbers, functions, objects and sparse matrices are left out.
+    """
+    if type(value) is not np.ndarray:
+        return {}
+    if value.dtype.kind in "fiubU":
+        return {name: value}
+    if value.dtype.kind not in "OV":
+        return {}
+    if depth >= MAX_DEPTH:
+        raise LogError(f"structures and cells are nested more than {MAX_DEPTH} deep")
+    arrays: Arrays = {}
+    for field in value.dtype.names or [""]:
+        cells = value[field] if field else value
+        parts = [_arrays_of("", cell, depth + 1) for cell in cells.ravel(order="F")]
+        label = _joined(name, field)
+        if field and len(parts) == 1:
+            arrays |= _named(label, parts[0])
+        else:
+            arrays |= _combined(label, parts)
+    return arrays
+
+
+def _joined(name: str, part: str) -> str:
+    """A name with a dot before its part; either may be empty."""
+    return ".".join(filter(None, (name, part)))
+
+
+def _named(name: str, arrays: Arrays) -> Arrays:
+    """The same arrays as parts of a name."""
+    return {_joined(name, part): array for part, array in arrays.items()}
+
+
+def _combined(name: str, parts: list[Arrays]) -> Arrays:
+    """One array of equal small parts, one row for each; otherwise each by its number."""
+    shapes = {each.shape for part in parts for each in part.values()}
+    names = {tuple(part) for part in parts}
+    if len(names) == 1 and len(shapes) == 1 and math.prod(*shapes) < len(parts):
+        rows = {
+            key: np.stack([part[key].reshape(-1) for part in parts]) for key in parts[0]
+        }
+        return _named(name, rows)
+    if len(parts) > MAX_COLUMNS:
+        raise LogError(
+            f"'{name}' has {len(parts)} cells; at most {MAX_COLUMNS} of different sizes "
+            "are read. Save plain arrays"
         )
-    except subprocess.TimeoutExpired:
-        raise ValueError(f"SciPy needs more than {PATIENCE:g} s") from None
-    if done.returncode:
-        reasons = done.stderr.decode(errors="replace").strip().splitlines()
-        raise ValueError(reasons[-1] if reasons else "it is damaged")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as parts:
-        names = parts["names"].tolist()
-        return {name: parts[f"arr_{place}"] for place, name in enumerate(names)}
+    arrays: Arrays = {}
+    for index, part in enumerate(parts):
+        arrays |= _named(_joined(name, str(index)), part)
+    return arrays

@@ -1,13 +1,11 @@
 """MCAP files with JSON messages, as Foxglove's tools write them: one topic is one table.
 
-Messages of ROS are read by `bags`. Chunks are unpacked here, with limits: the reader of
-the format unpacks whatever a stranger's file claims.
+Messages of ROS are read by `bags`.
 """
 
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +30,6 @@ def read_mcap(path: str | os.PathLike, request: ColumnRequest) -> Table:
     """
     with needs_extra(path, "MCAP"):
         import mcap  # noqa: F401, PLC0415  # an extra
-    if Path(path).stat().st_size > MAX_BYTES:
-        raise LogError(
-            f"{path} has more than {MAX_BYTES} bytes; record the topics of the arm alone"
-        )
     with reading_as(path, "MCAP", "check that it is complete (`mcap doctor`)"):
         encodings = {
             record.topic: record.message_encoding
@@ -101,37 +95,22 @@ def _numbers(message: Any) -> Iterator[tuple[str, float]]:
 
 
 def _records(path: Path) -> Iterator[Any]:
-    """Records of a file, those in chunks among them."""
-    from mcap.records import Chunk  # noqa: PLC0415  # an extra
-    from mcap.stream_reader import StreamReader, breakup_chunk  # noqa: PLC0415
+    """Records of a file, those in chunks among them.
 
-    size = 0
+    Raises:
+        LogError: the file ends early.
+    """
+    from mcap.exceptions import EndOfFile  # noqa: PLC0415  # an extra
+    from mcap.stream_reader import StreamReader  # noqa: PLC0415  # an extra
+
+    whole = 0
     with open(path, "rb") as file:
-        for record in StreamReader(
-            file, emit_chunks=True, record_size_limit=MAX_BYTES
-        ).records:
-            if not isinstance(record, Chunk):
+        try:
+            for record in StreamReader(file, record_size_limit=MAX_BYTES).records:
+                whole += hasattr(record, "log_time")
                 yield record
-                continue
-            data = _unpacked(record, MAX_BYTES - size)
-            size += len(data)
-            yield from breakup_chunk(replace(record, compression="", data=data))
-
-
-def _unpacked(chunk: Any, limit: int) -> bytes:
-    """Content of a chunk; unpacking stops at the size that it claims."""
-    import lz4.frame  # noqa: PLC0415  # an extra
-    import zstandard  # noqa: PLC0415
-
-    size = chunk.uncompressed_size
-    if size > limit:
-        raise LogError(
-            f"it has more than {MAX_BYTES} bytes after decompression; record the topics "
-            "of the arm alone"
-        )
-    if chunk.compression == "zstd":
-        unpacking = zstandard.ZstdDecompressor().stream_reader(chunk.data)
-        return unpacking.read(size)
-    if chunk.compression == "lz4":
-        return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size)
-    return chunk.data
+        except EndOfFile as error:
+            raise LogError(
+                f"{path} is cut off: it ends after {whole} whole messages; copy it again, "
+                "or save these with `mcap recover`"
+            ) from error

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from s2c2a.logs.errors import (
-    MAX_BYTES,
     MAX_COLUMNS,
     MAX_ROWS,
     LogError,
@@ -15,9 +14,6 @@ from s2c2a.logs.errors import (
     reading_as,
 )
 from s2c2a.logs.tables import ColumnRequest, Table, table_of_arrays
-
-MAX_VALUES = MAX_BYTES // 8
-"""Largest number of values of all columns: so many fill the limit of bytes."""
 
 
 def read_parquet(path: str | os.PathLike, request: ColumnRequest) -> Table:
@@ -56,15 +52,9 @@ def parquet_arrays(
 
 
 def _check_size(path: str | os.PathLike, metadata: Any) -> None:
-    values = 0
-    for number in range(metadata.num_row_groups):
-        group = metadata.row_group(number)
-        for column in range(metadata.num_columns):
-            values += group.column(column).num_values
     limits = {
         "rows": (metadata.num_rows, MAX_ROWS),
         "columns": (metadata.num_columns, MAX_COLUMNS),
-        "values": (values, MAX_VALUES),
     }
     for name, (count, limit) in limits.items():
         if count > limit:

@@ -1,21 +1,24 @@
 """Forms of logs: which reader reads which file, and what to do with others."""
 
+import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2c2a.execution.child import ChildError, arrays_of_child
 from s2c2a.logs.array_files import read_mat, read_npz
 from s2c2a.logs.bags import read_bag
-from s2c2a.logs.errors import LogError
+from s2c2a.logs.errors import MAX_BYTES, LogError
 from s2c2a.logs.json_lines import read_json_lines
 from s2c2a.logs.lerobot_folders import is_lerobot, read_lerobot
 from s2c2a.logs.mcap_files import read_mcap
 from s2c2a.logs.parquet_files import read_parquet
 from s2c2a.logs.sheet_files import read_xlsx
-from s2c2a.logs.tables import ColumnRequest, Table
+from s2c2a.logs.tables import ColumnRequest, Table, unpack_table
 from s2c2a.logs.text_files import read_text_file
 
+PROGRAM = str(Path(__file__).with_name("table_program.py"))
 Reader = Callable[[str | os.PathLike, ColumnRequest], Table]
 
 
@@ -70,8 +73,14 @@ WAYS_OUT = {
 """What is not read, by ending, and the way out."""
 
 
+PLAIN = read_text_file, read_json_lines
+"""Readers of text, which takes a few times the size of its file, if it is not gzipped."""
+
+
 def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
     """Read those requested columns that a file has.
+
+    What may unpack to more than its size is read by a program with limited memory.
 
     Args:
         path: file of one of the forms, recognized by its ending, or delimited text;
@@ -82,19 +91,54 @@ def read_table(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the file cannot be read or is too large, or a row is cut off or holds
             text in a numeric column.
     """
-    # ending of a file, of the packed one if it is gzipped
-    file = Path(path)
-    if file.suffix.lower() == ".gz":
-        file = file.with_suffix("")
-    ending = file.suffix.lower()
-    if way_out := WAYS_OUT.get(ending):
+    if way_out := WAYS_OUT.get(_ending(path)):
         raise LogError(f"{path} cannot be read. {way_out}")
-    if not Path(path).exists():
-        raise LogError(f"{path} does not exist; check the path of the log")
+    _check_files(Path(path))
+    if _reader(path) in PLAIN and Path(path).suffix.lower() != ".gz":
+        return read_here(path, request)
+    try:
+        arrays = arrays_of_child(
+            PROGRAM, str(path), request=json.dumps(vars(request), default=list)
+        )
+    except ChildError as error:
+        named = "" if str(path) in str(error) else f"{path} cannot be read: "
+        raise LogError(f"{named}{error}") from error
+    return unpack_table(arrays)
+
+
+def read_here(path: str | os.PathLike, request: ColumnRequest) -> Table:
+    """Read the columns in this process, whatever memory that takes."""
+    return _reader(path)(path, request)
+
+
+def _reader(path: str | os.PathLike) -> Reader:
     if Path(path).is_dir():
-        read = read_lerobot if is_lerobot(path) else read_bag
-        return read(path, request)
+        return read_lerobot if is_lerobot(path) else read_bag
+    ending = _ending(path)
     for form in FORMS:
         if ending in form.endings:
-            return form.read(path, request)
-    return read_text_file(path, request)
+            return form.read
+    return read_text_file
+
+
+def _ending(path: str | os.PathLike) -> str:
+    """Ending of a file, of the packed one if it is gzipped."""
+    file = Path(Path(path).name.lower().removesuffix(".gz"))
+    return file.suffix
+
+
+def _check_files(path: Path) -> None:
+    """Refuse what is too large, and all but files: reading from a pipe never ends."""
+    if not path.exists():
+        raise LogError(f"{path} does not exist; check the path of the log")
+    files = [path]
+    if path.is_dir():
+        files = [*path.iterdir(), *path.glob("data/*/*.parquet")]
+    for file in files:
+        if not file.is_file() and not file.is_dir():
+            raise LogError(f"{file} is not a regular file; save the log as one")
+        if file.is_file() and file.stat().st_size > MAX_BYTES:
+            raise LogError(
+                f"{file} has more than {MAX_BYTES} bytes; record the topics of the arm "
+                "alone, or save fewer rows or columns"
+            )

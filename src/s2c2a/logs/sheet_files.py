@@ -1,20 +1,18 @@
 """XLSX files as tables: the first sheet, with names in its first row."""
 
 import os
-import zipfile
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from typing import Any
 
 from s2c2a.logs.errors import (
-    MAX_BYTES,
     MAX_COLUMNS,
     MAX_ROWS,
     LogError,
     needs_extra,
     reading_as,
 )
-from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder
+from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, unnamed_cells
 
 Rows = Iterator[tuple[int, Sequence[Any]]]
 
@@ -29,12 +27,6 @@ def read_xlsx(path: str | os.PathLike, request: ColumnRequest) -> Table:
     with needs_extra(path, "XLSX"):
         import openpyxl  # noqa: PLC0415  # an extra
     with reading_as(path, "XLSX", "export it as CSV"):
-        with zipfile.ZipFile(path) as file:
-            size = sum(entry.file_size for entry in file.infolist())
-        if size > MAX_BYTES:
-            raise LogError(
-                f"{path} unpacks to {size} bytes; at most {MAX_BYTES} are read. Split it"
-            )
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
             sheet = book.worksheets[0]
@@ -69,6 +61,8 @@ def _read(path: str | os.PathLike, rows: Rows, request: ColumnRequest) -> Table:
     if first is None:
         raise LogError(f"{path} has an empty first sheet; put the log there")
     names = ["" if cell is None else str(cell).strip() for cell in first[1]]
+    while not names[-1]:
+        names.pop()
     if not any(isinstance(cell, str) for cell in first[1]):
         names = [str(index + 1) for index in range(len(names))]
         filled = chain([first], filled)
@@ -76,5 +70,5 @@ def _read(path: str | os.PathLike, rows: Rows, request: ColumnRequest) -> Table:
     places = [names.index(name) for name in (*builder.numbers, *builder.labels)]
     for line, row in filled:
         cells = [row[place] if place < len(row) else None for place in places]
-        builder.add(f"row {line}", cells)
+        builder.add(f"row {line}", cells, unnamed_cells(row, names))
     return builder.build()

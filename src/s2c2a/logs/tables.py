@@ -1,5 +1,6 @@
 """Tables of named columns, which the readers of all forms of logs fill."""
 
+import json
 import os
 from array import array
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -124,6 +125,14 @@ def check_any_found(
             f"{path} has none of the columns that the map names; "
             f"it has {list_names(available)}{below}"
         )
+
+
+def unnamed_cells(row: Sequence[Any], names: Sequence[str]) -> str:
+    """The fault of a row with more cells than names; columns may have shifted."""
+    beyond = row[len(names) :]
+    if all(cell is None or not str(cell).strip() for cell in beyond):
+        return ""
+    return f"it has {len(row)} cells, and the header {len(names)} names"
 
 
 class TableBuilder:
@@ -317,3 +326,47 @@ def _as_numbers(path: str | os.PathLike, name: str, column: np.ndarray) -> np.nd
             "correct the column"
         ) from error
     return np.where(np.isfinite(values), values, np.nan)
+
+
+def pack_table(table: Table) -> list[np.ndarray]:
+    """A table as arrays without objects, for another process.
+
+    Each text of a column is one number, and the last array says the rest in JSON.
+    """
+    words = {}
+    places = []
+    for name, texts in table.labels.items():
+        found, place = np.unique(texts, return_inverse=True)
+        words[name] = found.tolist()
+        places.append(place)
+    facts = {
+        "path": table.path,
+        "numbers": list(table.numbers),
+        "words": words,
+        "broken_rows": table.broken_rows,
+        "stamps": list(table.stamps),
+        "length_unit": table.length_unit,
+        "available": table.available,
+    }
+    packed = np.frombuffer(json.dumps(facts).encode(), np.uint8)
+    return [*table.numbers.values(), *places, packed]
+
+
+def unpack_table(arrays: Sequence[np.ndarray]) -> Table:
+    """The table of `pack_table`."""
+    *columns, packed = arrays
+    facts = json.loads(packed.tobytes())
+    count = len(facts["numbers"])
+    places = dict(zip(facts["words"], columns[count:], strict=True))
+    return Table(
+        facts["path"],
+        numbers=dict(zip(facts["numbers"], columns, strict=False)),
+        labels={
+            name: np.array(words, object)[places[name]]
+            for name, words in facts["words"].items()
+        },
+        broken_rows=facts["broken_rows"],
+        stamps=frozenset(facts["stamps"]),
+        length_unit=facts["length_unit"],
+        available=tuple(facts["available"]),
+    )

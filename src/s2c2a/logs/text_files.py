@@ -7,7 +7,13 @@ from s2c2a.files.tables import parse_rows, read_any_text
 from s2c2a.logs import motive, qualisys
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import MAX_BYTES, MAX_COLUMNS, LogError
-from s2c2a.logs.tables import ColumnRequest, Table, TableBuilder, list_names
+from s2c2a.logs.tables import (
+    ColumnRequest,
+    Table,
+    TableBuilder,
+    list_names,
+    unnamed_cells,
+)
 
 
 def read_text_file(path: str | os.PathLike, request: ColumnRequest) -> Table:
@@ -45,7 +51,7 @@ def _read(path: str | os.PathLike, text: str, request: ColumnRequest) -> Table:
     places = [found.names.index(name) for name in wanted]
     width = len(found.names)
     for line, row in found.rows:
-        fault = ""
+        fault = unnamed_cells(row, found.names)
         if len(row) < width:
             fault = f"column '{found.names[len(row)]}': the row is cut off"
             row = [*row, *[""] * (width - len(row))]

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from s2c2a.errors import TargetError
-from s2c2a.files.text import MAX_BYTES
+from s2c2a.execution.child import ChildError, arrays_of_child
 
 RESOLUTION = 32  # voxels along the longest edge; chosen: a sphere of them takes 0.3 s
 BISECTIONS = 10  # of how far spheres stand out: to a thousandth of the solid
+PROGRAM = str(Path(__file__).with_name("mesh_program.py"))
 FORMATS = ".stl", ".obj", ".ply", ".glb", ".off"
 Spheres = Float[np.ndarray, "spheres 4"]
 
@@ -45,10 +45,11 @@ def covering_spheres(file: Path, most: int) -> Cover:
         most: number of spheres.
 
     Raises:
-        TargetError: the file is missing, cannot be read, or holds no triangles, or the
-            package `trimesh` is missing.
+        TargetError: the file is missing, cannot be read, takes too much memory, or holds
+            no triangles, or the package `trimesh` is missing.
     """
-    centers, depths, pitch = _voxels(file)
+    centers, depths, edge = _voxels(file)
+    pitch = float(edge)
     low, high = 0.0, 2.0 * RESOLUTION * pitch
     best = _cover(centers, depths + high, pitch, most)
     for _ in range(BISECTIONS):
@@ -61,19 +62,8 @@ def covering_spheres(file: Path, most: int) -> Cover:
     return Cover(best, high + pitch)
 
 
-def _voxels(file: Path) -> tuple[np.ndarray, np.ndarray, float]:
-    """Centers of the voxels within the solid, their distances from outside, and their edge."""
-    mesh = _read(file)
-    pitch = float(mesh.extents.max()) / RESOLUTION
-    grid = mesh.voxelized(pitch).fill()
-    padded = np.pad(grid.matrix, 1)
-    depths = scipy.ndimage.distance_transform_edt(padded)[1:-1, 1:-1, 1:-1]
-    # a voxel at the surface reaches half an edge inward
-    return grid.points, pitch * (depths[grid.matrix] - 0.5), pitch
-
-
-def _read(file: Path):
-    """The mesh of a file.
+def _voxels(file: Path) -> list[np.ndarray]:
+    """Centers of the voxels within the solid, their distances from outside, and their edge.
 
     Raises:
         TargetError: see `covering_spheres`.
@@ -83,25 +73,13 @@ def _read(file: Path):
             f"no mesh {file}; give a file of triangles ({', '.join(FORMATS)}) beside the "
             "scene file"
         )
-    if file.stat().st_size > MAX_BYTES:
-        raise TargetError(
-            f"{file} has more than {MAX_BYTES} bytes; simplify the mesh: spheres cover "
-            "it coarsely anyway"
-        )
     try:
-        import trimesh  # noqa: PLC0415  # an extra
-    except ImportError as error:
+        return arrays_of_child(PROGRAM, str(file), str(RESOLUTION))
+    except ChildError as error:
         raise TargetError(
-            "scenes with meshes need the package trimesh: pip install 's2c2a[meshes]'"
+            f"the mesh {file} cannot be used: {error}. Spheres cover it coarsely: a mesh of "
+            "few triangles does"
         ) from error
-    try:
-        mesh = trimesh.load_mesh(file)
-        has_triangles = len(mesh.faces) > 0 and 0.0 < mesh.extents.max() < np.inf
-    except Exception as error:  # a reader of a dozen formats may raise anything
-        raise TargetError(f"{file} cannot be read as a mesh: {error}") from error
-    if not has_triangles:
-        raise TargetError(f"{file} holds no triangles that enclose a solid")
-    return mesh
 
 
 def _cover(

@@ -9,6 +9,7 @@ import struct
 import sys
 
 from s2c2a.execution.child import limit_memory
+from s2c2a.files.text import open_regular
 
 MAX_MEMORY = 6_000_000_000  # bytes; OpenCV with its threads reserves 2
 HEADER = struct.Struct("<dIII")
@@ -28,7 +29,7 @@ def main(kind: str, *paths: str) -> None:
         import numpy as np
 
         for path in paths:
-            with open(path, "rb") as file:
+            with open_regular(path) as file:
                 content = np.frombuffer(file.read(), np.uint8)
             _write_image(output, cv2.imdecode(content, cv2.IMREAD_GRAYSCALE), 0.0)
     output.write(END)

@@ -49,6 +49,17 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
 
+def _whole_number(loader: _Loader, node: Any) -> int:
+    value = loader.construct_yaml_int(node)
+    try:
+        float(value)
+    except OverflowError:
+        # Python cannot print such numbers, not even in an error message
+        raise ValueError(f"'{node.value:.40}...' is no number of a camera") from None
+    return value
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
 _Loader.add_constructor(
     _OPENCV_MATRIX, lambda loader, node: loader.construct_mapping(node, deep=True)
 )
@@ -65,8 +76,12 @@ def camera_values(text: str) -> dict[str, Any]:
     """
     try:
         values = yaml.load(_OPENCV_HEADER.sub("", text), _Loader)
-    except yaml.YAMLError as error:
-        raise ValueError(f"not YAML of ROS or OpenCV: {error}") from error
+    # a value that its tag does not fit raises anything, such as KeyError
+    except Exception as error:
+        reason = (
+            error if isinstance(error, ValueError | yaml.YAMLError) else repr(error)
+        )
+        raise ValueError(f"not YAML of ROS or OpenCV: {reason}") from error
     if not isinstance(values, dict):
         raise ValueError("not a table of keys")
     # refuse what `CameraModel` does not describe
