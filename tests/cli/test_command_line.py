@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import s2c2a
-from s2c2a.cli.main import _check_options, main
+from s2c2a.cli.main import GROUPS, NUMBER, VERBS, _check_options, help_of, main
 from s2c2a_experiments.cli import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -153,6 +154,39 @@ def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, li
 )
 def test_a_mistyped_command_of_a_group_is_named(words, message, capsys):
     assert message in failing(capsys, *words.split())
+
+
+def numbers_of_all_commands():
+    """Command, option and kind of every number that a command takes."""
+    groups = GROUPS.items()
+    grouped = [
+        f"{name} {each}" for name, (app, _) in groups for each in app._subcommands
+    ]
+    for command in (*VERBS, *grouped):
+        words = command.replace("_", "-").split()
+        for option, kind in re.findall(NUMBER, help_of(words)):
+            yield words, option, kind
+
+
+def test_every_number_of_every_command_has_a_range(capsys):
+    checked = list(numbers_of_all_commands())
+    assert len(checked) > 70
+    for words, option, kind in checked:
+        for number in (
+            ("-1", "1" + "0" * 20) if kind == "INT" else ("nan", "-inf", "1e308")
+        ):
+            message = failing(capsys, *words, option, number)
+            assert f"{option} {number} is out of range; give a number from" in message
+
+
+@pytest.mark.parametrize("columns", ["1", "24", "400", ""])
+def test_the_width_of_the_terminal_changes_nothing_that_is_accepted(
+    columns, monkeypatch, capsys
+):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert "no option --sed" in failing(capsys, "arm", "random", "--sed", "1")
+    _check_options(["collect", "--out", "x", "--babbling", "staged", "--seed", "1"])
+    assert "usage" in help_of(["collect"])
 
 
 def test_the_list_of_commands_has_a_sentence_for_each(capsys):

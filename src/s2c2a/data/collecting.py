@@ -22,7 +22,7 @@ from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, did_you_mean
 from s2c2a.execution.executors import Serial, Threads, in_order
-from s2c2a.files.text import MAX_COUNT, check_replaceable
+from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
 from s2c2a.measurements.readings import MAX_SILENCE
 from s2c2a.paper import SPEEDS
@@ -37,7 +37,6 @@ from s2c2a.runtime import (
 )
 from s2c2a.spaces import AXIS, POSITION, Stage
 
-MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
@@ -80,7 +79,7 @@ class CollectOptions:
         if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
             raise RecordingError(
                 f"seed {self.seed}, {self.episodes} episodes, {self.samples} samples: "
-                "all must be whole numbers, and the seed must not be negative"
+                f"all must be whole numbers, and the seed from 0 to {MAX_SEED}"
             )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
