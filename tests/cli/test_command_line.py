@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import s2c2a
+from s2c2a.cli.doctor import _check_cache
 from s2c2a.cli.main import GROUPS, NUMBER, VERBS, _check_options, help_of, main
 from s2c2a_experiments.cli import TABLES
 
@@ -164,6 +165,7 @@ def numbers_of_all_commands():
     ]
     for command in (*VERBS, *grouped):
         words = command.replace("_", "-").split()
+        assert "{None}" not in help_of(words), words
         for option, kind in re.findall(NUMBER, help_of(words)):
             yield words, option, kind
 
@@ -382,3 +384,18 @@ def test_a_folder_that_is_no_run_directory_is_never_overwritten(tmp_path, capsys
 def test_the_doctor_finds_no_problem(capsys):
     run("doctor")
     assert "fulfills the interface contract" in capsys.readouterr().out
+
+
+def test_the_doctor_refuses_a_cache_that_is_a_file_or_others_can_write(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
+    programs = tmp_path / "executables"
+    programs.mkdir(mode=0o700)
+    assert _check_cache().endswith("GB free)")
+    programs.chmod(0o775)
+    assert "FAILED: others can write" in _check_cache()
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setenv("S2C2A_CACHE", str(file))
+    assert "FAILED" in _check_cache()

@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cli.console import print_table, progress_bar
+from s2c2a.cli.console import (
+    OptionalCount,
+    print_table,
+    progress_bar,
+)
 from s2c2a.cli.execution import (
     ALL_CORES,
     Work,
@@ -41,7 +45,7 @@ def benchmark(
     only: Names = (),
     task: Names = (),
     arm: Arms = (),
-    seeds: int | None = None,
+    seeds: OptionalCount = None,
     smoke: bool = False,
     tune: bool = False,
     results: Files = (),

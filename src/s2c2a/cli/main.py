@@ -39,7 +39,7 @@ from s2c2a.plugins.discovery import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
 OPTION = "--[a-z][a-z0-9.-]*"
-NUMBER = rf"({OPTION}) (?:{{None}}\|)?(INT|FLOAT)\b"
+NUMBER = rf"({OPTION}) (INT|FLOAT)\b"
 """An option of a help text that takes a number, and the kind of number."""
 TRUST = "--trust"
 RESUME_HINTS = {

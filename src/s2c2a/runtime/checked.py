@@ -12,7 +12,7 @@ from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.robots import Robot
-from s2c2a.runtime.border import described, named_errors
+from s2c2a.runtime.border import attribute, described, named_errors
 from s2c2a.runtime.clock import Clock
 from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.record import OWN_COLUMNS
@@ -84,9 +84,11 @@ class CheckedDriver(_Checked):
         Raises:
             S2C2AError: it lacks a method or an attribute.
         """
+        absent = object()
         missing = [
-            *(f"`{name}`" for name in ATTRIBUTES if not hasattr(driver, name)),
-            *(f"`{name}()`" for name in METHODS if not hasattr(driver, name)),
+            f"`{name}`"
+            for name in (*ATTRIBUTES, *METHODS)
+            if attribute(driver, name, ControllerError, absent) is absent
         ]
         if missing:
             raise S2C2AError(
@@ -101,15 +103,13 @@ class CheckedDriver(_Checked):
     @property
     def name(self) -> str:
         """Name in records; that of its class if it has none."""
-        with self._errors("name"):
-            return str(getattr(self.driver, "name", type(self.driver).__name__))
+        kind = type(self.driver).__name__
+        return str(attribute(self.driver, "name", ControllerError, kind))
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the sensors that it requires."""
-        with named_errors(
-            ControllerError, f"{type(self.driver).__name__}.sensors failed"
-        ):
+        with self._errors("sensors"):
             return tuple(self.driver.sensors)
 
     def required_sensors(self, sensors: Mapping[str, Sensor]) -> list[str]:
@@ -119,8 +119,7 @@ class CheckedDriver(_Checked):
             S2C2AError: it is for another arm, or requires a sensor that the robot
                 lacks.
         """
-        kind = type(self.driver).__name__
-        with named_errors(ControllerError, f"{kind}.arm failed"):
+        with self._errors("arm"):
             theirs = self.driver.arm.module_count, self.driver.arm.cable_count
         if theirs != self._shape:
             raise S2C2AError(
@@ -142,7 +141,7 @@ class CheckedDriver(_Checked):
 
     def set_real_time(self, is_real: bool) -> None:
         """Tell the controller whether steps must not wait, if it has this method."""
-        if hasattr(self.driver, "set_real_time"):
+        if attribute(self.driver, "set_real_time", ControllerError, None):
             self._call("set_real_time", is_real)
 
     def start(self, reading: Reading) -> None:
@@ -226,7 +225,7 @@ class CheckedRobot(_Checked):
         """
         super().__init__(robot, RobotError, step)
         self.robot = robot
-        self.own_time = robot.own_time
+        self.own_time = attribute(robot, "own_time", RobotError)
         self._clock = clock
         self._longest = BLOCKED_PERIODS * period
         self.reset()
