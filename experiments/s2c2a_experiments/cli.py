@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 
 from s2c2a.cli.console import (
-    OptionalCount,
+    Count,
     OptionalPath,
     OptionalRecipe,
     StrategyNames,
@@ -92,7 +92,7 @@ def reproduce(
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="FILE ...")
     ] = (),
-    seeds: OptionalCount = None,
+    seeds: Count = None,
     arm: Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")] = None,
     recipe: OptionalRecipe = None,
     strategy: StrategyNames = (),

@@ -18,19 +18,9 @@ from s2c2a.arm import (
     randomized_arm,
     save_arm,
 )
-from s2c2a.arm.geometry import (
-    ArmGeometry,
-    cables_present,
-    per_module,
-    per_unit_of_pull,
-)
+from s2c2a.arm.geometry import ArmGeometry, cables_present, per_module, per_unit_of_pull
 from s2c2a.arm.spec import REQUIRED
-from s2c2a.cli.console import (
-    Arm,
-    File,
-    OptionalPath,
-    print_table,
-)
+from s2c2a.cli.console import Arm, File, OptionalPath, print_table
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,

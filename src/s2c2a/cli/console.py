@@ -39,7 +39,7 @@ OptionalFile = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]
 OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH")]
-OptionalCount = Annotated[int | None, tyro.conf.arg(metavar="INT")]
+Count = Annotated[int | None, tyro.conf.arg(metavar="INT")]
 OptionalNumber = Annotated[float | None, tyro.conf.arg(metavar="FLOAT")]
 SceneFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")]
 Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]

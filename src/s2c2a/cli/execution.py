@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cli.console import (
-    OptionalCount,
-    OptionalPath,
-    progress_bar,
-)
+from s2c2a.cli.console import Count, OptionalPath, progress_bar
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import cache_folder
 from s2c2a.execution.executors import Processes, Serial, limit_jax_to_one_thread
@@ -68,7 +64,7 @@ class _WorkOptions:
 
     out: OptionalPath = None
     overwrite: bool = False
-    jobs: OptionalCount = None
+    jobs: Count = None
     cluster: Address = None
 
 

@@ -29,18 +29,15 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
-from s2c2a.files.text import (
-    LARGEST,
-    MAX_COUNT,
-    MAX_SEED,
-    manifests_of_one_command,
-)
+from s2c2a.files.text import LARGEST, MAX_COUNT, MAX_SEED, manifests_of_one_command
 from s2c2a.plugins.discovery import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
 OPTION = "--[a-z][a-z0-9.-]*"
 NUMBER = rf"({OPTION}) (INT|FLOAT)\b"
 """An option of a help text that takes a number, and the kind of number."""
+CHOICES = rf"({OPTION}) {{([^}}\n]*)}}\s"
+"""An option of a help text that has a closed list of values, and these."""
 TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
@@ -240,7 +237,8 @@ def _check_options(given: Sequence[str]) -> None:
             raise S2C2AError(
                 f"{' '.join(command)} has no option {name}{likely}; {advice}"
             )
-    for name, choices in _choices(help_text).items():
+    for name, listed in re.findall(CHOICES, help_text):
+        choices = listed.split(",")
         value = _value_of(name, words)
         if value is not None and value not in choices:
             raise S2C2AError(
@@ -290,12 +288,6 @@ def _at_least(columns: int) -> Iterator[None]:
         yield
     finally:
         os.environ["COLUMNS"] = given
-
-
-def _choices(help_text: str) -> dict[str, list[str]]:
-    """Options of a help text that have a closed list of values, and these."""
-    found = re.findall(rf"({OPTION}) {{([^}}\n]*)}}\s", help_text)
-    return {name: values.split(",") for name, values in found}
 
 
 def _value_of(option: str, words: Sequence[str]) -> str | None:

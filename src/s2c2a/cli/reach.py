@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
-from s2c2a.cli.console import (
-    Arm,
-    OptionalCount,
-    OptionalPath,
-    SceneFile,
-    Vector,
-    print_table,
-)
+from s2c2a.cli.console import Arm, Count, OptionalPath, SceneFile, Vector, print_table
 from s2c2a.cli.dependent_options import beside
 from s2c2a.errors import S2C2AError
 
@@ -43,7 +36,7 @@ def reach(
     weights: OptionalPath = None,
     target: Vector = None,
     axis: Vector = None,
-    module: OptionalCount = None,
+    module: Count = None,
     csv: OptionalPath = None,
     payload_g: float = 0.0,
     obstacle: Obstacles = (),

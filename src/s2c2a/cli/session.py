@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from s2c2a.cli.console import (
-    FidelityName,
-    OptionalArm,
-    OptionalPath,
-    progress_bar,
-)
+from s2c2a.cli.console import FidelityName, OptionalArm, OptionalPath, progress_bar
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (

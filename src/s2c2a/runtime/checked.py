@@ -18,8 +18,7 @@ from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.record import OWN_COLUMNS
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor
 
-METHODS = ("start", "estimate", "plan", "act", "sent", "diagnostics")
-ATTRIBUTES = ("arm", "sensors")
+REQUIRED = ("arm", "sensors", "start", "estimate", "plan", "act", "sent", "diagnostics")
 NOT_FINITE = (
     "`act` of the controller {} returns values that are NaN or infinite; their cables "
     "hold the last command"
@@ -87,7 +86,7 @@ class CheckedDriver(_Checked):
         absent = object()
         missing = [
             f"`{name}`"
-            for name in (*ATTRIBUTES, *METHODS)
+            for name in REQUIRED
             if attribute(driver, name, ControllerError, absent) is absent
         ]
         if missing:

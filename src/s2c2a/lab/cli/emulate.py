@@ -9,11 +9,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import (
-    Arm,
-    FidelityName,
-    OptionalPath,
-)
+from s2c2a.cli.console import Arm, FidelityName, OptionalPath
 from s2c2a.cli.dependent_options import beside, effective
 from s2c2a.errors import S2C2AError
 

@@ -11,12 +11,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, Servos, load_arm, servos_of
-from s2c2a.cli.console import (
-    Arm,
-    OptionalPath,
-    print_table,
-    progress_bar,
-)
+from s2c2a.cli.console import Arm, OptionalPath, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import check_replaceable

@@ -7,12 +7,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import (
-    Arm,
-    OptionalNumber,
-    OptionalPath,
-    progress_bar,
-)
+from s2c2a.cli.console import Arm, OptionalNumber, OptionalPath, progress_bar
 from s2c2a.cli.dependent_options import effective
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli.tracking_calibration import frames, latency

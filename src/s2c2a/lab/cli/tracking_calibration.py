@@ -7,12 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.cli.console import (
-    Arm,
-    OptionalPath,
-    print_table,
-    progress_bar,
-)
+from s2c2a.cli.console import Arm, OptionalPath, print_table, progress_bar
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,

@@ -9,8 +9,8 @@ import tyro
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.cli.console import (
     Arm,
+    Count,
     FidelityName,
-    OptionalCount,
     OptionalNumber,
     print_table,
     progress_bar,
@@ -41,10 +41,10 @@ def identify(
     fit: Groups = (),
     on: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RECORDING ...")] = (),
     settling: OptionalNumber = None,
-    rows: OptionalCount = None,
+    rows: Count = None,
     rounds: int = 12,
     fidelity: FidelityName = "fast",
-    jobs: OptionalCount = None,
+    jobs: Count = None,
     overwrite: bool = False,
 ) -> None:
     """Fit the simulated arm to a recording, and write its arm file (docs/guides/identify.md).

@@ -6,11 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import (
-    OptionalPath,
-    print_table,
-    progress_bar,
-)
+from s2c2a.cli.console import OptionalPath, print_table, progress_bar
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
