@@ -187,7 +187,7 @@ def test_the_width_of_the_terminal_changes_nothing_that_is_accepted(
 ):
     monkeypatch.setenv("COLUMNS", columns)
     assert "no option --sed" in failing(capsys, "arm", "random", "--sed", "1")
-    _check_options(["collect", "--out", "x", "--babbling", "staged", "--seed", "1"])
+    _check_options(["run", "circle", "--max-compensated-force", "1"])
     assert "usage" in help_of(["collect"])
 
 
