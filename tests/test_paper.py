@@ -12,6 +12,7 @@ import pytest
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.data import CollectOptions, collect, controller_samples, forward_samples
+from s2c2a.errors import TrainingError
 from s2c2a.estimation import Estimate, configuration_map_for
 from s2c2a.models import C2A, C2S
 from s2c2a.models import actions as recipe_actions
@@ -230,6 +231,11 @@ def test_the_file_collects_trains_and_follows_the_circle_by_itself(monkeypatch, 
     monkeypatch.setattr(paper, "C2A_SIZE", {"layers": 1, "hidden": 4})
     paper.main(episodes=2, samples=70, epochs=1)
     assert "cm from the circle" in capsys.readouterr().out
+
+
+def test_a_recording_of_too_few_samples_is_refused():
+    with pytest.raises(TrainingError, match="fewer than a batch of"):
+        paper.main(samples=1)
 
 
 def test_the_circle_is_that_of_the_task_but_for_the_approach():

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
-from s2c2a.cli.console import Arm, print_table
+from s2c2a.cli.console import Arm, OptionalPath, print_table
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.child import child_command
 from s2c2a.execution.executors import all_cores
@@ -49,7 +49,7 @@ class Timing(NamedTuple):
         return float(np.percentile(self.seconds, percent))
 
 
-def bench(arm: Arm = "twin_arm", out: Path | None = None) -> None:
+def bench(arm: Arm = "twin_arm", out: OptionalPath = None) -> None:
     """Time a plan, a control step, a second start and a simulated second.
 
     Do not use the machine meanwhile.

@@ -9,7 +9,13 @@ from typing import Annotated, Any
 
 import tyro
 
-from s2c2a.cli.console import RecipeName, StrategyNames, print_results
+from s2c2a.cli.console import (
+    Count,
+    OptionalPath,
+    OptionalRecipe,
+    StrategyNames,
+    print_results,
+)
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a_experiments import beyond_the_paper
@@ -34,7 +40,7 @@ def _paper_tables(
     recipe: str = "best",
     strategy: tuple[str, ...] = (),
     seeds: int = 5,
-    beside: Path | None = None,
+    beside: OptionalPath = None,
     work: Work = ALL_CORES,
 ) -> None:
     """Make tables of the paper, all of which compare strategies trained by a recipe."""
@@ -86,11 +92,11 @@ def reproduce(
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="FILE ...")
     ] = (),
-    seeds: int | None = None,
+    seeds: Count = None,
     arm: Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")] = None,
-    recipe: RecipeName | None = None,
+    recipe: OptionalRecipe = None,
     strategy: StrategyNames = (),
-    beside: Path | None = None,
+    beside: OptionalPath = None,
     work: Work = ALL_CORES,
 ) -> None:
     """Make one of the project's tables from scratch, with its settings.

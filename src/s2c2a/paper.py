@@ -28,6 +28,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
+from s2c2a.errors import TrainingError
 from s2c2a.execution.compilation import scan
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -518,6 +519,10 @@ def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) 
     optimizer = optax.adam(LEARNING_RATE)
     count = len(training.targets)
     batches = count // BATCH_SIZE
+    if not batches:
+        raise TrainingError(
+            f"{count} training samples are fewer than a batch of {BATCH_SIZE}; give more"
+        )
 
     def loss_of(network, samples, key):
         return loss(replace(model, network=network), samples, key)

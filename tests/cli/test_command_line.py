@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import s2c2a
-from s2c2a.cli.main import _check_options, main
+from s2c2a.cli.doctor import _check_cache
+from s2c2a.cli.main import GROUPS, NUMBER, VERBS, _check_options, help_of, main
 from s2c2a_experiments.cli import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -153,6 +155,40 @@ def test_a_misspelled_name_is_answered_with_the_likely_one(capsys, arguments, li
 )
 def test_a_mistyped_command_of_a_group_is_named(words, message, capsys):
     assert message in failing(capsys, *words.split())
+
+
+def numbers_of_all_commands():
+    """Command, option and kind of every number that a command takes."""
+    groups = GROUPS.items()
+    grouped = [
+        f"{name} {each}" for name, (app, _) in groups for each in app._subcommands
+    ]
+    for command in (*VERBS, *grouped):
+        words = command.replace("_", "-").split()
+        assert "{None}" not in help_of(words), words
+        for option, kind in re.findall(NUMBER, help_of(words)):
+            yield words, option, kind
+
+
+def test_every_number_of_every_command_has_a_range(capsys):
+    checked = list(numbers_of_all_commands())
+    assert len(checked) > 70
+    for words, option, kind in checked:
+        for number in (
+            ("-1", "1" + "0" * 20) if kind == "INT" else ("nan", "-inf", "1e308")
+        ):
+            message = failing(capsys, *words, option, number)
+            assert f"{option} {number} is out of range; give a number from" in message
+
+
+@pytest.mark.parametrize("columns", ["1", "24", "400", ""])
+def test_the_width_of_the_terminal_changes_nothing_that_is_accepted(
+    columns, monkeypatch, capsys
+):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert "no option --sed" in failing(capsys, "arm", "random", "--sed", "1")
+    _check_options(["run", "circle", "--max-compensated-force", "1"])
+    assert "usage" in help_of(["collect"])
 
 
 def test_the_list_of_commands_has_a_sentence_for_each(capsys):
@@ -348,3 +384,18 @@ def test_a_folder_that_is_no_run_directory_is_never_overwritten(tmp_path, capsys
 def test_the_doctor_finds_no_problem(capsys):
     run("doctor")
     assert "fulfills the interface contract" in capsys.readouterr().out
+
+
+def test_the_doctor_refuses_a_cache_that_is_a_file_or_others_can_write(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("S2C2A_CACHE", str(tmp_path))
+    programs = tmp_path / "executables"
+    programs.mkdir(mode=0o700)
+    assert _check_cache().endswith("GB free)")
+    programs.chmod(0o775)
+    assert "FAILED: others can write" in _check_cache()
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setenv("S2C2A_CACHE", str(file))
+    assert "FAILED" in _check_cache()

@@ -368,11 +368,22 @@ def test_telemetry_in_place_of_what_the_loop_records_is_refused(loop, actor, nam
         loop.tick(StepRequest())
 
 
-def test_a_name_of_a_controller_that_fails_is_an_error_of_it(puppet, actor, clock):
-    kind = type("Nameless", (Actor,), {"name": property(lambda self: 1 / 0)})
+@pytest.mark.parametrize("name", ["name", "sensors", "act", "set_real_time"])
+def test_a_property_of_a_controller_that_fails_is_an_error_of_it(
+    puppet, actor, clock, name
+):
+    kind = type("Torn", (Actor,), {name: property(lambda self: 1 / 0)})
     actor.__class__ = kind
-    with pytest.raises(ControllerError, match=r"Nameless\.name failed"):
+    with pytest.raises(ControllerError, match=rf"Torn\.{name} failed"):
         _ = Loop(puppet, actor, clock).driver_name
+
+
+@pytest.mark.parametrize("name", ["arm", "own_time", "sensors"])
+def test_a_property_of_a_robot_that_fails_is_an_error_of_it(puppet, actor, clock, name):
+    torn = property(lambda self: 1 / 0, lambda self, value: None)
+    puppet.__class__ = type("Torn", (Puppet,), {name: torn})
+    with pytest.raises(RobotError, match=rf"Torn\.{name} failed"):
+        Loop(puppet, actor, clock)
 
 
 @pytest.mark.parametrize("cables", [None, np.array(0.5), np.zeros(9), "none"])

@@ -379,9 +379,7 @@ class _Incomplete:
 
 
 def test_a_driver_without_a_method_is_refused(puppet, clock, twin):
-    with pytest.raises(
-        S2C2AError, match=r"_Incomplete has no `sent\(\)`, `diagnostics\(\)`"
-    ):
+    with pytest.raises(S2C2AError, match=r"_Incomplete has no `sent`, `diagnostics`"):
         Loop(puppet, _Incomplete(twin), clock)
 
 

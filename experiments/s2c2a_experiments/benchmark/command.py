@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cli.console import print_table, progress_bar
-from s2c2a.cli.execution import (
-    ALL_CORES,
-    Work,
-    make_executor,
-    run_directory,
-)
+from s2c2a.cli.console import Count, print_table, progress_bar
+from s2c2a.cli.execution import ALL_CORES, Work, make_executor, run_directory
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.files.text import write_atomically
 
@@ -41,7 +36,7 @@ def benchmark(
     only: Names = (),
     task: Names = (),
     arm: Arms = (),
-    seeds: int | None = None,
+    seeds: Count = None,
     smoke: bool = False,
     tune: bool = False,
     results: Files = (),

@@ -18,14 +18,9 @@ from s2c2a.arm import (
     randomized_arm,
     save_arm,
 )
-from s2c2a.arm.geometry import (
-    ArmGeometry,
-    cables_present,
-    per_module,
-    per_unit_of_pull,
-)
+from s2c2a.arm.geometry import ArmGeometry, cables_present, per_module, per_unit_of_pull
 from s2c2a.arm.spec import REQUIRED
-from s2c2a.cli.console import Arm, File, print_table
+from s2c2a.cli.console import Arm, File, OptionalPath, print_table
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,
@@ -162,7 +157,7 @@ def _describe_hysteresis(cable: Cable) -> str:
 
 
 @app.command
-def draw(arm: File, out: Path | None = None) -> None:
+def draw(arm: File, out: OptionalPath = None) -> None:
     """Draw an arm to scale and save the figure.
 
     Args:
@@ -195,7 +190,7 @@ def random(
     seed: int,
     strength: float = 1.0,
     base: Arm = "twin_arm",
-    out: Path | None = None,
+    out: OptionalPath = None,
     overwrite: bool = False,
 ) -> None:
     """Sample an arm with the model mismatch of real arms (docs/concepts/simulator.md).

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, FidelityName, RecipeName, progress_bar
+from s2c2a.cli.console import Arm, Count, FidelityName, RecipeName, progress_bar
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     Address,
@@ -29,7 +29,7 @@ def collect(
     arm: Arm = "twin_arm",
     babbling: Literal["staged", "motor", "mixed", "coverage", "coverage-mixed"]
     | None = None,
-    episodes: int | None = None,
+    episodes: Count = None,
     samples: int = 500,
     seed: int = 0,
     recipe: RecipeName = "best",
@@ -37,7 +37,7 @@ def collect(
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",
     fidelity: FidelityName = "fast",
-    threads: int | None = None,
+    threads: Count = None,
     cluster: Address = None,
     resume: bool = False,
     overwrite: bool = False,

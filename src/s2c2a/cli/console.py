@@ -38,6 +38,9 @@ File = tyro.conf.Positional[
 OptionalFile = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]
+OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH")]
+Count = Annotated[int | None, tyro.conf.arg(metavar="INT")]
+OptionalNumber = Annotated[float | None, tyro.conf.arg(metavar="FLOAT")]
 SceneFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")]
 Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]
 

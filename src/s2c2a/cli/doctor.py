@@ -91,7 +91,10 @@ def _check_cache() -> str:
 
     folder = cache_folder()
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
-    if not os.access(existing, os.W_OK):
-        return f"FAILED: {folder} cannot be written"
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        return f"FAILED: {folder} cannot be written; set S2C2A_CACHE to another folder"
+    programs = folder / "executables"
+    if programs.exists() and programs.stat().st_mode & 0o022:
+        return f"FAILED: others can write to {programs}; run `chmod go-w {programs}`"
     free = shutil.disk_usage(existing).free / 1e9
     return f"{folder} ({free:.0f} GB free)"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from s2c2a.cli.console import progress_bar
+from s2c2a.cli.console import Count, OptionalPath, progress_bar
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import cache_folder
 from s2c2a.execution.executors import Processes, Serial, limit_jax_to_one_thread
@@ -62,9 +62,9 @@ class _WorkOptions:
             its scheduler file), or local for one on this machine; docs/guides/cluster.md.
     """
 
-    out: Path | None = None
+    out: OptionalPath = None
     overwrite: bool = False
-    jobs: int | None = None
+    jobs: Count = None
     cluster: Address = None
 
 

@@ -10,16 +10,20 @@ import numpy as np
 import tyro
 
 from s2c2a.arm import arm_to_toml
+from s2c2a.cli.console import OptionalPath
 from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.plugins.discovery import installed, resolve, trust_code
 
+OptionalForm = Annotated[str | None, tyro.conf.arg(metavar="FORM")]
 ExportedFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 
 
-def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -> None:
+def export(
+    file: ExportedFile, out: OptionalPath = None, to: OptionalForm = None
+) -> None:
     """Write a recording, a run or a trained strategy for other programs (docs/guides/export.md).
 
     NPZ and MAT hold every column of every episode as an array, such as
@@ -28,8 +32,8 @@ def export(file: ExportedFile, out: Path | None = None, to: str | None = None) -
     FILE.map.toml beside it imports it again.
 
     Args:
-        file: the recording, such as mine.episodes, or the strategy, such as
-            mine.safetensors.
+        file: the recording, such as mine.episodes, a run, such as
+            runs/circle/twin_arm.episodes, or the strategy, such as mine.safetensors.
         out: where to write, such as mine.csv; replaced if it exists. By default, the
             name of the file with the form as its ending, in the current folder.
         to: the form: csv, parquet, npz, mat, c, lerobot, mcap, onnx, rrd, of

@@ -2,11 +2,13 @@
 
 import inspect
 import io
+import math
 import os
 import re
+import shutil
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Literal
 
 from tyro.conf import Positional
@@ -27,10 +29,15 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
-from s2c2a.files.text import manifests_of_one_command
+from s2c2a.files.text import LARGEST, MAX_COUNT, MAX_SEED, manifests_of_one_command
 from s2c2a.plugins.discovery import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
+OPTION = "--[a-z][a-z0-9.-]*"
+NUMBER = rf"({OPTION}) (INT|FLOAT)\b"
+"""An option of a help text that takes a number, and the kind of number."""
+CHOICES = rf"({OPTION}) {{([^}}\n]*)}}\s"
+"""An option of a help text that has a closed list of values, and these."""
 TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
@@ -140,7 +147,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             given = _without_trusted_code(given)
             _check_command(given)
             _check_options(given)
-            with interrupts_as_exceptions():
+            # the help of tyro never ends on narrower terminals
+            with interrupts_as_exceptions(), _at_least(40):
                 _run_command(given)
         except S2C2AError as error:
             _exit_with(str(error))
@@ -210,20 +218,18 @@ def _check_command(given: Sequence[str]) -> None:
 
 
 def _check_options(given: Sequence[str]) -> None:
-    """Suggest what a misspelled option or choice of this command may mean.
+    """Check options, choices and numbers of this command by its help.
 
     Raises:
-        S2C2AError: the command has no such option, or the option no such choice.
+        S2C2AError: the command has no such option, the option no such choice, or a
+            number is out of range.
     """
     command = given[: 2 if given and given[0] in GROUPS else 1]
     words = given[len(command) :]
     if not words or "--help" in words or "-h" in words:
         return
-    output = io.StringIO()
-    with redirect_stdout(output), suppress(SystemExit):
-        _run_command([*command, "--help"])
-    help_text = output.getvalue()  # empty for no such command
-    known = set(re.findall(r"--[a-z][a-z0-9.-]*", help_text))
+    help_text = help_of(command)
+    known = set(re.findall(OPTION, help_text))
     advice = f"see s2c2a {' '.join(command)} --help"
     for name in (word.partition("=")[0] for word in words if word.startswith("--")):
         if known and name.replace("_", "-") not in known:
@@ -231,19 +237,57 @@ def _check_options(given: Sequence[str]) -> None:
             raise S2C2AError(
                 f"{' '.join(command)} has no option {name}{likely}; {advice}"
             )
-    for name, choices in _choices(help_text).items():
+    for name, listed in re.findall(CHOICES, help_text):
+        choices = listed.split(",")
         value = _value_of(name, words)
         if value is not None and value not in choices:
             raise S2C2AError(
                 f"{name} '{value}' is none of {', '.join(filter(None, choices))}"
                 f"{did_you_mean(value, choices)}; {advice}"
             )
+    for name, kind in re.findall(NUMBER, help_text):
+        _check_number(name, kind, _value_of(name, words))
 
 
-def _choices(help_text: str) -> dict[str, list[str]]:
-    """Options of a help text that have a closed list of values, and these."""
-    found = re.findall(r"(--[a-z][a-z0-9.-]*) \{([^}\n]*)\}\s", help_text)
-    return {name: values.split(",") for name, values in found}
+def help_of(command: Sequence[str]) -> str:
+    """Return the help of a command; empty for no such command."""
+    output = io.StringIO()
+    # no line is longer
+    with redirect_stdout(output), suppress(SystemExit), _at_least(1000):
+        _run_command([*command, "--help"])
+    return output.getvalue()
+
+
+def _check_number(option: str, kind: str, value: str | None) -> None:
+    """Refuse a number that no computation holds; a limit of time may be infinite.
+
+    Raises:
+        S2C2AError: it is out of range.
+    """
+    is_whole = kind == "INT"
+    try:
+        number = (int if is_whole else float)(value or "")
+    except ValueError:  # none is given, or tyro names the fault
+        return
+    low, high = -LARGEST, LARGEST
+    if is_whole:
+        low, high = 0, MAX_SEED if option == "--seed" else MAX_COUNT
+    if not (low <= number <= high or number == math.inf):
+        raise S2C2AError(
+            f"{option} {value} is out of range; give a number from {low:.0f} to {high:.0f}"
+        )
+
+
+@contextmanager
+def _at_least(columns: int) -> Iterator[None]:
+    """Write at least that wide [characters], however narrow the terminal is."""
+    given = os.environ.get("COLUMNS", "")
+    if shutil.get_terminal_size().columns < columns:
+        os.environ["COLUMNS"] = str(columns)
+    try:
+        yield
+    finally:
+        os.environ["COLUMNS"] = given
 
 
 def _value_of(option: str, words: Sequence[str]) -> str | None:
@@ -252,7 +296,7 @@ def _value_of(option: str, words: Sequence[str]) -> str | None:
         name, equals, value = word.partition("=")
         if name.replace("_", "-") == option:
             value = value if equals else following
-            return None if value.startswith("-") else value
+            return None if value.startswith("--") else value
     return None
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, RecipeName, print_held_out_errors, progress_bar
-from s2c2a.cli.execution import Address, make_executor
+from s2c2a.cli.execution import Address, Count, make_executor
 from s2c2a.execution.executors import limit_jax_to_one_thread
 from s2c2a.files.text import write_atomically
 
@@ -18,7 +18,7 @@ def pretrain(
     samples: int = 500,
     recipe: RecipeName = "best",
     seed: int = 0,
-    jobs: int | None = None,
+    jobs: Count = None,
     cluster: Address = None,
     overwrite: bool = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
-from s2c2a.cli.console import Arm, SceneFile, Vector, print_table
+from s2c2a.cli.console import Arm, Count, OptionalPath, SceneFile, Vector, print_table
 from s2c2a.cli.dependent_options import beside
 from s2c2a.errors import S2C2AError
 
@@ -33,15 +33,15 @@ MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two 
 @beside("weights", "payload_g")
 def reach(
     arm: Arm = "twin_arm",
-    weights: Path | None = None,
+    weights: OptionalPath = None,
     target: Vector = None,
     axis: Vector = None,
-    module: int | None = None,
-    csv: Path | None = None,
+    module: Count = None,
+    csv: OptionalPath = None,
     payload_g: float = 0.0,
     obstacle: Obstacles = (),
     scene: SceneFile = None,
-    figure: Annotated[Path | None, tyro.conf.arg(name="map")] = None,
+    figure: Annotated[Path | None, tyro.conf.arg(name="map", metavar="PATH")] = None,
 ) -> None:
     """Find how closely an arm at rest reaches a target, and with which shape.
 

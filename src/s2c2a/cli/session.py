@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from s2c2a.cli.console import FidelityName, OptionalArm, progress_bar
+from s2c2a.cli.console import FidelityName, OptionalArm, OptionalPath, progress_bar
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 def session(
     weights: tyro.conf.Positional[Path],
     arm: OptionalArm = None,
-    recording: Path | None = None,
+    recording: OptionalPath = None,
     robot: RobotName = "sim",
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",

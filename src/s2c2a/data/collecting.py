@@ -20,9 +20,9 @@ from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import RecordingError, did_you_mean
+from s2c2a.errors import RecordingError, RobotError, did_you_mean
 from s2c2a.execution.executors import Serial, Threads, in_order
-from s2c2a.files.text import MAX_COUNT, check_replaceable
+from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
 from s2c2a.measurements.readings import MAX_SILENCE
 from s2c2a.paper import SPEEDS
@@ -35,9 +35,9 @@ from s2c2a.runtime import (
     StepRequest,
     build_episode,
 )
+from s2c2a.runtime.border import attribute
 from s2c2a.spaces import AXIS, POSITION, Stage
 
-MAX_SEED = 2**63  # signed 64-bit numbers, as weight files hold them
 EXCLUDED = "excluded_poses"  # option of an episode
 FROZEN = "frozen_poses"  # those among them that repeat an earlier one
 PAPER_STEP_LIMIT_DEG = 4.0  # of the arm that the speeds are stated for
@@ -80,7 +80,7 @@ class CollectOptions:
         if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
             raise RecordingError(
                 f"seed {self.seed}, {self.episodes} episodes, {self.samples} samples: "
-                "all must be whole numbers, and the seed must not be negative"
+                f"all must be whole numbers, and the seed from 0 to {MAX_SEED}"
             )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
@@ -243,13 +243,15 @@ def _run_episode(
     robot = make_robot(int(seed))
     # a real arm keeps its own limits
     limits = None
-    if robot.own_time:
+    own_time = attribute(robot, "own_time", RobotError)
+    if own_time:
         # they allow the speed and the corners of the babbling
         share = fastest(options.babbling, arm.module_count, options.speeds_on(arm))
         full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
         step_deg = share * full_bend_deg * (1 + 1e-6)
         limits = CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)
-    required = [name for name, sensor in robot.sensors.items() if sensor.always]
+    sensors = attribute(robot, "sensors", RobotError)
+    required = [name for name, sensor in sensors.items() if sensor.always]
     player = Player(arm, tuple(required), actions)
     with Loop(robot, player, limits=limits) as loop:
         episode = build_episode(_episode_steps(loop, len(actions), number), arm)
@@ -257,7 +259,7 @@ def _run_episode(
     # without computing times, the file is identical on any machine
     columns.pop("tick_time", None)
     metadata = dict(episode.options)
-    if not robot.own_time:
+    if not own_time:
         metadata |= _exclude_outliers(columns)
     return replace(episode, columns=columns, options=metadata)
 

@@ -109,6 +109,10 @@ def open_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) 
         RecordingError: there is no such file, or it cannot be opened.
         DamagedRecordingError: it is too large, or not a block file.
     """
+    if files := sorted(Path(path).glob("*.episodes")):
+        raise RecordingError(
+            f"{path} is a folder; give a file in it, such as {files[0]}"
+        )
     if not Path(path).is_file():
         raise RecordingError(
             f"no recording at {path}; make one with `s2c2a collect` or `s2c2a import`"

@@ -21,6 +21,8 @@ MAX_BYTES = 500_000_000
 """Largest binary file [bytes]: more than an hour of any arm, less than the memory."""
 MAX_COUNT = 1_000_000
 """Largest count that a file or an option states: a day of control steps at 10 Hz."""
+MAX_SEED = 2**31 - 1
+"""Largest random seed: a signed 32-bit number, as every generator takes."""
 LARGEST = 1e6
 """Largest number from a file, an option or a sensor, in any unit: larger ones are
 mistakes, and the squares of these are far from overflow in single precision."""

@@ -5,6 +5,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from s2c2a.errors import S2C2AError
 
@@ -32,6 +33,22 @@ def named_errors(error_type: type[S2C2AError], action: str) -> Iterator[None]:
         raise
     except Exception as error:
         raise error_type(f"{action}: {described(error)}") from error
+
+
+def attribute(part: Any, name: str, error_type: type[S2C2AError], *default: Any) -> Any:
+    """Return an attribute of a user's object, whose property may fail.
+
+    Args:
+        part: the object.
+        name: of the attribute.
+        error_type: of the error.
+        default: is returned where there is no such attribute.
+
+    Raises:
+        S2C2AError: it cannot be read; the error names class and attribute.
+    """
+    with named_errors(error_type, f"{type(part).__name__}.{name} failed"):
+        return getattr(part, name, *default)
 
 
 def described(error: Exception) -> str:

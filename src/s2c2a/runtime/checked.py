@@ -17,14 +17,13 @@ from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
-from s2c2a.runtime.border import described, named_errors
+from s2c2a.runtime.border import attribute, described, named_errors
 from s2c2a.runtime.clock import Clock
 from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.record import OWN_COLUMNS
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor
 
-METHODS = ("start", "estimate", "plan", "act", "sent", "diagnostics")
-ATTRIBUTES = ("arm", "sensors")
+REQUIRED = ("arm", "sensors", "start", "estimate", "plan", "act", "sent", "diagnostics")
 NOT_FINITE = (
     "`act` of the controller {} returns values that are NaN or infinite; their cables "
     "hold the last command"
@@ -89,9 +88,11 @@ class CheckedDriver(_Checked):
         Raises:
             S2C2AError: it lacks a method or an attribute.
         """
+        absent = object()
         missing = [
-            *(f"`{name}`" for name in ATTRIBUTES if not hasattr(driver, name)),
-            *(f"`{name}()`" for name in METHODS if not hasattr(driver, name)),
+            f"`{name}`"
+            for name in REQUIRED
+            if attribute(driver, name, ControllerError, absent) is absent
         ]
         if missing:
             raise S2C2AError(
@@ -106,15 +107,13 @@ class CheckedDriver(_Checked):
     @property
     def name(self) -> str:
         """Name in records; that of its class if it has none."""
-        with self._errors("name"):
-            return str(getattr(self.driver, "name", type(self.driver).__name__))
+        kind = type(self.driver).__name__
+        return str(attribute(self.driver, "name", ControllerError, kind))
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the sensors that it requires."""
-        with named_errors(
-            ControllerError, f"{type(self.driver).__name__}.sensors failed"
-        ):
+        with self._errors("sensors"):
             return tuple(self.driver.sensors)
 
     def required_sensors(self, sensors: Mapping[str, Sensor]) -> list[str]:
@@ -124,8 +123,7 @@ class CheckedDriver(_Checked):
             S2C2AError: it is for another arm, or requires a sensor that the robot
                 lacks.
         """
-        kind = type(self.driver).__name__
-        with named_errors(ControllerError, f"{kind}.arm failed"):
+        with self._errors("arm"):
             theirs = self.driver.arm.module_count, self.driver.arm.cable_count
         if theirs != self._shape:
             raise S2C2AError(
@@ -147,7 +145,7 @@ class CheckedDriver(_Checked):
 
     def set_real_time(self, is_real: bool) -> None:
         """Tell the controller whether steps must not wait, if it has this method."""
-        if hasattr(self.driver, "set_real_time"):
+        if attribute(self.driver, "set_real_time", ControllerError, None):
             self._call("set_real_time", is_real)
 
     def start(self, reading: Reading) -> None:
@@ -231,7 +229,7 @@ class CheckedRobot(_Checked):
         """
         super().__init__(robot, RobotError, step)
         self.robot = robot
-        self.own_time = robot.own_time
+        self.own_time = attribute(robot, "own_time", RobotError)
         self._clock = clock
         self._longest = BLOCKED_PERIODS * period
         self.reset()

@@ -17,11 +17,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.measurements.following import FollowingMonitor
 from s2c2a.measurements.readings import ReadingCheck
 from s2c2a.robots import Robot
+from s2c2a.runtime.border import attribute
 from s2c2a.runtime.checked import CheckedDriver, CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.driver import Driver, choose
@@ -92,14 +93,16 @@ class Loop:
             S2C2AError: the controller is for another arm, or requires a sensor that
                 the robot lacks.
         """
-        self.arm = robot.arm if rate is None else arm_at(robot.arm, rate)
+        arm = attribute(robot, "arm", RobotError)
+        self.arm = arm if rate is None else arm_at(arm, rate)
         self._period = self.arm.control_period
         self._patience = patience or Patience.of(self.arm.control_rate)
         self._on_step = on_step
         self._faults = faults
         self._no_goal = Goal.of(self.arm.module_count)
         self._limits = limits or CommandLimits.of(self.arm)
-        self._clock = clock or (StepClock() if robot.own_time else WallClock())
+        own_time = attribute(robot, "own_time", RobotError)
+        self._clock = clock or (StepClock() if own_time else WallClock())
         self._robot = CheckedRobot(
             robot, self._clock, robot.arm.control_period, lambda: self._step_count
         )

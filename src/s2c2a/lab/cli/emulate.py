@@ -9,7 +9,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, FidelityName
+from s2c2a.cli.console import Arm, FidelityName, OptionalPath
 from s2c2a.cli.dependent_options import beside, effective
 from s2c2a.errors import S2C2AError
 
@@ -58,12 +58,12 @@ def servos(
     homed: bool = False,
     firmware: int = 52,
     faults: Faults = (),
-    link: Path | None = None,
-    port_file: Path | None = None,
-    status_file: Path | None = None,
+    link: OptionalPath = None,
+    port_file: OptionalPath = None,
+    status_file: OptionalPath = None,
     poses_to: str = "",
     pose_rate: float = 100.0,
-    record: Path | None = None,
+    record: OptionalPath = None,
     mocap_port: int = 0,
     mocap_rate: float = 120.0,
     mocap_latency: float = 0.0,

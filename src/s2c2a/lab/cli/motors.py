@@ -4,7 +4,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -12,7 +11,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import ArmSpec, Servos, load_arm, servos_of
-from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.console import Arm, OptionalPath, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import check_replaceable
@@ -186,7 +185,7 @@ def jog(
 def home(
     arm: Arm = "twin_arm",
     port: PortName = "",
-    out: Path | None = None,
+    out: OptionalPath = None,
     repeat: int = 3,
     resume: bool = False,
     overwrite: bool = False,
@@ -235,7 +234,7 @@ def home(
 def check(
     arm: Arm = "twin_arm",
     port: PortName = "",
-    calibration: Path | None = None,
+    calibration: OptionalPath = None,
     yes: bool = False,
 ) -> None:
     """Move every cable of a homed arm a little, and compare.

@@ -7,7 +7,7 @@ import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import Arm, progress_bar
+from s2c2a.cli.console import Arm, OptionalNumber, OptionalPath, progress_bar
 from s2c2a.cli.dependent_options import effective
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli.tracking_calibration import frames, latency
@@ -30,7 +30,7 @@ def print_tags(
     out: Path = Path("tags.pdf"),
     layout: Path = Path("tags.json"),
     size: float = 40.0,
-    width: float | None = None,
+    width: OptionalNumber = None,
     tip_only: bool = False,
     paper: PaperName = "a4",
 ) -> None:
@@ -102,7 +102,7 @@ def _board(columns: int, rows: int, square: float) -> "Board":
 )
 def calibrate_camera(
     source: Device = "0",
-    out: Path | None = None,
+    out: OptionalPath = None,
     columns: int = 7,
     rows: int = 5,
     square: float = 35.0,

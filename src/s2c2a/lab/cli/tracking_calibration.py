@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.cli.console import Arm, print_table, progress_bar
+from s2c2a.cli.console import Arm, OptionalPath, print_table, progress_bar
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,
@@ -29,7 +29,7 @@ def latency(
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",
     duration: float = 40.0,
-    out: Path | None = None,
+    out: OptionalPath = None,
 ) -> None:
     """Find the latency of a tracker relative to the servos; the base module bends.
 
@@ -58,7 +58,7 @@ def frames(
     robot: RobotName = "dynamixel",
     robot_option: RobotOptions = (),
     tracking: TrackingSource = "",
-    out: Path | None = None,
+    out: OptionalPath = None,
     overwrite: bool = False,
 ) -> None:
     """Find the frames of an arm in the tracked bodies; every module bends.

@@ -162,7 +162,7 @@ class Plant:
             SimulationError: the simulation diverged.
         """
         before = self.positions
-        # return the positions of the motors after a chunk
+        # positions of the motors after a chunk
         pulls = self.pulls()
         moved = np.where(
             self.targets.torque, self._drive(pulls), self._back_drive(pulls)

@@ -136,7 +136,7 @@ class StateCheck:
         reasons = [""] * len(states)
         self._positions[1:] = states[:, POSITION]
         self._axes[1:] = states[:, AXIS]
-        # return which pairs (j, k) have an impossible distance, axis j or axis k
+        # pairs (j, k) are impossible by their distance, axis j or axis k
         positions = self._positions
         axes = self._axes
         # chords[j, k] leads from end j to end k; comparisons with NaN are false

@@ -2,7 +2,7 @@
 
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -17,10 +17,13 @@ if TYPE_CHECKING:
 
 
 WEIGHTS = ".safetensors"
+Shown = tyro.conf.Positional[
+    Annotated[tuple[str, ...], tyro.conf.arg(metavar="RUN|FILE|PRESET ...")]
+]
 
 
 def view(
-    what: tyro.conf.Positional[tuple[str, ...]],
+    what: Shown,
     port: Port = 8080,
 ) -> None:
     """Show runs, a recording, a training or an arm, in the scene of `s2c2a live`.

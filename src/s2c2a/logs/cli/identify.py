@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.cli.console import Arm, FidelityName, print_table, progress_bar
+from s2c2a.cli.console import (
+    Arm,
+    Count,
+    FidelityName,
+    OptionalNumber,
+    print_table,
+    progress_bar,
+)
 from s2c2a.cli.execution import make_executor
 from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.files.text import check_replaceable, write_atomically
@@ -33,11 +40,11 @@ def identify(
     out: Path,
     fit: Groups = (),
     on: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RECORDING ...")] = (),
-    settling: float | None = None,
-    rows: int | None = None,
+    settling: OptionalNumber = None,
+    rows: Count = None,
     rounds: int = 12,
     fidelity: FidelityName = "fast",
-    jobs: int | None = None,
+    jobs: Count = None,
     overwrite: bool = False,
 ) -> None:
     """Fit the simulated arm to a recording, and write its arm file (docs/guides/identify.md).

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.console import print_table, progress_bar
+from s2c2a.cli.console import OptionalPath, print_table, progress_bar
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError
 
@@ -22,7 +22,7 @@ def import_(
     map: Path,
     out: Path,
     arm: ArmFile = None,
-    like: Path | None = None,
+    like: OptionalPath = None,
     overwrite: bool = False,
 ) -> None:
     """Convert logs to a recording (docs/guides/import.md).

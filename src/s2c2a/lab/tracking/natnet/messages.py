@@ -197,7 +197,7 @@ def _definitions(reader: Reader, layout: MessageLayout) -> Iterator[tuple[int, R
         if layout.has_sizes:
             (size,) = reader.unpack(_COUNT)
         else:
-            # return the size of the definition that follows [bytes]
+            # versions without sizes: measure the definition that follows [bytes]
             if kind not in layout.definitions:
                 raise malformed(f"there is no definition of type {kind}")
             ahead = Reader(reader.peek())
