@@ -14,9 +14,9 @@ import numpy as np
 from PIL import Image
 
 from s2c2a.episodes import load_episodes
+from s2c2a.integrations.exports.video import VideoStage
 from s2c2a.viz import Trace
 from s2c2a.viz.mounting import EYE
-from s2c2a.viz.video import VideoStage
 
 from tools import ROOT
 

@@ -117,7 +117,7 @@ def page(tmp_path):
 def test_command_lines_are_found_in_blocks_and_in_text(page):
     lines = command_lines(
         page(
-            "Run `s2c2a doctor | head`, or `run circle --video`; `s2c2a.runtime` is a module.",
+            "Run `s2c2a doctor | head`, or `run circle --project`; `s2c2a.runtime` is a module.",
             "```sh",
             "cd x && s2c2a run circle \\",
             "  --event '6 payload 0.05'   # s2c2a bogus",
@@ -132,7 +132,7 @@ def test_command_lines_are_found_in_blocks_and_in_text(page):
         ("run", "circle", "--event", "6 payload 0.05"),
         ("doctor",),
         ("doctor",),
-        ("run", "circle", "--video"),
+        ("run", "circle", "--project"),
     ]
     assert [line.inline for line in lines] == [False, False, True, True]
     assert [line.place.rpartition(":")[2] for line in lines] == ["3", "8", "1", "1"]

@@ -46,7 +46,6 @@ Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y
 
 WIDTH_IN_FILES = 120  # characters; no table of results needs more
 LINE_INTERVAL = 20.0  # s; three lines of progress a minute in a file
-OUTPUT_LABELS = {".html": "replay", ".mp4": "video", ".gif": "video"}
 
 
 @contextmanager
@@ -141,7 +140,8 @@ def print_results(
             f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}"
         )
     for picture in pictures:
-        print(f"{OUTPUT_LABELS.get(picture.suffix, 'figure')}: {picture}")
+        label = "replay" if picture.suffix == ".html" else "figure"
+        print(f"{label}: {picture}")
     print(f"run directory: {folder}")
 
 

@@ -36,7 +36,7 @@ def export(
             runs/circle/twin_arm.episodes, or the strategy, such as mine.safetensors.
         out: where to write, such as mine.csv; replaced if it exists. By default, the
             name of the file with the form as its ending, in the current folder.
-        to: the form: csv, parquet, npz, mat, c, lerobot, mcap, onnx, rrd, of
+        to: the form: csv, parquet, npz, mat, c, gif, mp4, lerobot, mcap, onnx, of
             a plug-in, or module:function; by default, the ending of --out.
     """
     form = to or (out.suffix.removeprefix(".") if out else "")

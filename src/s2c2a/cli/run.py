@@ -85,7 +85,6 @@ def run(
     max_compensated_force: OptionalNumber = None,
     guard: GuardName = "tip",
     repeat: int = 1,
-    video: bool = False,
     stream: StreamTarget = "",
     work: Work = ALL_CORES,
 ) -> None:
@@ -127,7 +126,6 @@ def run(
         repeat: how often to repeat the task. Each repetition moves the targets by the
             errors that a camera or motion capture measured in the one before; results
             are those of the last (docs/guides/sensors.md).
-        video: also write a video of the first run: MP4 with ffmpeg, else GIF.
         stream: show every step while it runs, such as foxglove,port=9000
             (docs/guides/export.md).
         work: run directory and parallel execution.
@@ -201,7 +199,7 @@ def run(
         stream_to(stream, spec) as on_step,
     ):
         runs = make([replace(job, on_step=on_step) for job in job_list])
-    _report(runs, directory, f"{paced.name} with {spec.name}", video)
+    _report(runs, directory, f"{paced.name} with {spec.name}")
 
 
 def _has_own_networks(weights: Path | None) -> bool:
@@ -429,16 +427,14 @@ def _time_spans(times: "Sequence[float]", all_times: "Sequence[float]") -> list[
     return spans
 
 
-def _report(
-    runs: "Sequence[jobs.Run]", directory: Path, title: str, video: bool
-) -> None:
+def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
     """Write results, print the table, and what is remarkable about each run."""
     from s2c2a import evaluation, jobs
     from s2c2a.jobs.run_folder import draw_runs, save_results
 
     rows = jobs.score_rows("run", runs)
     save_results(directory, rows, runs)
-    print_results(title, rows, draw_runs(directory, runs, video), directory)
+    print_results(title, rows, draw_runs(directory, runs), directory)
     describe_all = (
         evaluation.describe_plans,
         evaluation.describe_run_saturation,

@@ -21,7 +21,6 @@ from s2c2a.files.text import (
 )
 from s2c2a.jobs.job import Job, Run
 from s2c2a.viz import Trace, replay_page, run_figure
-from s2c2a.viz.video import save_video
 
 MARKER = "options.json"
 
@@ -145,16 +144,15 @@ def save_results(folder: Path, rows: Sequence[Row], runs: Sequence[Run]) -> None
     save_csv(METRICS_HEADER, lines(), folder / "metrics.csv")
 
 
-def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Path]:
+def draw_runs(folder: Path, runs: Sequence[Run]) -> list[Path]:
     """Draw the first seed's runs of one arm, and save their episodes.
 
     Args:
         folder: the run directory.
         runs: of one arm.
-        video: also make a video of the first run.
 
     Returns:
-        The figure, the replay page and the video; nothing without recorded states.
+        The figure and the replay page; nothing without recorded states.
     """
     first = [run for run in runs if run.seed == runs[0].seed]
     job = first[0].job
@@ -170,8 +168,6 @@ def draw_runs(folder: Path, runs: Sequence[Run], video: bool = False) -> list[Pa
         run_figure(traces, arm, folder / f"{arm.name}.png", title),
         replay_page(traces, arm, title, folder / f"{arm.name}.html", summary),
     ]
-    if video:
-        paths.append(save_video(traces[0], arm, folder / arm.name))
     return paths
 
 

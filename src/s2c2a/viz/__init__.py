@@ -1,4 +1,4 @@
-"""Drawing of arms and runs: figures, replay pages and videos, from `States` alone.
+"""Drawing of arms and runs: figures and replay pages, from `States` alone.
 
 Simulated, real and recorded arms look alike. A `Trace` is a run to draw. `replay_page`
 writes an interactive page, `run_figure` a figure of runs, `arm_figure` a drawing of an

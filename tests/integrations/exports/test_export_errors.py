@@ -11,7 +11,6 @@ NEEDS = {
     "mcap": "foxglove",
     "npz": "numpy",
     "parquet": "pyarrow",
-    "rrd": "rerun",
 }
 
 

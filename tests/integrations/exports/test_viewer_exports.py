@@ -138,38 +138,3 @@ def test_an_exported_mcap_file_is_imported_with_the_same_rows(mcap_file, episode
 def test_topics_that_are_not_json_are_named(mcap_file):
     with pytest.raises(LogError, match=r"'/tf', whose messages are protobuf; .*/step"):
         read_table(mcap_file, ColumnRequest(["time"], topic="/tf"))
-
-
-def test_a_recording_of_rerun_holds_all_numbers_on_the_timeline(recording, episodes):
-    pytest.importorskip("rerun")
-    from rerun.chunk import RrdReader  # noqa: PLC0415  # an extra
-
-    out = recording.with_suffix(".rrd")
-    export(recording, out)
-    chunks = [chunk for chunk in RrdReader(out).stream() if not chunk.is_static]
-    table = table_of(episodes)
-    times, values = columns_of(chunks, "/numbers/actions", "Scalars:scalars")
-    np.testing.assert_allclose(times, table["log_time"], atol=1e-9)
-    actions = np.concatenate([episode["actions"] for episode in episodes])
-    np.testing.assert_array_equal(values, actions.reshape(len(actions), -1))
-    times, values = columns_of(chunks, "/world/targets", "Points3D:positions")
-    half = len(episodes[0]) + len(episodes[1]) // 2
-    assert [len(each) for each in values[half - 1 :][:2]] == [0, 1]
-    np.testing.assert_allclose(values[-1][0], TARGET, rtol=1e-6)
-    times, values = columns_of(chunks, "/world/arm", "LineStrips3D:strips")
-    tip = episodes[1].sensor("states")[-1, -1, :3]
-    np.testing.assert_allclose(values[-1][-1][-1], tip, rtol=1e-5, atol=1e-7)
-    times, _ = columns_of(chunks, "/world/obstacles", "Mesh3D:vertex_positions")
-    np.testing.assert_allclose(times, table["log_time"][len(episodes[0])], atol=1e-9)
-
-
-def columns_of(chunks, entity, component):
-    """Times [s] and values of a component, in the order of time."""
-    batches = [each.to_record_batch() for each in chunks if each.entity_path == entity]
-    times = np.concatenate(
-        [batch["time"].to_numpy(zero_copy_only=False) for batch in batches]
-    )
-    values = [value for batch in batches for value in batch[component].to_pylist()]
-    order = np.argsort(times)
-    seconds = times[order] / np.timedelta64(1, "s")
-    return seconds, [values[place] for place in order]

@@ -1,16 +1,15 @@
-"""Videos of runs: an MP4 where ffmpeg is installed, a GIF otherwise.
+"""Videos of runs, GIF or MP4.
 
 Matplotlib paints the frames, without a window, a graphics card or OpenGL.
 """
 
 import itertools
-import shutil
 from pathlib import Path
 from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from s2c2a.arm import ArmSpec
+from s2c2a.episodes import load_episodes
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import is_sphere
@@ -26,7 +26,7 @@ from s2c2a.viz.colors import DESIRED, GRID, INK, MUTED, OBSTACLE, REAL
 from s2c2a.viz.mesh import THREAD_SIDES, ArmMesh, threads, tube_faces, unit
 from s2c2a.viz.mounting import EYE, LOOK_AT, SUN, Surroundings
 from s2c2a.viz.solids import hull, surface
-from s2c2a.viz.trace import Trace, check_same_arm
+from s2c2a.viz.trace import Trace
 
 SIZE = (480, 400)  # pixels
 MAX_FRAMES = 120  # so that a GIF remains small enough for a page
@@ -37,35 +37,43 @@ THREAD_RADIUS = 0.006  # of drawn paths, arm lengths; a look
 BEHIND, SOLID, FRONT = 1, 2, 3  # drawing order
 
 
-def save_video(
-    trace: Trace, arm: ArmSpec, path: Path, ending: str | None = None
-) -> Path:
+def write_gif(file: Path, out: Path) -> str:
+    """Write a video of the first episode of a file; see `save_video`."""
+    return _write_video(file, out, PillowWriter)
+
+
+def write_mp4(file: Path, out: Path) -> str:
+    """Write a video of the first episode of a file by ffmpeg; see `save_video`."""
+    return _write_video(file, out, FFMpegWriter)
+
+
+def _write_video(file: Path, out: Path, kind: type[AbstractMovieWriter]) -> str:
+    episodes, _ = load_episodes(file)
+    label = str(episodes[0].options.get("strategy", ""))
+    save_video(Trace(episodes[0], label), out, kind)
+    return f"1 of {len(episodes)} episodes"
+
+
+def save_video(trace: Trace, path: Path, kind: type[AbstractMovieWriter]) -> None:
     """Write a video of a run.
 
     Args:
         trace: the run.
-        arm: the arm that ran it.
-        path: of the file; its suffix is replaced.
-        ending: "mp4" or "gif"; by default "mp4" if ffmpeg is installed.
-
-    Returns:
-        Path of the written file.
+        path: of the file.
+        kind: of its writer.
 
     Raises:
-        S2C2AError: the trace is of another arm, ffmpeg fails, or the file cannot be
-            written.
+        S2C2AError: ffmpeg is missing or fails, or the file cannot be written.
     """
-    check_same_arm([trace], arm)
-    if ending is None:
-        ending = "mp4" if shutil.which("ffmpeg") else "gif"
+    arm = trace.episode.arm
     stride = max(1, -(-trace.times.size // MAX_FRAMES))
     steps = range(0, trace.times.size, stride)
     duration = float(trace.times[-1] - trace.times[0])
     seconds = duration / max(len(steps) - 1, 1) or 0.1
     stage = VideoStage(arm)
-    writer = {"mp4": FFMpegWriter, "gif": PillowWriter}[ending](fps=1 / seconds)
+    writer = kind(fps=1 / seconds)
     with TemporaryDirectory() as folder:
-        video = Path(folder) / f"video.{ending}"
+        video = Path(folder) / f"video{path.suffix}"
         try:
             with writer.saving(stage.figure, str(video), stage.figure.dpi):
                 for step in steps:
@@ -74,9 +82,9 @@ def save_video(
         except (CalledProcessError, OSError) as error:
             raise S2C2AError(
                 f"cannot make the video: {error}. "
-                "If it is ffmpeg that fails, remove it from the PATH to get a GIF."
+                "If ffmpeg fails or is missing, write a GIF: --to gif."
             ) from error
-        return write_atomically(video.read_bytes(), path.with_suffix(f".{ending}"))
+        write_atomically(video.read_bytes(), path)
 
 
 class VideoStage:
