@@ -29,7 +29,7 @@ from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import estimate_registration
 from s2c2a.logs.resampling import split_segments
-from s2c2a.logs.rests import estimate_rests, from_rests
+from s2c2a.logs.rests import from_rests, possible_rests
 from s2c2a.logs.rig import (
     KEY,
     Rig,
@@ -127,15 +127,17 @@ def import_logs(
     if arm is not None:
         check_arm(arm, log_map)
     read = _read_takes(paths, log_map)
-    rests = estimate_rests(read, log_map)
-    read = [from_rests(take, rests) for take in read]
-    try:
-        return _identify(read, rests, log_map, arm)
-    except S2C2AError as error:
-        sentence = diagnose(read, log_map, None)
-        if not sentence:
-            raise
-        raise LogError(f"{error}\n{sentence}") from error
+    imports = []
+    for rests in possible_rests(read, log_map):
+        takes = [from_rests(take, rests) for take in read]
+        try:
+            imports.append(_identify(takes, rests, log_map, arm))
+        except S2C2AError as error:
+            sentence = diagnose(takes, log_map, None)
+            failure = LogError(f"{error}\n{sentence}") if sentence else error
+    if not imports:
+        raise failure
+    return min(imports, key=lambda imported: imported.fit.cost)
 
 
 def _identify(

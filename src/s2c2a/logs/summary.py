@@ -120,8 +120,8 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
     parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
     if parts:
         lines.append(
-            f"rest: {', '.join(parts)}: their values where the arm is straightest, since "
-            "they are never near zero; state the `offset` of a drive that you know"
+            f"rest: {', '.join(parts)}: their values where the arm is straightest; state "
+            "the `offset` of a drive that you know"
         )
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 
