@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.registration import straight_rows
+from s2c2a.logs.registration import MIN_ROWS, straight_rows
 from s2c2a.logs.take import LogTake, effective_drives
 
 FAR = 0.5
@@ -33,6 +33,8 @@ def possible_rests(
     if log_map.by_force or not any(is_free):
         return [zero]
     values = np.concatenate([effective_drives(take, log_map) for take in takes])
+    if len(values) < MIN_ROWS:
+        return [zero]
     positions = np.concatenate([take.positions for take in takes])
     low = np.nanmin(values, axis=0)
     high = np.nanmax(values, axis=0)

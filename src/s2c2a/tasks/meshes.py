@@ -28,10 +28,12 @@ class Cover(NamedTuple):
     Attributes:
         spheres: centers and radii, shape (spheres, 4).
         excess: by how much they stand out at most.
+        edges: of the box around the solid, along x, y and z.
     """
 
     spheres: Spheres
     excess: float
+    edges: Float[np.ndarray, "3"]
 
 
 @lru_cache(maxsize=32)
@@ -48,7 +50,10 @@ def covering_spheres(file: Path, most: int) -> Cover:
         TargetError: the file is missing, cannot be read, or holds no triangles, or the
             package `trimesh` is missing.
     """
-    centers, depths, pitch = _voxels(file)
+    mesh = _read(file)
+    edges = np.asarray(mesh.extents, float)
+    pitch = float(edges.max()) / RESOLUTION
+    centers, depths = _voxels(mesh, pitch)
     low, high = 0.0, 2.0 * RESOLUTION * pitch
     best = _cover(centers, depths + high, pitch, most)
     for _ in range(BISECTIONS):
@@ -58,18 +63,16 @@ def covering_spheres(file: Path, most: int) -> Cover:
         best = best if found is None else found
     if best is None:
         raise TargetError(f"{file} cannot be covered by {most} spheres; allow more")
-    return Cover(best, high + pitch)
+    return Cover(best, high + pitch, edges)
 
 
-def _voxels(file: Path) -> tuple[np.ndarray, np.ndarray, float]:
-    """Centers of the voxels within the solid, their distances from outside, and their edge."""
-    mesh = _read(file)
-    pitch = float(mesh.extents.max()) / RESOLUTION
+def _voxels(mesh, pitch: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centers of the voxels within the solid, and their distances from outside."""
     grid = mesh.voxelized(pitch).fill()
     padded = np.pad(grid.matrix, 1)
     depths = scipy.ndimage.distance_transform_edt(padded)[1:-1, 1:-1, 1:-1]
     # a voxel at the surface reaches half an edge inward
-    return grid.points, pitch * (depths[grid.matrix] - 0.5), pitch
+    return grid.points, pitch * (depths[grid.matrix] - 0.5)
 
 
 def _read(file: Path):
