@@ -20,7 +20,6 @@ from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 from s2c2a.logs.priors import with_stated_angles
 
-STILL = 0.03  # motion of a drive over the largest one, below which noise is as large
 MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
 # a trial with more than this ratio of costs after the first iterations is dropped
 DROP_RATIO = 1.3
@@ -95,18 +94,6 @@ def identify_cables(
     )
     trials = list(_first_trials(observations, subset, start, log_map))
     if not trials:
-        travel = np.nanstd(observations.columns, axis=0)
-        still = [
-            f"'{drive.name}'"
-            for drive, size in zip(log_map.drives, travel, strict=True)
-            if size <= STILL * travel.max()
-        ]
-        if still:
-            raise LogError(
-                f"{', '.join(still)} hardly move, so the log does not show where they "
-                "bend the arm; record motion of every drive, or state angle_deg, module "
-                "and positive of each in the map"
-            )
         raise LogError(
             f"{len(log_map.drives)} drives cannot form {log_map.arm.modules} modules: "
             "each needs the same number of cables, two opposed ones or more without a "

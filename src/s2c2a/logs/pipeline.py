@@ -45,6 +45,7 @@ from s2c2a.logs.rotation_changes import (
 )
 from s2c2a.logs.stated_values import (
     describe_contradictions,
+    still_drives,
     undetermined_numbers,
     unusual_numbers,
 )
@@ -149,6 +150,11 @@ def import_logs(
             imports.append(_identify(takes, rests, log_map, arm))
         except S2C2AError as error:
             sentence = diagnose(takes, log_map, None)
+            values = [effective_drives(take, log_map) for take in takes]
+            if still := still_drives(np.concatenate(values), log_map):
+                sentence = (
+                    f"{', '.join(still)} hardly move: record motion of every drive"
+                )
             failure = LogError(f"{error}\n{sentence}") if sentence else error
     best = min(imports, key=lambda imported: imported.fit.cost, default=None)
     if best is not None and not best.diagnosis and not best.poor_fit:
@@ -265,7 +271,7 @@ def _identify(
         diagnosis,
         poor_fit,
         describe_contradictions(fit.parameters, observations),
-        tuple(undetermined_numbers(fit, log_map)),
+        tuple(undetermined_numbers(fit, observations.columns, log_map)),
         tuple(unusual_numbers(fit, start, log_map)),
         registration.axes,
     )

@@ -67,10 +67,8 @@ def describe_rotations(
     columns = np.concatenate([effective_drives(take, log_map) for take in stated])
     _, states = predict_states(fit.parameters, fit.wiring, columns, log_map.by_force)
     with jax.enable_x64(True):
-        predicted = states_in_log(
-            fit.parameters, jnp.asarray(states), jnp.asarray(axes)
-        )
-    predicted = np.asarray(predicted)[:, log_map.end_modules, 3:]
+        located = states_in_log(fit.parameters, jnp.asarray(states), jnp.asarray(axes))
+    predicted = np.asarray(located)[:, log_map.end_modules, 3:]
 
     def agreement(takes: Sequence[LogTake]) -> float:
         measured = np.concatenate([take.axes for take in takes])

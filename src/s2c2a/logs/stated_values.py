@@ -13,6 +13,7 @@ from s2c2a.logs.priors import prior_std
 
 AT_BOUND = 0.95  # share of the largest deviation; a fit ends just inside
 UNSEEN = 0.5  # posterior over prior deviation from which the log does not determine
+STILL = 0.1  # motion of a drive over the largest one; noise of pressures reaches 0.05
 UNUSUAL = 3.0  # prior deviations from the first guess
 
 
@@ -41,7 +42,21 @@ def describe_contradictions(
     )
 
 
-def undetermined_numbers(fit: CableFit, log_map: LogMap) -> list[str]:
+def still_drives(
+    columns: Float[np.ndarray, "rows drives"], log_map: LogMap
+) -> list[str]:
+    """Names of the drives that hardly move."""
+    sizes = np.nanstd(columns, axis=0)
+    return [
+        f"'{drive.name}'"
+        for drive, size in zip(log_map.drives, sizes, strict=True)
+        if size < STILL * sizes.max()
+    ]
+
+
+def undetermined_numbers(
+    fit: CableFit, columns: Float[np.ndarray, "rows drives"], log_map: LogMap
+) -> list[str]:
     """What neither the log nor the map determines: angles of drives, lengths, frame."""
     priors = prior_std(log_map)
     assert fit.std is not None
@@ -49,16 +64,17 @@ def undetermined_numbers(fit: CableFit, log_map: LogMap) -> list[str]:
         name: np.atleast_1d(std > UNSEEN * priors.get(name, np.inf))
         for name, std in fit.std._asdict().items()
     }
+    still = still_drives(columns, log_map)
     drives = [
         f"'{drive.name}'"
         for drive, unseen in zip(log_map.drives, is_unseen["angles"], strict=True)
-        if unseen
+        if drive.angle_deg is None and (unseen or f"'{drive.name}'" in still)
     ]
     found = []
     if drives:
         found.append(
-            f"angle and gain of {', '.join(drives)} (they do not move beyond their "
-            "noise, or the ends do not follow)"
+            f"angle and gain of {', '.join(drives)} (they hardly move, or the ends do "
+            "not follow)"
         )
     arm = log_map.arm
     if is_unseen["lengths"].any() and not arm.length and not arm.lengths:
