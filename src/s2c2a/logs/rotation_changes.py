@@ -12,7 +12,8 @@ import numpy as np
 
 from s2c2a.logs.cable_model import states_in_log
 from s2c2a.logs.log_map import End, LogMap
-from s2c2a.logs.map_changes import AXES, TOLERANCE_DEG
+from s2c2a.logs.map_changes import AXES
+from s2c2a.logs.map_diagnosis import CLEARLY
 from s2c2a.logs.model_fit import CableFit, predict_states
 from s2c2a.logs.take import LogTake, effective_drives
 
@@ -70,27 +71,26 @@ def describe_rotations(
         located = states_in_log(fit.parameters, jnp.asarray(states), jnp.asarray(axes))
     predicted = np.asarray(located)[:, log_map.end_modules, 3:]
 
-    def agreement(takes: Sequence[LogTake]) -> float:
+    def error_deg(takes: Sequence[LogTake]) -> float:
         measured = np.concatenate([take.axes for take in takes])
-        cosines = np.sum(measured * predicted, axis=-1)
-        return float(np.nanmin(np.nanmean(cosines, axis=0)))
+        squares = np.sum((measured - predicted) ** 2, axis=-1)
+        return float(np.rad2deg(np.sqrt(np.nanmean(squares, axis=0).max())))
 
-    least = float(np.cos(np.deg2rad(TOLERANCE_DEG)))
-    if agreement(stated) > least or not others:
-        return ""
-    scores = [agreement(takes) for _, takes in others]
-    best = int(np.argmax(scores))
-    if scores[best] < least:
+    old = error_deg(stated)
+    errors = [error_deg(takes) for _, takes in others]
+    least = min(errors, default=old)
+    if not least < CLEARLY * old:
         return (
             "the axes of the ends contradict their positions, and no other reading of "
-            "them agrees; leave them out of the map"
+            "them fits clearly better; leave them out of the map"
         )
+    likely = [
+        clause
+        for (clause, _), error in zip(others, errors, strict=True)
+        if round(error) == round(least)
+    ]
     return (
-        f"the map contradicts the log: write {others[best][0]} for the ends; their axes "
-        f"then follow their positions within {_degrees(scores[best])} deg, not "
-        f"{_degrees(agreement(stated))} (nothing was changed)"
+        f"the map contradicts the log: write {' or '.join(likely)} for the ends; their "
+        f"axes then follow their positions within {least:.0f} deg (rms), not {old:.0f} "
+        "(nothing was changed)"
     )
-
-
-def _degrees(cosine: float) -> str:
-    return f"{np.rad2deg(np.arccos(np.clip(cosine, -1, 1))):.0f}"
