@@ -115,4 +115,4 @@ def test_a_length_has_a_deviation_only_between_measured_ends(ends, lengths, expe
             ],
         }
     )
-    assert [_length_origin(module, 0.002, log_map) for module in (0, 1)] == expected
+    assert [_length_origin(module, 0.02, 0.1, log_map) for module in (0, 1)] == expected

@@ -196,6 +196,15 @@ def test_gains_cannot_be_fitted_without_true_states(twin):
         )
 
 
+def test_gains_are_fitted_without_the_rows_that_were_not_measured(twin):
+    whole = synthetic(twin, [0.8, 0.9, 1.1])
+    states = whole.sensor("states")
+    states[0, 3] = np.nan
+    states[1, 5, 0, 3:] = np.nan  # axis alone
+    gains = fitted_gains(recorded(twin, whole.sensor("cables"), states))
+    np.testing.assert_allclose(gains, [0.8, 0.9, 1.1], rtol=1e-3)
+
+
 def test_gains_cannot_be_fitted_to_a_module_that_stood_still(twin):
     still = synthetic(twin, [1.0] * 3)
     cables = still.sensor("cables")

@@ -110,6 +110,22 @@ def test_spheres_contain_the_solid_of_a_mesh(tmp_path):
     assert solid.excess < 0.05
 
 
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (1.0, "100 x 100 x 100 m with scale = 1;"),
+        (0.02, "contains the base.*2 x 2 x 2 m"),
+        (1e-6, "unlikely size"),
+    ],
+)
+def test_a_mesh_in_another_unit_is_refused_with_its_size(tmp_path, scale, words):
+    pytest.importorskip("trimesh")
+    (tmp_path / "cube.off").write_text(CUBE, "utf-8")
+    mesh = f'kind = "mesh"\nfile = "cube.off"\nscale = {scale}\n'
+    with pytest.raises(TargetError, match=words):
+        scene_of(tmp_path, f"[[obstacles]]\n{mesh}position = [-0.5, -0.5, -0.5]\n")
+
+
 def test_obstacles_appear_move_and_disappear(tmp_path):
     text = (
         '[[obstacles]]\nkind = "sphere"\ncenter = [0, 0, 0.5]\nradius = 0.05\n'

@@ -18,6 +18,8 @@ from s2c2a.logs.command_range import Commands, range_lines, rate_lines
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import KnownArm, LogMap
 from s2c2a.logs.model_fit import CableFit
+from s2c2a.logs.priors import prior_std
+from s2c2a.logs.stated_values import UNSEEN
 
 MARGIN_DEG = 5.0  # of the bend limit above the largest bend in the log
 MAX_BEND_DEG = 170.0
@@ -276,7 +278,7 @@ def _module_lines(
             layout.gains[module][present], std.gains[drives], strict=True
         )
     ]
-    length_origin = _length_origin(module, length * std.lengths[module], log_map)
+    length_origin = _length_origin(module, std.lengths[module], length, log_map)
     radius_origin = _origin(radius * gain_std, arm.cable_radius)
     angles = _join(layout.angles_deg[module][present], 2)
     angle_std = _join(np.rad2deg(std.angles[drives]), 1)
@@ -305,16 +307,20 @@ def _stated_or_guess(arm: KnownArm, key: str) -> str:
     return "stated" if key in arm.model_fields_set else "a guess"
 
 
-def _length_origin(module: int, std: float, log_map: LogMap) -> str:
-    """Origin of a length, without a deviation where an end of the module is unknown.
+def _length_origin(module: int, std: float, length: float, log_map: LogMap) -> str:
+    """Origin of a length, without a deviation where the log does not determine it.
 
-    Errors of the model then move the length by more than the scatter of the log shows,
-    and equally in every stretch.
+    Where an end of the module is unknown, errors of the model move the length by more
+    than the scatter of the log shows, and equally in every stretch.
     """
+    arm = log_map.arm
+    if arm.modules == 1 and arm.length is not None:
+        return "stated"
     ends = {-1, *log_map.end_modules}
-    if log_map.arm.lengths is None and not {module - 1, module} <= ends:
+    is_unseen = std > UNSEEN * prior_std(log_map)["lengths"]
+    if arm.lengths is None and (is_unseen or not {module - 1, module} <= ends):
         return "not determined by the measured ends; state it"
-    return _origin(std, log_map.arm.lengths)
+    return _origin(length * std, arm.lengths)
 
 
 def _origin(std: float, stated: object) -> str:

@@ -61,7 +61,8 @@ def rank_assignments(
     """
     reach = _log_reach(effects)
     tip = effects[:, -1]
-    correlations = np.nan_to_num(np.corrcoef(columns.T))
+    with np.errstate(invalid="ignore"):  # constant columns
+        correlations = np.nan_to_num(np.corrcoef(columns.T))
     correlations = correlations.reshape(len(log_map.drives), -1)
     candidates: list[_Candidate] = []
     for grouping in islice(_groupings(log_map), MAX_GROUPINGS):

@@ -120,9 +120,15 @@ def describe_range(episodes: Sequence[Episode]) -> list[str]:
     is_outside |= actions > geometry.action_high + tolerance
     bends = np.linalg.norm(geometry.commanded_bends(actions), axis=-1)
     is_unplanned = bends > geometry.planned_bends + ROUNDING
-    key = RANGE_KEYS[arm.actuation]
+    advice = f"a larger {RANGE_KEYS[arm.actuation]} holds them"
+    if arm.actuation == "pressure" and actions.min() < 0.0:
+        advice = (
+            f"the lowest is {actions.min():.4g} Pa, and chambers of this package only "
+            "push, from 0 Pa: vacuum is not supported (pressures at rest are the "
+            "`offset` of a drive)"
+        )
     shares = {
-        f"beyond the range of '{arm.name}'; a larger {key} holds them": is_outside.any(
+        f"beyond the range of '{arm.name}'; {advice}": is_outside.any(
             axis=(1, 2)
         ).mean(),
         "that hold larger bends than plans use; a larger bend_limit_deg lets plans "

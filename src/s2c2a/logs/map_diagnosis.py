@@ -100,11 +100,6 @@ def diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> 
         found, free_errors, rows = _fit_freely(takes, log_map)
     except S2C2AError:
         return ""
-    sizes = end_unit_change(found.lengths, log_map)
-    if not sizes:
-        sizes = drive_unit_change(found.gain, float(found.lengths.min()), log_map)
-    if sizes:
-        return f"the map contradicts the log: {sizes} (nothing was changed)"
     stated = np.ones_like(free_errors)  # a model without motion misses all of it
     if given is not None:
         # errors of the fit as given, with the stated angles, which it may leave
@@ -119,7 +114,16 @@ def diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> 
     old = float(np.sqrt(np.mean(stated**2)))
     new = float(np.sqrt(np.mean(free_errors**2)))
     better = int((free_errors < stated).sum())
-    if better < len(stated) - 1 or new > min(CLEARLY * old, MOST):
+    is_better = better >= len(stated) - 1 and new <= min(CLEARLY * old, MOST)
+    if new < POOR:  # the sizes of a poor fit mean nothing
+        sizes = ""
+        if is_better or not (log_map.arm.length or log_map.arm.lengths):
+            sizes = end_unit_change(found.lengths, log_map)
+        if not sizes:
+            sizes = drive_unit_change(found.gain, float(found.lengths.min()), log_map)
+        if sizes:
+            return f"the map contradicts the log: {sizes} (nothing was changed)"
+    if not is_better:
         return ""
     changes = find_changes(found, log_map)
     if not changes:

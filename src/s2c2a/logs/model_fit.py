@@ -131,7 +131,7 @@ def fit_parameters(
             vector = _standard_deviations(
                 residuals(result.x),
                 jacobian(result.x) @ _variables_jacobian(parameters, by_total),
-                len(observations.columns),
+                *observations.columns.shape,
             )
             std = unflatten(vector, start)
     return CableFit(parameters, wiring, float(result.cost), std)
@@ -282,23 +282,30 @@ _compiled_states = partial(jax.jit, static_argnames="tension")(_states)
 
 
 def _standard_deviations(
-    residuals: np.ndarray, jacobian: np.ndarray, rows: int
+    residuals: np.ndarray, jacobian: np.ndarray, rows: int, drives: int
 ) -> np.ndarray:
-    """Standard deviations of the parameters.
+    """Standard deviations of the parameters, of gains from their mean.
 
     Residuals of nearby rows are correlated, so the scatter is that of blocks of rows.
     The model error is not noise: it repeats in every block, and one of its patterns may
-    look like a change of a parameter.
+    look like a change of a parameter. What the log does not excite keeps the deviation
+    of the prior.
     """
     numbers = jacobian.shape[1]
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     count = len(residuals) - numbers - 1  # without the prior
+    prior = jacobian[count:]
     residuals = residuals[:count]
     jacobian = jacobian[:count]
     blocks = np.arange(rows).repeat(count // rows) * BLOCKS // rows
     gradients = np.zeros((BLOCKS, numbers))
     np.add.at(gradients, blocks, jacobian * residuals[:, None])
-    scatter = inverse @ (gradients.T @ gradients) @ inverse * BLOCKS / (BLOCKS - 1)
-    sensitivity = np.diag(inverse @ jacobian.T @ jacobian @ inverse)
-    model_error = residuals @ residuals * sensitivity / ERROR_PATTERNS
-    return np.sqrt(np.diag(scatter) + model_error)
+    scatter = gradients.T @ gradients * BLOCKS / (BLOCKS - 1)
+    model_error = residuals @ residuals / ERROR_PATTERNS * jacobian.T @ jacobian
+    covariance = inverse @ (scatter + model_error + prior.T @ prior) @ inverse
+    # a common factor of the gains counts as part of `gain`, as in arm files
+    centered = np.eye(numbers)
+    gains = slice(drives + 1, 2 * drives + 1)
+    centered[drives, gains] = 1 / drives
+    centered[gains, gains] -= 1 / drives
+    return np.sqrt(np.diag(centered @ covariance @ centered.T))

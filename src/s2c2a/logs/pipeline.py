@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
-from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.log_map import End, LogMap
 from s2c2a.logs.map_diagnosis import Given, diagnose, diagnose_map
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
@@ -29,7 +29,7 @@ from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import estimate_registration
 from s2c2a.logs.resampling import split_segments
-from s2c2a.logs.rests import estimate_rests, from_rests
+from s2c2a.logs.rests import from_rests, possible_rests
 from s2c2a.logs.rig import (
     KEY,
     Rig,
@@ -38,7 +38,17 @@ from s2c2a.logs.rig import (
     find_similar_rows,
     transform_states,
 )
-from s2c2a.logs.stated_values import describe_contradictions
+from s2c2a.logs.rotation_changes import (
+    describe_rotations,
+    other_readings,
+    without_rotations,
+)
+from s2c2a.logs.stated_values import (
+    describe_contradictions,
+    still_drives,
+    undetermined_numbers,
+    unusual_numbers,
+)
 from s2c2a.logs.tables import ColumnRequest
 from s2c2a.logs.take import LogTake, build_take, effective_drives
 from s2c2a.logs.take_change import TakeChange, find_change
@@ -91,6 +101,9 @@ class Imported:
         poor_fit: what a fit that no change of the map explains misses, and what to
             check; empty for others.
         contradictions: stated values that the log contradicts; empty if there is none.
+        undetermined: numbers that neither the log nor the map determines.
+        unusual: numbers that are far from what the ends show, or from stated ones.
+        registered_axes: axes of the untilted base frame as columns, frame of the log.
     """
 
     arm: ArmSpec
@@ -107,6 +120,9 @@ class Imported:
     diagnosis: str
     poor_fit: str
     contradictions: str
+    undetermined: tuple[str, ...]
+    unusual: tuple[str, ...]
+    registered_axes: np.ndarray
 
 
 def import_logs(
@@ -127,15 +143,59 @@ def import_logs(
     if arm is not None:
         check_arm(arm, log_map)
     read = _read_takes(paths, log_map)
-    rests = estimate_rests(read, log_map)
-    read = [from_rests(take, rests) for take in read]
+    imports = []
+    for rests in possible_rests(read, log_map):
+        takes = [from_rests(take, rests) for take in read]
+        try:
+            imports.append(_identify(takes, rests, log_map, arm))
+        except S2C2AError as error:
+            sentence = diagnose(takes, log_map, None)
+            values = [effective_drives(take, log_map) for take in takes]
+            if still := still_drives(np.concatenate(values), log_map):
+                sentence = (
+                    f"{', '.join(still)} hardly move: record motion of every drive"
+                )
+            failure = LogError(f"{error}\n{sentence}") if sentence else error
+    best = min(imports, key=lambda imported: imported.fit.cost, default=None)
+    if best is not None and not best.diagnosis and not best.poor_fit:
+        return best
+    sentence = _diagnose_rotations(paths, log_map, read)
+    if best is None:
+        raise LogError(f"{failure}\n{sentence}") if sentence else failure
+    return replace(best, diagnosis=sentence, poor_fit="") if sentence else best
+
+
+def _diagnose_rotations(
+    paths: Sequence[str | os.PathLike], log_map: LogMap, read: Sequence[LogTake]
+) -> str:
+    """Sentence on another reading of the rotations; empty if they are not at fault."""
+    plain = without_rotations(log_map)
+    if plain == log_map or not all(np.isfinite(take.axes).any() for take in read):
+        return ""
     try:
-        return _identify(read, rests, log_map, arm)
-    except S2C2AError as error:
-        sentence = diagnose(read, log_map, None)
-        if not sentence:
-            raise
-        raise LogError(f"{error}\n{sentence}") from error
+        imported = import_logs(paths, plain)
+    except S2C2AError:
+        return ""
+    if imported.poor_fit or imported.diagnosis:
+        return ""
+    changed: dict[str, list[End]] = {}
+    for end in log_map.ends:
+        for clause, other in other_readings(end):
+            changed.setdefault(clause, []).append(other)
+    others = []
+    for clause, ends in changed.items():
+        if len(ends) < len(log_map.ends):
+            continue
+        other_map = log_map.model_copy(update={"ends": tuple(ends)})
+        try:
+            others.append((clause, _read_takes(paths, other_map)))
+        except S2C2AError:
+            continue
+    rests = np.array(imported.rig.rests)
+    stated = [from_rests(take, rests) for take in read]
+    return describe_rotations(
+        stated, others, log_map, imported.registered_axes, imported.fit
+    )
 
 
 def _identify(
@@ -211,6 +271,9 @@ def _identify(
         diagnosis,
         poor_fit,
         describe_contradictions(fit.parameters, observations),
+        tuple(undetermined_numbers(fit, observations.columns, log_map)),
+        tuple(unusual_numbers(fit, start, log_map)),
+        registration.axes,
     )
 
 

@@ -1,4 +1,4 @@
-"""Rest of drives whose numbers count from elsewhere, such as servos around 90 deg."""
+"""Rests of drives whose numbers count from elsewhere, such as servos around 90 deg."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,37 +7,62 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.registration import straight_rows
+from s2c2a.logs.registration import MIN_ROWS, straight_rows
 from s2c2a.logs.take import LogTake, effective_drives
 
 FAR = 0.5
 """Distance of zero from the values of a drive, over their range, from which zero is no
 rest: cables that only pull begin near theirs."""
+DOUBTFUL = 0.2
+"""Distance of zero from the value where the arm is straightest, over the range, from
+which both are tried as rests; in logs of four arms that count from rest, it is less."""
 
 
-def estimate_rests(
+def possible_rests(
     takes: Sequence[LogTake], log_map: LogMap
-) -> Float[np.ndarray, " drives"]:
-    """Value of each drive where the arm is straightest, where zero cannot be its rest.
+) -> list[Float[np.ndarray, " drives"]]:
+    """Values of the drives at rest that a log allows: zero, or where it is straightest.
 
     It is zero for drives with a stated offset, and for forces.
 
     Raises:
         LogError: the outermost end is measured in too few rows.
     """
+    zero = np.zeros(len(log_map.drives))
+    is_free = ["offset" not in drive.model_fields_set for drive in log_map.drives]
+    if log_map.by_force or not any(is_free):
+        return [zero]
     values = np.concatenate([effective_drives(take, log_map) for take in takes])
+    if len(values) < MIN_ROWS:
+        return [zero]
+    positions = np.concatenate([take.positions for take in takes])
     low = np.nanmin(values, axis=0)
     high = np.nanmax(values, axis=0)
-    travel = high - low
-    distance = np.maximum(low, -high)
-    is_far = (travel > 0.0) & (distance > FAR * travel)
-    for index, drive in enumerate(log_map.drives):
-        is_far[index] &= "offset" not in drive.model_fields_set
-    if log_map.by_force or not is_far.any():
-        return np.zeros(len(log_map.drives))
-    positions = np.concatenate([take.positions for take in takes])
+    straight = _values_where_straight(values, positions, log_map)
+    straight = np.where(is_free, straight, 0.0)
+    if (is_free & (np.maximum(low, -high) > FAR * (high - low)) & (high > low)).any():
+        return [straight]
+    if (np.abs(straight) > DOUBTFUL * (high - low)).any():
+        return [zero, straight]
+    return [zero]
+
+
+def _values_where_straight(
+    values: Float[np.ndarray, "rows drives"],
+    positions: Float[np.ndarray, "rows ends 3"],
+    log_map: LogMap,
+) -> Float[np.ndarray, " drives"]:
+    """Regression of the drives on the ends, where these are if the arm is straight.
+
+    Few rows show the arm straight, and their drives scatter.
+    """
     is_straight = straight_rows(positions, log_map)
-    return np.where(is_far, np.nanmedian(values[is_straight], axis=0), 0.0)
+    rest = np.nanmedian(positions[is_straight], axis=0)
+    ends = (positions - rest).reshape(len(positions), -1)
+    ends = ends[:, np.isfinite(rest).ravel()]
+    known = np.isfinite(ends).all(axis=1) & np.isfinite(values).all(axis=1)
+    features = np.column_stack([np.ones(known.sum()), ends[known]])
+    return np.linalg.lstsq(features, values[known])[0][0]
 
 
 def from_rests(take: LogTake, rests: Float[np.ndarray, " drives"]) -> LogTake:

@@ -1,4 +1,4 @@
-"""Stated values that a log contradicts: the fit stays within their bounds."""
+"""What a fit says of its own numbers: contradicted, unusual, or not determined."""
 
 from collections.abc import Iterator
 
@@ -6,10 +6,15 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.logs.cable_model import CableParameters
+from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_changes import AXES
-from s2c2a.logs.model_fit import Observations
+from s2c2a.logs.model_fit import CableFit, Observations
+from s2c2a.logs.priors import prior_std
 
 AT_BOUND = 0.95  # share of the largest deviation; a fit ends just inside
+UNSEEN = 0.5  # posterior over prior deviation from which the log does not determine
+STILL = 0.1  # motion of a drive over the largest one; noise of pressures reaches 0.05
+UNUSUAL = 3.0  # prior deviations from the first guess
 
 
 def describe_contradictions(
@@ -35,6 +40,81 @@ def describe_contradictions(
         "they are kept: measure them again, or leave them out of the map (an error "
         "of one can show at another)"
     )
+
+
+def still_drives(
+    columns: Float[np.ndarray, "rows drives"], log_map: LogMap
+) -> list[str]:
+    """Names of the drives that hardly move."""
+    sizes = np.nanstd(columns, axis=0)
+    return [
+        f"'{drive.name}'"
+        for drive, size in zip(log_map.drives, sizes, strict=True)
+        if size < STILL * sizes.max()
+    ]
+
+
+def undetermined_numbers(
+    fit: CableFit, columns: Float[np.ndarray, "rows drives"], log_map: LogMap
+) -> list[str]:
+    """What neither the log nor the map determines: angles of drives, lengths, frame."""
+    priors = prior_std(log_map)
+    assert fit.std is not None
+    is_unseen = {
+        name: np.atleast_1d(std > UNSEEN * priors.get(name, np.inf))
+        for name, std in fit.std._asdict().items()
+    }
+    still = still_drives(columns, log_map)
+    drives = [
+        f"'{drive.name}'"
+        for drive, unseen in zip(log_map.drives, is_unseen["angles"], strict=True)
+        if drive.angle_deg is None and (unseen or f"'{drive.name}'" in still)
+    ]
+    found = []
+    if drives:
+        found.append(
+            f"angle and gain of {', '.join(drives)} (they hardly move, or the ends do "
+            "not follow)"
+        )
+    arm = log_map.arm
+    if is_unseen["lengths"].any() and not arm.length and not arm.lengths:
+        found.append("the modules' lengths (arm.lengths)")
+    if is_unseen["base"].any() and not log_map.frame.base:
+        found.append("frame.base")
+    # of a tip alone, offsets resemble a tilt: by itself, it is no fault of the log
+    if found and is_unseen["tilt"].any() and not log_map.frame.along:
+        found.append("frame.along")
+    return found
+
+
+def unusual_numbers(
+    fit: CableFit, start: CableParameters, log_map: LogMap
+) -> list[str]:
+    """Numbers that are far from the first guess, or from the stated radius."""
+    parameters = fit.parameters
+    priors = prior_std(log_map)
+    texts = {
+        "gains": "gains of drives differ by {:.1f} (of the logarithm)",
+        "offsets": "drives are off their rests by up to {:.1f} rad",
+        "lengths": "lengths differ from those of the shell of the ends by {:.1f} (of "
+        "the logarithm)",
+        "tilt": "the arm is tilted by {:.2f} rad from the direction that the ends show",
+        "base": "the base is {:.2f} m from where the ends show it",
+    }
+    found = []
+    for name, text in texts.items():
+        errors = np.abs(getattr(parameters, name) - getattr(start, name))
+        if errors.max() > UNUSUAL * priors[name]:
+            found.append(text.format(errors.max()))
+    radius = log_map.arm.cable_radius
+    if radius and log_map.drives[0].unit != "free" and not log_map.by_force:
+        identified = 1 / np.exp(parameters.gain + np.mean(parameters.gains))
+        if abs(np.log(identified / radius)) > UNUSUAL * priors["gains"]:
+            found.append(
+                f"the bends are those of cables at {1e3 * identified:.1f} mm, not at "
+                f"the stated {1e3 * radius:.1f} mm"
+            )
+    return found
 
 
 def _share(

@@ -5,9 +5,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from s2c2a.logs.command_range import describe_range
+from s2c2a.logs.map_diagnosis import MOST, rms_motion
 from s2c2a.logs.pipeline import Imported, ImportedTake
 from s2c2a.logs.rig import SimilarRows
 from s2c2a.logs.take_change import describe_change
+from s2c2a.spaces import POSITION
 
 SHOWN_UNITS = {
     "displacement": ("mm", 1e3),
@@ -48,9 +50,46 @@ def summary(imported: Imported) -> list[str]:
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
         *describe_range(imported.episodes),
     ]
-    warnings = (imported.diagnosis, imported.poor_fit, imported.contradictions)
+    warnings = [imported.diagnosis, imported.poor_fit, imported.contradictions]
+    if imported.undetermined and not imported.diagnosis:
+        warnings.append(
+            f"the log does not determine {', '.join(imported.undetermined)}: record "
+            "motion of every drive in both directions, or state in the map what you know"
+        )
+    if imported.unusual and not imported.diagnosis:
+        warnings.append(
+            f"unusual: {'; '.join(imported.unusual)}: check units, offsets and frame"
+        )
     lines += [f"warning: {text}" for text in warnings if text]
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
+
+
+def verdict(imported: Imported) -> str:
+    """One line: whether the recording and the arm can be used, and why not."""
+    states = np.concatenate([each.sensor("states") for each in imported.episodes])
+    is_measured = np.isfinite(states[..., 0]).any(axis=0)
+    motion = rms_motion(states[:, is_measured, POSITION])
+    missed = f"the model misses {100 * imported.residual / motion:.0f} % of the motion"
+    if imported.diagnosis:
+        return "not usable (the map contradicts the log)"
+    if imported.residual > MOST * motion:
+        return f"not usable ({missed})"
+    if any(text.startswith("angle") for text in imported.undetermined):
+        return "not usable (the log does not determine the cables)"
+    actions = [each["actions"].min() for each in imported.episodes]
+    reasons = {
+        "pressures below zero are not supported": (
+            imported.arm.actuation == "pressure" and min(actions) < 0.0
+        ),
+        missed: imported.poor_fit,
+        "stated values are contradicted": imported.contradictions,
+        "numbers are not determined": imported.undetermined,
+        "numbers are unusual": imported.unusual,
+        "signs are ambiguous": imported.ambiguities,
+        "the frame moves": imported.segments.frame_motions,
+    }
+    given = [reason for reason, why in reasons.items() if why]
+    return f"usable with care ({'; '.join(given)})" if given else "usable"
 
 
 def take_summary(take: ImportedTake) -> list[str]:
@@ -120,8 +159,8 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
     parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
     if parts:
         lines.append(
-            f"rest: {', '.join(parts)}: their values where the arm is straightest, since "
-            "they are never near zero; state the `offset` of a drive that you know"
+            f"rest: {', '.join(parts)}: their values where the arm is straightest; state "
+            "the `offset` of a drive that you know"
         )
     return lines + [f"warning: {motion.text}" for motion in read.frame_motions]
 

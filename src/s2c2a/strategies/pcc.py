@@ -122,9 +122,10 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
     states = jnp.asarray(recording.sensor("states"), dtype=jnp.float32)
     true = np.asarray(bends_from_states(states))
     all_but_modules = (0, 1, 3)
-    product = (true * sensed).sum(axis=all_but_modules)
-    squared = (sensed**2).sum(axis=all_but_modules)
-    is_usable = np.isfinite(product) & (product > MIN_MOTION) & (squared > MIN_MOTION)
+    is_known = np.isfinite(true * sensed)
+    product = np.sum(true * sensed, axis=all_but_modules, where=is_known)
+    squared = np.sum(sensed**2, axis=all_but_modules, where=is_known)
+    is_usable = (product > MIN_MOTION) & (squared > MIN_MOTION)
     if not is_usable.all():
         raise RecordingError(
             "gains cannot be fitted: the recording lacks true states, or a module did "

@@ -11,7 +11,7 @@ from s2c2a.execution.child import limit_memory
 
 
 def main(file: str, resolution: str, out: str) -> None:
-    """Write the centers of the voxels, their distances from outside, and their edge."""
+    """Write the centers of the voxels, their distances from outside, and the solid's extents."""
     limit_memory()
     path = Path(file)
     try:
@@ -27,7 +27,7 @@ def main(file: str, resolution: str, out: str) -> None:
     padded = np.pad(grid.matrix, 1)
     depths = scipy.ndimage.distance_transform_edt(padded)[1:-1, 1:-1, 1:-1]
     # a voxel at the surface reaches half an edge inward
-    np.savez(out, grid.points, pitch * (depths[grid.matrix] - 0.5), pitch)
+    np.savez(out, grid.points, pitch * (depths[grid.matrix] - 0.5), mesh.extents)
 
 
 if __name__ == "__main__":

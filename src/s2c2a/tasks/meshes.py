@@ -28,10 +28,12 @@ class Cover(NamedTuple):
     Attributes:
         spheres: centers and radii, shape (spheres, 4).
         excess: by how much they stand out at most.
+        edges: of the box around the solid, along x, y and z.
     """
 
     spheres: Spheres
     excess: float
+    edges: Float[np.ndarray, "3"]
 
 
 @lru_cache(maxsize=32)
@@ -48,8 +50,8 @@ def covering_spheres(file: Path, most: int) -> Cover:
         TargetError: the file is missing, cannot be read, takes too much memory, or holds
             no triangles, or the package `trimesh` is missing.
     """
-    centers, depths, edge = _voxels(file)
-    pitch = float(edge)
+    centers, depths, edges = _voxels(file)
+    pitch = float(edges.max()) / RESOLUTION
     low, high = 0.0, 2.0 * RESOLUTION * pitch
     best = _cover(centers, depths + high, pitch, most)
     for _ in range(BISECTIONS):
@@ -59,11 +61,11 @@ def covering_spheres(file: Path, most: int) -> Cover:
         best = best if found is None else found
     if best is None:
         raise TargetError(f"{file} cannot be covered by {most} spheres; allow more")
-    return Cover(best, high + pitch)
+    return Cover(best, high + pitch, edges)
 
 
 def _voxels(file: Path) -> list[np.ndarray]:
-    """Centers of the voxels within the solid, their distances from outside, and their edge.
+    """Centers of the voxels within the solid, their distances from outside, and `Cover.edges`.
 
     Raises:
         TargetError: see `covering_spheres`.

@@ -45,6 +45,8 @@ from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
 ENDING = ".toml"
+MESH_SIZES = (1e-3, 20.0)
+"""Longest edges of meshes [m]: of a screw's head and of a room; else a unit is wrong."""
 CLEARANCES = Score("clearance"), Score("clearance of the arm")
 Point = tuple[Free, Free, Free]
 Row = Float[np.ndarray, "12"]
@@ -232,6 +234,11 @@ class Mesh(_Turned):
         """By how much the spheres stand out at most [m]."""
         return self.scale * self._cover.excess
 
+    def __str__(self) -> str:
+        """Name and size."""
+        x, y, z = self.scale * self._cover.edges
+        return f"{self.file}, {x:.3g} x {y:.3g} x {z:.3g} m with scale = {self.scale:g}"
+
     @property
     def _cover(self) -> Cover:
         return covering_spheres(self._folder / self.file, self.spheres)
@@ -270,7 +277,7 @@ class Scene(Frozen):
         for solid in self.obstacles:
             if isinstance(solid, Mesh):
                 yield (
-                    f"{solid.file} is covered by {len(solid.rows())} spheres, which "
+                    f"{solid} is covered by {len(solid.rows())} spheres, which "
                     f"stand out by up to {1000 * solid.excess:.0f} mm"
                 )
 
@@ -350,10 +357,17 @@ def load_scene(path: str | os.PathLike) -> Scene:
             solid._folder = Path(path).parent
     _check_count(sum(len(solid.rows()) for solid in scene.obstacles), str(path))
     for number, solid in enumerate(scene.obstacles):
+        name = f"{path}: the {solid.kind} of obstacle {number} (counted from 0)"
+        unit = ""
+        if isinstance(solid, Mesh):
+            unit = f" ({solid}; a file in millimeters needs scale = 0.001)"
+            low, high = MESH_SIZES
+            if not low < solid.scale * solid._cover.edges.max() < high:
+                raise TargetError(f"{name} has an unlikely size{unit}")
         if solid.gap_of_base() < -2 * SKIN:  # the arm may stand on it
             raise TargetError(
-                f"{path}: the {solid.kind} of obstacle {number} (counted from 0) contains "
-                "the base of the arm at 0, 0, 0; no shape is clear of it"
+                f"{name} contains the base of the arm at 0, 0, 0{unit}; no shape is "
+                "clear of it"
             )
     return scene
 

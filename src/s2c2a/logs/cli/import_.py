@@ -79,6 +79,7 @@ def import_(
     print(f"recording: {out}\narm: {arm_file}")
     _draw_ends(imported, out)
     _draw_coverage(out)
+    print(summary.verdict(imported))
 
 
 def _draw_ends(imported: "Imported | ImportedTake", out: Path) -> None:

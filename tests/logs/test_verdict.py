@@ -1,0 +1,119 @@
+"""What a log does not show is named, and the last line says whether it can be used."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from s2c2a.arm.geometry import cable_matrix
+from s2c2a.errors import S2C2AError
+from s2c2a.kinematics import states_from_bends
+from s2c2a.logs import import_logs, map_from_toml
+from s2c2a.logs.model_fit import _standard_deviations
+from s2c2a.logs.summary import summary, verdict
+
+ANGLES = np.deg2rad([0.0, 120.0, 240.0])
+BASE = np.array([0.1, -0.2, 0.3])  # m
+TURN = Rotation.from_euler("y", 90, degrees=True)
+
+
+def log_map(unit, end="", arm=""):
+    """Map of three drives and a tip."""
+    drives = "".join(
+        f'[[drives]]\ncommanded = "c{k}"\nunit = "{unit}"\n' for k in range(3)
+    )
+    return map_from_toml(
+        '[rows]\nkind = "steps"\n[arm]\nname = "one"\nmodules = 1\ncontrol_rate = 5\n'
+        f'cable_radius = 0.02\n{arm}{drives}[[ends]]\nposition = ["x", "y", "z"]\n'
+        f'unit = "m"\n{end}'
+    )
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a log of drives and bends; returns its path."""
+    random = np.random.default_rng(2)
+
+    def run(drives, bends, turn=TURN):
+        states = states_from_bends(bends[:, None], np.array([0.15]))
+        tips = turn.apply(np.asarray(states)[:, 0, :3]) + BASE
+        tips += 2e-4 * random.normal(size=tips.shape)
+        sizes = np.linalg.norm(bends, axis=1)
+        vectors = np.stack([-bends[:, 1], bends[:, 0], 0 * sizes], axis=1)
+        quaternions = (turn * Rotation.from_rotvec(vectors)).as_quat()
+        table = np.hstack([drives, tips, np.roll(quaternions, 1, axis=1)])
+        path = tmp_path / "log.csv"
+        names = "c0,c1,c2,x,y,z,q0,q1,q2,q3"
+        np.savetxt(path, table, "%.6f", ",", header=names, comments="")
+        return path
+
+    return run
+
+
+@pytest.fixture
+def one_moves(write):
+    """Log of one chamber that moves, and of noise of the others [kPa]."""
+    random = np.random.default_rng(1)
+    moves = random.uniform(0.0, 8.0, 400)
+    bends = np.stack([-0.2 * moves, np.zeros(400)], axis=1)
+
+    def run(noise):
+        pressures = 2.0 + noise * random.normal(size=(400, 3))
+        pressures[:, 0] += moves
+        return write(pressures, bends)
+
+    return run
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.1])
+def test_drives_that_never_move_are_named(one_moves, noise):
+    path = one_moves(noise)
+    try:
+        imported = import_logs([path], log_map("kPa", arm="length = 0.15\n"))
+    except S2C2AError as error:
+        text = str(error)
+    else:
+        text = "; ".join(imported.undetermined)
+        text += verdict(imported)
+    assert "'c1', 'c2'" in text
+
+
+def test_a_deviation_keeps_what_the_log_does_not_excite():
+    """Two parameters, of which rows show one; the prior of the other has deviation 2."""
+    rows = np.stack([np.ones(100), np.zeros(100), np.zeros(100)], axis=1)
+    prior = np.diag([1.0, 1.0, 0.5])
+    jacobian = np.concatenate([rows, prior, np.zeros((1, 3))])
+    residuals = np.concatenate([np.full(100, 1e-3), np.zeros(4)])
+    std = _standard_deviations(residuals, jacobian, 100, 1)
+    assert std[0] < 0.02
+    assert std[1] == pytest.approx(np.hypot(1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("end", "clause"),
+    [
+        ('quaternion = ["q0", "q1", "q2", "q3"]\norder = "wxyz"\n', ""),
+        (
+            'quaternion = ["q0", "q1", "q2", "q3"]\norder = "xyzw"\n',
+            'write order = "wxyz"',
+        ),
+    ],
+)
+def test_the_other_order_of_a_quaternion_is_named(write, end, clause):
+    bends = np.random.default_rng(3).uniform(-0.8, 0.8, (400, 2))
+    pulls = 20.0 * bends @ cable_matrix(ANGLES).T
+    path = write(pulls, bends, Rotation.identity())
+    imported = import_logs([path], log_map("mm", end))
+    assert clause in imported.diagnosis
+    assert bool(imported.diagnosis) == bool(clause)
+    assert verdict(imported).startswith("not usable" if clause else "usable")
+
+
+def test_vacuum_is_called_out_of_range(write):
+    bends = np.random.default_rng(4).uniform(-0.8, 0.8, (400, 2))
+    pressures = -10.0 * bends @ cable_matrix(ANGLES).T  # kPa
+    path = write(pressures, bends, Rotation.identity())
+    imported = import_logs([path], log_map("kPa", arm="length = 0.15\n"))
+    text = "\n".join(summary(imported))
+    assert "vacuum is not supported" in text
+    assert "larger pressure_limit" not in text
+    assert "below zero" in verdict(imported)
