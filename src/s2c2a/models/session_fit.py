@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
+from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RecordingError
@@ -26,14 +27,16 @@ from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
 
-TRANSLATION = 5e-3  # m; of a camera or a marker frame that was put up again
+TRANSLATION = 5e-3  # m; of a tracking that stays where it is, unless more is seen
 ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
 GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
 ITERATIONS = 8
-"""Of Gauss-Newton, which halves of this bring to rest after 20 cm and 10 deg; the others
-bring the variance of the noise to rest."""
-FRAME = slice(6)  # of the numbers of a `DayChange`: of the tracking, which come first
+"""Of Gauss-Newton, and of the registration before; more change no digit that is shown."""
+FRAME = slice(3), slice(3, 6)
+"""Numbers of a `DayChange` that move and turn the tracking."""
+STILL = 1e-4 * np.eye(3)
+"""Vectors [m] that do not turn, shorter than any motion that is seen."""
 FITTED = 0.475
 """Share of a session that is fitted where another one is judged: half of it, with the
 gap of `data.windows.PARTS` between them."""
@@ -101,7 +104,7 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
             finite.
     """
     fit = _Residuals(model, data)
-    seen = fit.known[..., -1]
+    seen = fit.seen_tip
     order = np.cumsum(seen).reshape(seen.shape) / max(seen.sum(), 1)
     first = (order <= FITTED)[..., None]
     last = (order > 1.0 - FITTED)[..., None]
@@ -120,63 +123,101 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
 
 
 class _Residuals:
-    """Residuals of a model on a recording, and their derivatives by the change."""
+    """Residuals of a model on a recording, and their derivatives by the change.
+
+    An end may show its position, its axis, or both.
+    """
 
     def __init__(self, model: ForwardModel, data: TrainingData):
         self._sensed = jnp.asarray(data.sensed, jnp.float32)
-        self._states = np.asarray(data.states, np.float32)
-        self.known = np.asarray(np.isfinite(self._states).all(axis=-1))
+        self._states = np.array(data.states, np.float32)
         for episode, length in enumerate(data.lengths or ()):
-            self.known[episode, length:] = False
-        if not np.isfinite(data.sensed[self.known.any(axis=-1)]).all():
+            self._states[episode, length:] = np.nan
+        parts = (self._states[..., part] for part in (POSITION, AXIS))
+        self._known = [np.isfinite(part).all(axis=-1) for part in parts]
+        is_used = self._known[0].any(axis=-1) | self._known[1].any(axis=-1)
+        if not np.isfinite(data.sensed[is_used]).all():
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
         self._scales = np.asarray(flat)
 
         @eqx.filter_jit
-        def predict(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
-            change = self._as_change(whitened * self._scales)
+        def predict(model: ForwardModel, numbers: Array, sensed: Array) -> Array:
+            change = self._as_change(numbers)
             simulate = partial(along_episode, SessionC2S.of(model, change))
             return jax.vmap(simulate)(sensed)
 
         @eqx.filter_jit
-        def slopes(model: ForwardModel, whitened: Array, sensed: Array) -> Array:
-            return jax.jacfwd(lambda at: predict(model, at, sensed))(whitened)
+        def slopes(model: ForwardModel, numbers: Array, sensed: Array) -> Array:
+            return jax.jacfwd(lambda at: predict(model, at, sensed))(numbers)
 
         self._predict = partial(predict, model, sensed=self._sensed)
         self._slopes = partial(slopes, model, sensed=self._sensed)
 
+    @property
+    def seen_tip(self) -> Bool[np.ndarray, "episodes samples"]:
+        """Samples that show the position of the tip."""
+        return self._known[0][..., -1]
+
     def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
         """The change that fits some samples, and its covariance."""
-        whitened = np.zeros(len(self._scales), np.float32)
-        for iteration in range(ITERATIONS):
-            errors = self._states - np.asarray(self._predict(jnp.asarray(whitened)))
-            slopes = np.asarray(self._slopes(jnp.asarray(whitened)))
-            precision = np.eye(len(whitened))
-            gradient = -whitened.astype(float)
-            for module in range(self.known.shape[-1]):
-                seen = (self.known & fitted)[..., module]
-                for part in (POSITION, AXIS):
+        numbers = np.zeros(len(self._scales))
+        numbers[:6] = self._registered(fitted)
+        for _ in range(ITERATIONS):
+            scales = self._scales.copy()
+            # a tracking that was put up anew is anywhere: its prior grows with the move
+            for part in FRAME:
+                moved = float(np.sqrt(np.mean(numbers[part] ** 2)))
+                scales[part] = np.maximum(scales[part], moved)
+            at = jnp.asarray(numbers, jnp.float32)
+            errors = self._states - np.asarray(self._predict(at))
+            slopes = np.asarray(self._slopes(at)) * scales
+            precision = np.eye(len(numbers))
+            gradient = -numbers / scales
+            for part, known in zip((POSITION, AXIS), self._known, strict=True):
+                for module in range(known.shape[-1]):
+                    seen = (known & fitted)[..., module]
                     error = errors[..., module, part][seen].astype(float)
                     slope = slopes[..., module, part, :][seen].astype(float)
-                    # as noise, a frame that is far off would weigh less than its prior
-                    is_late = iteration >= ITERATIONS / 2
-                    noise = error if is_late else _unexplained(error, slope[..., FRAME])
-                    weight = _weight(noise)
+                    weight = _weight(error)
                     precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                     gradient += weight * np.einsum("tki,tk->i", slope, error)
-            whitened += np.linalg.solve(precision, gradient).astype(np.float32)
-        covariance = np.linalg.inv(precision) * np.outer(self._scales, self._scales)
-        return DayPosterior(self._as_change(whitened * self._scales), covariance)
+            numbers += scales * np.linalg.solve(precision, gradient)
+        covariance = np.linalg.inv(precision) * np.outer(scales, scales)
+        change = self._as_change(jnp.asarray(numbers, jnp.float32))
+        return DayPosterior(change, covariance)
+
+    def _registered(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> np.ndarray:
+        """Translation and rotation of the frame that bring most ends to those predicted."""
+        expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
+        places, seen = (
+            states[self._known[0] & fitted][:, POSITION]
+            for states in (expected, self._states)
+        )
+        weights = np.ones(len(places))
+        for _ in range(ITERATIONS):
+            weights /= weights.sum()
+            middles = weights @ places, weights @ seen
+            # what a motion does not show does not turn
+            turn, _ = Rotation.align_vectors(
+                np.concatenate([seen - middles[1], STILL]),
+                np.concatenate([places - middles[0], STILL]),
+                np.concatenate([weights, np.ones(3)]),
+            )
+            shift = middles[1] - turn.apply(middles[0])
+            errors = np.linalg.norm(seen - turn.apply(places) - shift, axis=-1)
+            # as the least sum of distances, with the median in place of zeros
+            weights = 1.0 / np.maximum(errors, max(float(np.median(errors)), 1e-9))
+        return np.concatenate([shift, turn.as_rotvec()])
 
     def tip_error(
         self, change: DayChange, judged: Bool[np.ndarray, "episodes samples 1"] | bool
     ) -> float:
         """Mean distance of the seen tip from the model's, after a change [m]."""
-        whitened = ravel_pytree(change)[0] / self._scales
-        errors = self._states - np.asarray(self._predict(whitened))
-        seen = (self.known & judged)[..., -1]
-        return float(np.linalg.norm(errors[seen][:, -1, POSITION], axis=-1).mean())
+        predicted = np.asarray(self._predict(ravel_pytree(change)[0]))
+        errors = (self._states - predicted)[..., -1, POSITION]
+        seen = (self._known[0] & judged)[..., -1]
+        return float(np.linalg.norm(errors[seen], axis=-1).mean())
 
 
 def _scales(arm: ArmSpec) -> DayChange:
@@ -197,20 +238,6 @@ def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
     if not power > 0.0:
         return 0.0
     return errors.size / (power * samples_per_independent_one(errors))
-
-
-def _unexplained(
-    errors: Float[np.ndarray, "samples 3"],
-    slopes: Float[np.ndarray, "samples 3 frame"],
-) -> Float[np.ndarray, "samples 3"]:
-    """What no frame explains to first order; all, if there are too few samples to say."""
-    design = slopes.reshape(errors.size, slopes.shape[-1])
-    frame, _, rank, _ = np.linalg.lstsq(design, errors.ravel())
-    if rank >= errors.size:
-        return errors
-    # of as many degrees of freedom as the errors
-    scale = np.sqrt(errors.size / (errors.size - rank))
-    return scale * (errors - (design @ frame).reshape(errors.shape))
 
 
 def samples_per_independent_one(errors: Float[np.ndarray, "samples 3"]) -> float:
