@@ -33,8 +33,6 @@ CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
 GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
 ITERATIONS = 8
 """Of Gauss-Newton, and of the registration before; more change no digit that is shown."""
-FRAME = slice(3), slice(3, 6)
-"""Numbers of a `DayChange` that move and turn the tracking."""
 STILL = 1e-4 * np.eye(3)
 """Vectors [m] that do not turn, shorter than any motion that is seen."""
 FITTED = 0.475
@@ -164,11 +162,10 @@ class _Residuals:
         numbers = np.zeros(len(self._scales))
         numbers[:6] = self._registered(fitted)
         for _ in range(ITERATIONS):
-            scales = self._scales.copy()
             # a tracking that was put up anew is anywhere: its prior grows with the move
-            for part in FRAME:
-                moved = float(np.sqrt(np.mean(numbers[part] ** 2)))
-                scales[part] = np.maximum(scales[part], moved)
+            moved = np.sqrt(np.mean(numbers[:6].reshape(2, 3) ** 2, axis=1))
+            scales = self._scales.copy()
+            scales[:6] = np.maximum(scales[:6], np.repeat(moved, 3))
             at = jnp.asarray(numbers, jnp.float32)
             errors = self._states - np.asarray(self._predict(at))
             slopes = np.asarray(self._slopes(at)) * scales
@@ -190,10 +187,9 @@ class _Residuals:
     def _registered(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> np.ndarray:
         """Translation and rotation of the frame that bring most ends to those predicted."""
         expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
-        places, seen = (
-            states[self._known[0] & fitted][:, POSITION]
-            for states in (expected, self._states)
-        )
+        is_seen = self._known[0] & fitted
+        places = expected[is_seen][:, POSITION]
+        seen = self._states[is_seen][:, POSITION]
         weights = np.ones(len(places))
         for _ in range(ITERATIONS):
             weights /= weights.sum()

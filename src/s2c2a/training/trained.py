@@ -45,11 +45,6 @@ class TrainingData:
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
 
 
-def no_epochs() -> Float[np.ndarray, "epochs 3"]:
-    """The curve of what is fitted without epochs."""
-    return np.zeros((1, 3), np.float32)
-
-
 @dataclass(frozen=True)
 class Trained(Generic[ModelType]):
     """Trained model, its learning curve, and its test error.
@@ -66,7 +61,9 @@ class Trained(Generic[ModelType]):
     """
 
     network: ModelType
-    curve: Float[np.ndarray, "epochs 3"] = field(default_factory=no_epochs)
+    curve: Float[np.ndarray, "epochs 3"] = field(
+        default_factory=lambda: np.zeros((1, 3), np.float32)  # without epochs
+    )
     percent: tuple[float, float] = (0.0, 0.0)
     errors: Mapping[str, float] = field(default_factory=dict)
     spread: Any = None
