@@ -281,13 +281,14 @@ def _check_number(option: str, kind: str, value: str | None) -> None:
 @contextmanager
 def _at_least(columns: int) -> Iterator[None]:
     """Write at least that wide [characters], however narrow the terminal is."""
-    given = os.environ.get("COLUMNS", "")
+    given = dict(os.environ)
     if shutil.get_terminal_size().columns < columns:
         os.environ["COLUMNS"] = str(columns)
     try:
         yield
     finally:
-        os.environ["COLUMNS"] = given
+        os.environ.pop("COLUMNS", None)
+        os.environ.update(given)
 
 
 def _value_of(option: str, words: Sequence[str]) -> str | None:

@@ -138,8 +138,11 @@ def list_in_manifest(path: Path, content: Path | None = None) -> None:
         name = absolute.relative_to(root).as_posix()
         digest = digest_of(content) if content else ""
         root.mkdir(parents=True, exist_ok=True)
-        with open(root / MANIFEST, "a", encoding="utf-8") as manifest:
-            manifest.write(f"{json.dumps([name, digest])}\n")
+        with open(root / MANIFEST, "a+b") as manifest:
+            manifest.seek(0)
+            # without the part of a line that a killed process left
+            manifest.truncate(manifest.read().rfind(b"\n") + 1)
+            manifest.write(f"{json.dumps([name, digest])}\n".encode())
 
 
 def digest_of(path: Path) -> str:
