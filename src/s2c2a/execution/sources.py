@@ -181,10 +181,11 @@ def _files_of(file: Path, wanted: _Import) -> set[Path]:
     """Files that an import of a file runs: the module, and the packages that it is in."""
     for folder in _folders(file, wanted):
         names = wanted.module.split(".")
-        outer = [".".join(names[:end]) for end in range(1, len(names))]
+        outer = (".".join(names[:end]) for end in range(1, len(names)))
         module = _file_in(folder, wanted.module)
         inner = _file_in(folder, f"{wanted.module}.{wanted.name}".strip("."))
-        files = {module, inner, *(_file_in(folder, name) for name in outer)} - {None}
+        around = (_file_in(folder, name) for name in outer)
+        files = {each for each in (module, inner, *around) if each is not None}
         if files:
             return files | _imported_when_asked(file, inner, module, wanted.name)
     return set()
