@@ -139,6 +139,8 @@ def simulated(arm: ArmSpec, seed: int) -> Any:
 
 def collect(arm: ArmSpec, episodes: int, samples: int, seed: int = 0) -> Recording:
     """Record staged babbling of a simulated arm; each episode starts at rest."""
+    if min(episodes, samples) < 1:
+        raise TrainingError(f"{episodes} x {samples} samples were asked for; give some")
     rows = []
     for episode in range(episodes):
         random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
@@ -519,9 +521,10 @@ def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) 
     optimizer = optax.adam(LEARNING_RATE)
     count = len(training.targets)
     batches = count // BATCH_SIZE
-    if not batches:
+    if not (batches and len(validation.targets)):
         raise TrainingError(
-            f"{count} training samples are fewer than a batch of {BATCH_SIZE}; give more"
+            f"{count} training samples are fewer than a batch of {BATCH_SIZE}, or none "
+            "are left for validation; give more"
         )
 
     def loss_of(network, samples, key):

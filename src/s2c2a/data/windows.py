@@ -34,11 +34,20 @@ class Samples:
 
 @dataclass(frozen=True)
 class Split:
-    """Samples for training, early stopping, and testing."""
+    """Samples for training, early stopping, and testing; some of each."""
 
     training: Samples
     validation: Samples
     test: Samples
+
+    def __post_init__(self):
+        """Refuse a part without samples: no error can be computed of it."""
+        counts = [len(part.targets) for part in self.parts]
+        if not all(counts):
+            raise RecordingError(
+                f"{sum(counts)} usable samples cannot be split into those for training, "
+                f"early stopping and testing; collect at least {SHORTEST_EPISODE} in a row"
+            )
 
     @property
     def parts(self) -> tuple[Samples, Samples, Samples]:

@@ -470,6 +470,11 @@ class Planner:
         for leader in self._leaders:
             leader.set_real_time(is_real)
 
+    @property
+    def margin(self) -> float:
+        """Distance of the tip from obstacles [m] that ways around them keep; 0: none."""
+        return max((leader.margin for leader in self._leaders), default=0.0)
+
     def _lead(self, plan: Plan, goal: Goal) -> Lead:
         """Where the first guide that leads, leads to."""
         bends = np.asarray(plan.bends)

@@ -16,6 +16,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.s2c2a import training_data
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import TrainingData
+from s2c2a.training.fit import random_key
 
 
 def pretrain_s2c2a(
@@ -43,6 +44,7 @@ def pretrain_s2c2a(
         StrategyError: an arm has another number of modules.
         TrainingError: the forward model has no prior, or training failed.
     """
+    c2s_key, c2a_key = jax.random.split(random_key(seed))
     seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
@@ -53,7 +55,6 @@ def pretrain_s2c2a(
                 f"{arm.module_count}; record randomized variants of '{arm.name}'"
             )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
-    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     c2s_progress = partial(progress, "C2S")
     c2a_progress = partial(progress, "C2A")
     prior = recipe.c2s.pretrain(arms, recipe.c2s_fit, c2s_key, c2s_progress)

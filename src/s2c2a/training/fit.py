@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TrainingError
 from s2c2a.execution.compilation import compiled
-from s2c2a.files.text import MAX_COUNT
+from s2c2a.files.text import MAX_COUNT, MAX_SEED, is_seed
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
 from s2c2a.plugins.components import Options, Ranges
 
@@ -27,6 +27,17 @@ Network = TypeVar("Network", bound=eqx.Module)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 TrainingProgress = Callable[[int, int, float], None]
 """Callback with the epoch, the largest number of epochs, and the validation loss."""
+
+
+def random_key(seed: int) -> PRNGKeyArray:
+    """Key of everything random in a training.
+
+    Raises:
+        TrainingError: the seed is out of range.
+    """
+    if not is_seed(seed):
+        raise TrainingError(f"seed {seed} was given; give one from 0 to {MAX_SEED}")
+    return jax.random.key(seed)
 
 
 def quiet(epoch: int, max_epochs: int, loss: float) -> None:

@@ -48,14 +48,18 @@ def write_mp4(file: Path, out: Path) -> str:
     return _write_video(file, out, FFMpegWriter)
 
 
-def _write_video(file: Path, out: Path, kind: Callable[..., AbstractMovieWriter]) -> str:
+def _write_video(
+    file: Path, out: Path, kind: Callable[..., AbstractMovieWriter]
+) -> str:
     episodes, _ = load_episodes(file)
     label = str(episodes[0].options.get("strategy", ""))
     save_video(Trace(episodes[0], label), out, kind)
     return f"1 of {len(episodes)} episodes"
 
 
-def save_video(trace: Trace, path: Path, kind: Callable[..., AbstractMovieWriter]) -> None:
+def save_video(
+    trace: Trace, path: Path, kind: Callable[..., AbstractMovieWriter]
+) -> None:
     """Write a video of a run.
 
     Args:
