@@ -28,7 +28,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
-from s2c2a.errors import TrainingError
+from s2c2a.errors import TrainingError, counted
 from s2c2a.execution.compilation import scan
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -140,7 +140,9 @@ def simulated(arm: ArmSpec, seed: int) -> Any:
 def collect(arm: ArmSpec, episodes: int, samples: int, seed: int = 0) -> Recording:
     """Record staged babbling of a simulated arm; each episode starts at rest."""
     if min(episodes, samples) < 1:
-        raise TrainingError(f"{episodes} x {samples} samples were asked for; give some")
+        raise TrainingError(
+            f"a recording of {episodes} x {samples} holds none; give some"
+        )
     rows = []
     for episode in range(episodes):
         random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
@@ -523,8 +525,8 @@ def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) 
     batches = count // BATCH_SIZE
     if not (batches and len(validation.targets)):
         raise TrainingError(
-            f"{count} training samples are fewer than a batch of {BATCH_SIZE}, or none "
-            "are left for validation; give more"
+            f"{counted(count, 'training sample')} of {BATCH_SIZE} in a batch, or none for "
+            "validation; give more"
         )
 
     def loss_of(network, samples, key):
@@ -636,7 +638,7 @@ def main(episodes=18, samples=500, epochs=EPOCHS, seed=0) -> None:
     started = time.perf_counter()
     arm = load_arm("twin_arm")
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-    print(f"{episodes} episodes of staged babbling with {arm.name}")
+    print(f"{counted(episodes, 'episode')} of staged babbling with {arm.name}")
     recording = collect(arm, episodes, samples, seed)
     print("NN_C2S, from configurations to states")
     c2s = train_c2s(recording, c2s_key, epochs)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 # Training, validation and test samples, as shares of a piece in order of time. The gap
@@ -45,8 +45,8 @@ class Split:
         counts = [len(part.targets) for part in self.parts]
         if not all(counts):
             raise RecordingError(
-                f"{sum(counts)} usable samples cannot be split into those for training, "
-                f"early stopping and testing; collect at least {SHORTEST_EPISODE} in a row"
+                f"{counted(sum(counts), 'usable sample')} cannot be split for training, "
+                f"stopping and testing; collect at least {SHORTEST_EPISODE} in a row"
             )
 
     @property
@@ -96,8 +96,9 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
                 part.append((episode, slice(start, stop)))
     if not all(parts):
         raise RecordingError(
-            f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; "
-            f"collect at least {SHORTEST_EPISODE} each, or {len(WHOLE)} shorter ones"
+            f"{counted(len(lengths), 'episode')} of {counted(max(lengths), 'sample')} "
+            f"cannot be split; collect at least {SHORTEST_EPISODE} each, or "
+            f"{len(WHOLE)} shorter ones"
         )
     return parts
 

@@ -8,7 +8,7 @@ import jax
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
-from s2c2a.errors import StrategyError
+from s2c2a.errors import StrategyError, counted
 from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.models.prior import pooled
 from s2c2a.strategies.options import NetworkProgress
@@ -51,8 +51,9 @@ def pretrain_s2c2a(
         recorded = recording.arm
         if recorded.module_count != arm.module_count:
             raise StrategyError(
-                f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
-                f"{arm.module_count}; record randomized variants of '{arm.name}'"
+                f"'{recorded.name}' has {counted(recorded.module_count, 'module')} and "
+                f"'{arm.name}' {arm.module_count}; record randomized variants of "
+                f"'{arm.name}'"
             )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_progress = partial(progress, "C2S")

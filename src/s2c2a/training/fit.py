@@ -16,7 +16,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TrainingError
+from s2c2a.errors import TrainingError, counted
 from s2c2a.execution.compilation import compiled
 from s2c2a.files.text import MAX_COUNT, MAX_SEED, is_seed
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
@@ -129,8 +129,8 @@ def fit(
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
         raise TrainingError(
-            f"{samples} training samples are fewer than one batch of "
-            f"{options.batch_size}; collect more"
+            f"a batch of {options.batch_size} needs more than "
+            f"{counted(samples, 'training sample')}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     # an input of the program, so that trainings of any length share it
@@ -157,7 +157,7 @@ def fit(
         curve.extend(np.asarray(rows))
         if not np.isfinite(curve[-1]).all():
             raise TrainingError(
-                f"the loss is not finite after {len(curve)} epochs; "
+                f"the loss is not finite after {counted(len(curve), 'epoch')}; "
                 "lower the learning rate or check the data"
             )
         since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))
