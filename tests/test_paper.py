@@ -235,7 +235,7 @@ def test_the_file_collects_trains_and_follows_the_circle_by_itself(monkeypatch, 
 
 @pytest.mark.parametrize("sizes", [(0, 70), (18, 0), (18, 1), (18, 20)])
 def test_a_recording_of_too_few_samples_is_refused(sizes, monkeypatch):
-    monkeypatch.setattr(paper, "train_c2s", lambda *_: None)
+    monkeypatch.setattr(paper, "C2S_SIZE", {"layers": 1, "hidden": 4})
     with pytest.raises(TrainingError, match=r"give (some|more)"):
         paper.main(*sizes, epochs=1)
 

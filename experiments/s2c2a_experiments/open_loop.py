@@ -142,8 +142,7 @@ def _starts(
                 starts.append((episode, start))
     if not starts:
         raise RecordingError(
-            f"no held-out stretch has {counted(max(DELAYS) + steps, 'measured row')} "
-            "in a row"
+            f"no held-out stretch has {counted(max(DELAYS) + steps, 'measured row')} in a row"
         )
     return starts
 

@@ -78,8 +78,7 @@ def payload_rows(
         if min(recording.lengths) <= steps + 1:
             raise RecordingError(
                 f"{name} has episodes that are shorter than the "
-                f"{counted(steps, 'step')} in which the tip is measured; give a "
-                "shorter time"
+                f"{counted(steps, 'step')} in which the tip is measured; give a shorter time"
             )
     rows: list[Row] = []
     for name, recording in recordings.items():

@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from s2c2a.errors import S2C2AError
-from s2c2a.live.gate import STOP, STOP_HEADER, Gate
+from s2c2a.live.gate import STOP, STOP_HEADER
 from s2c2a.live.window import Window
 from s2c2a.spaces import Stage
 
@@ -54,9 +54,9 @@ def status_of(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> 
 
 
 @pytest.mark.parametrize("port", [-60, 70_000])
-def test_a_port_that_does_not_exist_is_refused(port):
-    with pytest.raises(S2C2AError, match=rf"no free port from {port} .*most 65535"):
-        Gate(port, 8081, "secret")
+def test_a_port_that_does_not_exist_is_refused(twin, port):
+    with pytest.raises(S2C2AError, match=rf"no free port from {port} .*to 65535"):
+        Window(twin).open(port)
 
 
 def test_the_page_is_served_to_this_machine_only(page):

@@ -13,13 +13,7 @@ import tyro
 from s2c2a.cli.console import Count, OptionalPath, progress_bar
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import cache_folder
-from s2c2a.execution.executors import (
-    Processes,
-    Serial,
-    all_cores,
-    limit_jax_to_one_thread,
-    validated_worker_count,
-)
+from s2c2a.execution.executors import Processes, Serial, limit_jax_to_one_thread
 from s2c2a.plugins.discovery import resolve, trust_code
 from s2c2a.plugins.options import convert_option, named_parameters, options_from
 from s2c2a.robots.factory import NO_TRACKING, RobotFactory, robot_class
@@ -72,10 +66,6 @@ class _WorkOptions:
     overwrite: bool = False
     jobs: Count = None
     cluster: Address = None
-
-    def __post_init__(self):
-        """Refuse an impossible number of jobs, also where one process works."""
-        validated_worker_count(self.jobs, all_cores)
 
 
 ALL_CORES = _WorkOptions()
@@ -156,7 +146,8 @@ def run_directory(
     from s2c2a.jobs.run_folder import open_run_directory
 
     limit_jax_to_one_thread()
-    opened = Serial() if alone else make_executor(work.jobs, work.cluster)
+    is_serial = alone and work.jobs != 0  # which processes refuse
+    opened = Serial() if is_serial else make_executor(work.jobs, work.cluster)
     with opened as executor:
         directory = open_run_directory(work.out, label, options, work.overwrite, resume)
         data = directory / "data" if own_data else cache_folder()

@@ -45,8 +45,8 @@ class Split:
         counts = [len(part.targets) for part in self.parts]
         if not all(counts):
             raise RecordingError(
-                f"{counted(sum(counts), 'usable sample')} cannot be split for training, "
-                f"stopping and testing; collect at least {SHORTEST_EPISODE} in a row"
+                f"{counted(sum(counts), 'usable sample')} cannot be split; collect at least "
+                f"{SHORTEST_EPISODE} in a row, or {len(WHOLE)} shorter episodes"
             )
 
     @property
@@ -76,8 +76,8 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
         lengths: number of samples of each episode.
         shares: of a piece.
 
-    Raises:
-        RecordingError: a part would be empty.
+    Returns:
+        Of each part, one or more; an empty one if there is none.
     """
     parts: list[list[Stretch]] = [[], [], []]
     short = 0
@@ -94,13 +94,7 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
                 edges[2, 1] -= edges[1, 0] - edges[0, 1]
             for part, (start, stop) in zip(parts, edges.tolist(), strict=True):
                 part.append((episode, slice(start, stop)))
-    if not all(parts):
-        raise RecordingError(
-            f"{counted(len(lengths), 'episode')} of {counted(max(lengths), 'sample')} "
-            f"cannot be split; collect at least {SHORTEST_EPISODE} each, or "
-            f"{len(WHOLE)} shorter ones"
-        )
-    return parts
+    return [part or [(0, slice(0, 0))] for part in parts]
 
 
 def forward_samples(

@@ -184,8 +184,7 @@ class Gate:
         last = self.port + TRIED_PORTS - 1
         opened.set_exception(
             OSError(
-                f"no free port from {self.port} to {last}; choose another --port, at "
-                "most 65535"
+                f"no free port from {self.port} to {last}; choose a --port to 65535"
             )
         )
 

@@ -190,8 +190,7 @@ class Join(MapTable):
             expected = self.files - fewer
             if values is not None and len(values) != expected:
                 raise ValueError(
-                    f"{len(values)} {name} for {counted(self.files, 'file')}; give "
-                    f"{expected}: "
+                    f"{len(values)} {name} for {counted(self.files, 'file')}; give {expected}: "
                     + ("one for each later file" if fewer else "one for each file")
                 )
         return self

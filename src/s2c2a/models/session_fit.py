@@ -108,8 +108,7 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     if not (seen[first[..., 0]].any() and seen[last[..., 0]].any()):
         raise RecordingError(
             f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, "
-            "too few to fit and to judge; turn on the tracking (--tracking), and move "
-            "for 50 s"
+            "too few to fit and to judge; turn on the tracking (--tracking), and move for 50 s"
         )
     none = DayChange.none(data.arm.module_count)
     before = fit.tip_error(none, first | last)

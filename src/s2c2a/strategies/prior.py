@@ -52,8 +52,7 @@ def pretrain_s2c2a(
         if recorded.module_count != arm.module_count:
             raise StrategyError(
                 f"'{recorded.name}' has {counted(recorded.module_count, 'module')} and "
-                f"'{arm.name}' {arm.module_count}; record randomized variants of "
-                f"'{arm.name}'"
+                f"'{arm.name}' {arm.module_count}; record randomized variants of '{arm.name}'"
             )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_progress = partial(progress, "C2S")

@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import load_episodes
-from s2c2a.errors import S2C2AError, counted
+from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import is_sphere
 from s2c2a.viz.arrays import Points
@@ -54,7 +54,7 @@ def _write_video(
     episodes, _ = load_episodes(file)
     label = str(episodes[0].options.get("strategy", ""))
     save_video(Trace(episodes[0], label), out, kind)
-    return f"1 of {counted(len(episodes), 'episode')}"
+    return f"1 of {len(episodes)} episodes"
 
 
 def save_video(

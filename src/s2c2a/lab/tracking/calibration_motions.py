@@ -391,8 +391,7 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
         known = sorted({body for frame in frames for body in frame.poses})
         raise TrackingError(
             f"'{name}' was tracked in {counted(len(poses), 'frame')} of a held bend; "
-            f"{MIN_HELD_FRAMES} are needed. The tracker sees "
-            f"{', '.join(known) or 'none'}"
+            f"{MIN_HELD_FRAMES} are needed. The tracker sees {', '.join(known) or 'none'}"
         )
     return mean_pose(poses)
 
