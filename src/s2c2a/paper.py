@@ -525,8 +525,8 @@ def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) 
     batches = count // BATCH_SIZE
     if not (batches and len(validation.targets)):
         raise TrainingError(
-            f"{counted(count, 'training sample')} of {BATCH_SIZE} in a batch, or none for "
-            "validation; give more"
+            f"{counted(count, 'training sample')}, fewer than a batch of {BATCH_SIZE}, or "
+            "none for validation; give more"
         )
 
     def loss_of(network, samples, key):

@@ -146,7 +146,7 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
                 f"its axis in {100 * axis:.1f} %"
             )
     lines = [
-        f"{counted(len(lengths), 'episode')} of {counted(steps, 'step')}, "
+        f"{counted(len(lengths), 'episode')} of {steps} steps, "
         f"{sum(lengths)} in all, from {counted(read.rows, 'row')}{broken}",
         f"measured: {'; '.join(ends)}",
     ]

@@ -129,8 +129,8 @@ def fit(
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
         raise TrainingError(
-            f"a batch of {options.batch_size} needs more than "
-            f"{counted(samples, 'training sample')}; collect more"
+            f"{counted(samples, 'training sample')}, fewer than one batch of "
+            f"{options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
     # an input of the program, so that trainings of any length share it
