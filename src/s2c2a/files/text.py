@@ -30,6 +30,11 @@ MAX_DOTS = 1000
 """In a line of TOML: parsing time grows with the square of the key's parts."""
 
 
+def is_seed(seed: float) -> bool:
+    """Whether a number is a random seed of the package."""
+    return 0 <= seed <= MAX_SEED and seed % 1 == 0
+
+
 def open_regular(path: str | os.PathLike) -> BufferedReader:
     """Open a file of strangers; reading from a pipe or a device may never end.
 
