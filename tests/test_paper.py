@@ -233,9 +233,11 @@ def test_the_file_collects_trains_and_follows_the_circle_by_itself(monkeypatch, 
     assert "cm from the circle" in capsys.readouterr().out
 
 
-def test_a_recording_of_too_few_samples_is_refused():
-    with pytest.raises(TrainingError, match="fewer than a batch of"):
-        paper.main(samples=1)
+@pytest.mark.parametrize("sizes", [(0, 70), (18, 0), (18, 1), (18, 20)])
+def test_a_recording_of_too_few_samples_is_refused(sizes, monkeypatch):
+    monkeypatch.setattr(paper, "C2S_SIZE", {"layers": 1, "hidden": 4})
+    with pytest.raises(TrainingError, match=r"give (some|more)"):
+        paper.main(*sizes, epochs=1)
 
 
 def test_the_circle_is_that_of_the_task_but_for_the_approach():

@@ -27,7 +27,6 @@ GROUPS = {
         "benchmark",
         "bench",
         "doctor",
-        "completion",
     ),
 }
 """Order of the commands."""

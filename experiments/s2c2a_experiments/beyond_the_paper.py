@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from s2c2a.arm import load_arm, randomized_arm
 from s2c2a.cli.console import print_results, print_table, progress_bar
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 
 if TYPE_CHECKING:
     from s2c2a.evaluation.report import Row
@@ -38,7 +38,7 @@ def _circle(seeds: int = 3, recipe: str = "best", work: Work = ALL_CORES) -> Non
         rows, pictures = circle_table(
             directory, _seeds(seeds), make, recipe_from(recipe), "fast"
         )
-    print_results(f"circle, {seeds} seeds", rows, pictures, directory)
+    print_results(f"circle, {counted(seeds, 'seed')}", rows, pictures, directory)
 
 
 def _controller(
@@ -110,7 +110,11 @@ def _sensors(arm: str = "twin_arm", seeds: int = 3, work: Work = ALL_CORES) -> N
 
     compared = study.SensorStudy(load_arm(arm), seeds=_seeds(seeds))
     _make(
-        study.EXPERIMENT, compared, study.sensor_rows, work, f"sensors, {seeds} seeds"
+        study.EXPERIMENT,
+        compared,
+        study.sensor_rows,
+        work,
+        f"sensors, {counted(seeds, 'seed')}",
     )
 
 
@@ -233,7 +237,9 @@ def _open_loop(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) ->
     from s2c2a_experiments.real import BLOCK, GAP, split_blocks
 
     if len(files) != 1:
-        raise S2C2AError(f"{len(files)} files were given; name one recording")
+        raise S2C2AError(
+            f"{counted(len(files), 'file')} were given; name one recording"
+        )
     (recording,) = files
     recorded = load_recording(recording)
     split = split_blocks(recorded, BLOCK)

@@ -12,7 +12,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import ArmError
+from s2c2a.errors import ArmError, counted
 from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import Row, angles_deg, position_errors, rollout
 from s2c2a.jobs import Cache, Heading, Make, RecordingArtifact, in_groups, made
@@ -136,7 +136,7 @@ def check_comparable(arm: ArmSpec) -> None:
     """Raise ArmError for an arm whose quantities the paper does not print."""
     if arm.module_count != len(ESTIMATION) or arm.sensing != "encoders":
         raise ArmError(
-            f"{arm.name} has {arm.module_count} modules and sensing by "
+            f"{arm.name} has {counted(arm.module_count, 'module')} and sensing by "
             f"'{arm.sensing}'; choose an arm with {len(ESTIMATION)} modules and "
             "encoders, like the paper's arm"
         )

@@ -17,7 +17,7 @@ from s2c2a.cli.console import (
     print_results,
 )
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
-from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.errors import S2C2AError, counted, did_you_mean
 from s2c2a_experiments import beyond_the_paper
 
 PAPER = {
@@ -70,7 +70,7 @@ def _paper_tables(
             )
             compared = table_files.load_comparison(beside, table)
             path = table_files.save_table(table, rows, directory, compared)
-            title = f"{table}, recipe {chosen.name}, {seeds} seeds"
+            title = f"{table}, recipe {chosen.name}, {counted(seeds, 'seed')}"
             print_results(title, rows, figures, directory)
             print(f"table: {path} (.csv, .tex, .json next to it)")
 

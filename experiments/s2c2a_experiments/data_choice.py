@@ -12,6 +12,7 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
+from s2c2a.errors import counted
 from s2c2a.evaluation import Row
 from s2c2a.strategies import recipe_named
 from s2c2a_experiments.run_rows import labeled
@@ -75,7 +76,7 @@ def ratio_rows(rows: Sequence[Row], kinds: Sequence[str]) -> Iterator[Row]:
     tasks = list(dict.fromkeys(row.task for row in scored))
     heading = replace(
         scored[0],
-        arm=f"all {len(arms)} arms",
+        arm=f"all {counted(len(arms), 'arm')}",
         task="all tasks",
         std_steps=None,
         std_seeds=None,

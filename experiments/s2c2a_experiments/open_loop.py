@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.data import Recording
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.strategies import training_data
 from s2c2a_experiments.real import BEST, MODELS, HeldOutSplit, hidden_from
@@ -142,7 +142,7 @@ def _starts(
                 starts.append((episode, start))
     if not starts:
         raise RecordingError(
-            f"no held-out stretch has {max(DELAYS) + steps} measured rows in a row"
+            f"no held-out stretch has {counted(max(DELAYS) + steps, 'measured row')} in a row"
         )
     return starts
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import Recording
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.estimation import DisturbanceFilter, KalmanEstimator
 from s2c2a.estimation.filter_state import FilterState
 from s2c2a.estimation.sensor_models import CameraSensor, Measurements
@@ -63,8 +63,8 @@ def payload_rows(
     """
     if seconds <= 0.0 or not recordings:
         raise RecordingError(
-            f"{len(recordings)} recordings and {seconds:g} s were given; give at least "
-            "one recording and a positive time"
+            f"{counted(len(recordings), 'recording')} and {seconds:g} s were given; "
+            "give at least one recording and a positive time"
         )
     steps = round(seconds * networks.arm.control_rate)
     disturbance_filter = _filter(networks)
@@ -77,8 +77,8 @@ def payload_rows(
             )
         if min(recording.lengths) <= steps + 1:
             raise RecordingError(
-                f"{name} has episodes that are shorter than the {steps} steps in which the "
-                "tip is measured; give a shorter time"
+                f"{name} has episodes that are shorter than the "
+                f"{counted(steps, 'step')} in which the tip is measured; give a shorter time"
             )
     rows: list[Row] = []
     for name, recording in recordings.items():

@@ -12,7 +12,7 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError, counted
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
@@ -66,7 +66,7 @@ class RandomizedArmsStudy:
             _strategy_and_recipe(name)
         if self.arms < 1 or self.targets < 0 or not self.strengths:
             raise S2C2AError(
-                f"{self.arms} arms at {len(self.strengths)} strengths with "
+                f"{counted(self.arms, 'arm')} at {len(self.strengths)} strengths with "
                 f"{self.targets} targets; give at least one arm and one strength, and "
                 "zero or more targets"
             )

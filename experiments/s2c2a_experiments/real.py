@@ -21,7 +21,7 @@ from scipy.ndimage import binary_dilation, label
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.models import C2SOptions, ChainOptions, ForwardOptions
 from s2c2a.strategies import recipe_named, training_data
@@ -97,7 +97,7 @@ def split_blocks(recording: Recording, size: int) -> HeldOutSplit:
         total += length
     if not held_out.any():
         raise RecordingError(
-            f"blocks of {size} rows hold nothing out of {total} rows; "
+            f"blocks of {counted(size, 'row')} hold nothing out of {total} rows; "
             f"give a block of at most {total // (HELD_OUT_BLOCKS[0] + 1)} rows"
         )
     return HeldOutSplit(f"blocks of {size}", held_out)
@@ -211,8 +211,8 @@ def _check_same_arm(
 
 def _description(arm: ArmSpec) -> str:
     return (
-        f"{arm.name} ({arm.module_count} modules of {arm.cable_count} cables, "
-        f"{arm.actuation})"
+        f"{arm.name} ({counted(arm.module_count, 'module')} of "
+        f"{counted(arm.cable_count, 'cable')}, {arm.actuation})"
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import ArmError, S2C2AError, StrategyError, did_you_mean
+from s2c2a.errors import ArmError, S2C2AError, StrategyError, counted, did_you_mean
 from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
 from s2c2a.evaluation import Row, tilts_deg
 from s2c2a.jobs.run_folder import trace_of
@@ -104,7 +104,7 @@ def sensing_coupled(arm: ArmSpec) -> ArmSpec:
     """
     if arm.module_count != len(PAPER_COUPLING):
         raise ArmError(
-            f"'{arm.name}' has {arm.module_count} modules; "
+            f"'{arm.name}' has {counted(arm.module_count, 'module')}; "
             f"the paper's sensing coupling needs {len(PAPER_COUPLING)}"
         )
     changes = {

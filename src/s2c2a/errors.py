@@ -81,6 +81,14 @@ class SimulationError(S2C2AError):
         return type(self), (*self.args, self.step, self.last_states)
 
 
+def counted(count: int, noun: str) -> str:
+    """A count with its noun, such as "1 episode" and "2 episodes"."""
+    if count == 1:
+        return f"1 {noun}"
+    plural = noun.removesuffix("y") + "ies" if noun.endswith("y") else noun + "s"
+    return f"{count} {plural}"
+
+
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """The known name that a misspelled one may mean; empty if none is similar."""
     by_letters = {each.lower(): each for each in sorted(known, reverse=True)}

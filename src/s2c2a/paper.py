@@ -28,7 +28,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
-from s2c2a.errors import TrainingError
+from s2c2a.errors import TrainingError, counted
 from s2c2a.execution.compilation import scan
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
@@ -139,6 +139,10 @@ def simulated(arm: ArmSpec, seed: int) -> Any:
 
 def collect(arm: ArmSpec, episodes: int, samples: int, seed: int = 0) -> Recording:
     """Record staged babbling of a simulated arm; each episode starts at rest."""
+    if min(episodes, samples) < 1:
+        raise TrainingError(
+            f"a recording of {episodes} x {samples} holds none; give some"
+        )
     rows = []
     for episode in range(episodes):
         random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
@@ -519,9 +523,10 @@ def fit(model: Any, loss: Callable, samples: list, key: RandomKey, epochs: int) 
     optimizer = optax.adam(LEARNING_RATE)
     count = len(training.targets)
     batches = count // BATCH_SIZE
-    if not batches:
+    if not (batches and len(validation.targets)):
         raise TrainingError(
-            f"{count} training samples are fewer than a batch of {BATCH_SIZE}; give more"
+            f"{counted(count, 'training sample')}, fewer than a batch of {BATCH_SIZE}, or "
+            "none for validation; give more"
         )
 
     def loss_of(network, samples, key):
@@ -633,7 +638,7 @@ def main(episodes=18, samples=500, epochs=EPOCHS, seed=0) -> None:
     started = time.perf_counter()
     arm = load_arm("twin_arm")
     c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
-    print(f"{episodes} episodes of staged babbling with {arm.name}")
+    print(f"{counted(episodes, 'episode')} of staged babbling with {arm.name}")
     recording = collect(arm, episodes, samples, seed)
     print("NN_C2S, from configurations to states")
     c2s = train_c2s(recording, c2s_key, epochs)

@@ -206,3 +206,8 @@ def test_a_file_is_not_replaced_by_its_own_export(recording):
     with pytest.raises(S2C2AError, match="is the file itself; choose another name"):
         export(recording, recording, to="csv")
     assert recording.read_bytes() == before
+
+
+def test_a_folder_is_answered_with_a_file_in_it(recording, tmp_path):
+    with pytest.raises(S2C2AError, match=rf"is a folder; give .*{recording.name}"):
+        export(recording.parent, tmp_path / "mine.csv")

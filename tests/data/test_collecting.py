@@ -21,7 +21,7 @@ from s2c2a.data import (
     load_recording,
 )
 from s2c2a.episodes import Episode, EpisodeWriter
-from s2c2a.errors import RecordingError, RobotError
+from s2c2a.errors import RecordingError, RobotError, S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Sensor, Stage
 
@@ -342,8 +342,8 @@ def test_resuming_with_another_arm_or_robot_is_refused(gather, twin):
     [
         ({"babbling": "baby"}, "staged, motor"),
         ({"episodes": 0}, "out of range"),
-        ({"samples": -1}, "out of range"),
-        ({"seed": -1}, "seed"),
+        ({"samples": 0.5}, "out of range"),
+        ({"seed": 2**31}, "2147483647 for the seed"),
         ({"speeds": (0.0, 0.2)}, "must rise from above 0 to at most 1"),
         ({"speeds": (0.2, 0.1)}, "must rise"),
         ({"speeds": (0.1, 1.1)}, "must rise"),
@@ -359,7 +359,7 @@ def test_invalid_options_are_refused(fault, message):
 def test_an_invalid_number_of_threads_is_refused_before_a_file_is_created(
     gather, tmp_path, threads
 ):
-    with pytest.raises(RecordingError, match="threads"):
+    with pytest.raises(S2C2AError, match="give at least one"):
         gather(threads=threads)
     assert list(tmp_path.iterdir()) == []
 

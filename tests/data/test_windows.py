@@ -82,9 +82,19 @@ def test_validation_and_test_samples_may_be_25_apart_too():
     assert np.abs(validation[:, None] - test).min() >= 25
 
 
-def test_an_episode_too_short_to_be_split_is_refused():
-    with pytest.raises(RecordingError, match=r"49 samples.*at least 50"):
-        stretches([49])
+def test_parts_without_usable_samples_are_refused():
+    """An episode of one step holds no window; unknown states are no samples."""
+    with pytest.raises(RecordingError, match=r"49 usable samples.*at least 50"):
+        forward_samples(CONFIGURATIONS[:1, :49], STATES[:1, :49])
+    counts = (40, 40, 40, 40, 1, 40, 40)
+    states = np.repeat(STATES[:1, :40], 7, axis=0)
+    actions = np.repeat(ACTIONS[:1, :40], 7, axis=0)
+    sensed = np.repeat(CONFIGURATIONS[:1, :40], 7, axis=0)
+    with pytest.raises(RecordingError, match="usable samples cannot be split"):
+        controller_samples(sensed, actions, NEUTRAL, counts)
+    states[6] = np.nan
+    with pytest.raises(RecordingError, match="usable samples cannot be split"):
+        forward_samples(sensed, states)
 
 
 def test_a_very_long_episode_is_split_piece_by_piece():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from s2c2a.jobs import GivenNetworks, jobs_for, run_all, score_rows
+from s2c2a.jobs import GivenNetworks, jobs_for, make_all, score_rows
 from s2c2a.strategies import TrainedNetworks, save_networks
 from s2c2a_experiments.calibration import C2S_ERROR
 from s2c2a_experiments.circle import track_reference
@@ -16,7 +16,7 @@ def errors_on_circle(
     )
     save_networks(networks, path)
     given = GivenNetworks.read(path, networks.arm)
-    runs = run_all(
+    runs = make_all(
         jobs_for(
             ["circle"], networks.arm, strategies, [0], given.recipe, weights=given
         ),

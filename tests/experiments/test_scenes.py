@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.jobs import Cache, Conditions, GivenNetworks, jobs_for, run_all
+from s2c2a.jobs import Cache, Conditions, GivenNetworks, jobs_for, make_all
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RunOptions, recipe_named, save_networks, shipped_networks
@@ -75,7 +75,7 @@ def test_a_plan_tells_that_a_covered_target_has_no_way(tmp_path, monkeypatch):
     task = unsolvable_task(TWIN, UNSOLVABLE.index("covered"))
     recipe = recipe_named("best")
     jobs = jobs_for([task], TWIN, ["s2c2a"], [0], recipe, conditions, given)
-    runs = run_all(jobs, Cache(tmp_path / "data", tmp_path / "runs"))
+    runs = make_all(jobs, Cache(tmp_path / "data", tmp_path / "runs"))
     rows = scenes._shares_told("covered", runs)
     assert [row.mean for row in rows] == [1.0, 1.0]
     tip = runs[0].episode.after("states")[-1, -1, POSITION]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
+from s2c2a.jobs import Cache, GivenNetworks, jobs_for, make_all
 from s2c2a.jobs.job import Conditions
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import recipe_named, save_networks, shipped_networks
@@ -52,7 +52,7 @@ def test_a_held_arm_with_100_g_does_not_vibrate(sensors, seconds, most, twin, tm
         given,
     )
     cache = Cache(tmp_path / "data", tmp_path / "runs")
-    rows = rows_of(run_all(jobs, cache), f"{sensors}, 100 g")
+    rows = rows_of(make_all(jobs, cache), f"{sensors}, 100 g")
     values = {row.metric: row.mean for row in rows}
     assert values["peak to peak, last two thirds"] <= most
     assert values["position, last quarter"] <= 1.0

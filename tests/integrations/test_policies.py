@@ -16,7 +16,7 @@ from s2c2a.integrations.environments.policy import (
 )
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls
-from s2c2a.jobs import Cache, GivenNetworks, jobs_for, run_all
+from s2c2a.jobs import Cache, GivenNetworks, jobs_for, make_all
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 
@@ -72,7 +72,7 @@ def test_the_runs_of_a_command_use_the_options_of_the_file(tmp_path):
     save_policy(file, FINGER, random_layers(), "tanh", squashed=False)
     given = GivenNetworks.read(file, FINGER)
     jobs = jobs_for(["circle"], FINGER, ["policy"], [0], given.recipe, weights=given)
-    run = run_all(jobs, Cache(tmp_path, tmp_path))[0]
+    run = make_all(jobs, Cache(tmp_path, tmp_path))[0]
     driver = s2c2a.load_strategy(file)
     expected = s2c2a.run(jobs[0].robot(), driver, jobs[0].weighted_task)
     np.testing.assert_allclose(

@@ -16,7 +16,7 @@ from s2c2a.jobs import (
     RecordingArtifact,
     jobs_for,
     made,
-    run_all,
+    make_all,
 )
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RunOptions, recipe_named
@@ -84,8 +84,8 @@ def pcc_job(waypoints, **changes):
 
 def test_a_finished_run_is_loaded_with_the_same_scores(waypoints, cache):
     told = []
-    (first,) = run_all([pcc_job(waypoints)], cache)
-    (again,) = run_all(
+    (first,) = make_all([pcc_job(waypoints)], cache)
+    (again,) = make_all(
         [pcc_job(waypoints)], cache, progress=lambda *what: told.append(what)
     )
     assert told == []
@@ -98,9 +98,9 @@ def test_a_finished_run_is_loaded_with_the_same_scores(waypoints, cache):
 
 def test_a_damaged_run_is_made_again(waypoints, cache):
     job = pcc_job(waypoints)
-    (first,) = run_all([job], cache)
+    (first,) = make_all([job], cache)
     job.path(cache).write_bytes(job.path(cache).read_bytes()[:100])
-    (again,) = run_all([job], cache)
+    (again,) = make_all([job], cache)
     np.testing.assert_array_equal(
         again.episode.after("states"), first.episode.after("states")
     )
@@ -147,7 +147,7 @@ def test_invalid_jobs_are_rejected_before_anything_is_made(waypoints, cache):
         (Conditions(RobotFactory.simulation(payload=-1)), "payload"),
     ):
         with pytest.raises(S2C2AError, match=said):
-            run_all(
+            make_all(
                 [pcc_job(waypoints, strategy="s2c2a", conditions=conditions)], cache
             )
     assert not cache.folder.exists()

@@ -18,7 +18,7 @@ from s2c2a.data import CollectOptions, collect
 from s2c2a.episodes import load_episodes
 from s2c2a.errors import ClusterError, S2C2AError, SimulationError
 from s2c2a.execution.executors import Processes, Serial, in_order
-from s2c2a.jobs import Cache, Run, jobs_for, run_all, score_rows, try_all
+from s2c2a.jobs import Cache, Run, jobs_for, make_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
 from s2c2a.jobs.cluster import Cluster
 from s2c2a.robots.simulation import SimulatedRobot
@@ -99,7 +99,7 @@ def made_here(jobs, processes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("here")
     cache = Cache(folder / "data", folder / "runs")
     return SimpleNamespace(
-        cache=cache, rows=score_rows("mine", run_all(jobs, cache, processes))
+        cache=cache, rows=score_rows("mine", make_all(jobs, cache, processes))
     )
 
 
@@ -148,7 +148,9 @@ def test_runs_are_identical_after_a_worker_was_killed(
     (recording,) = made_here.cache.folder.glob("*.episodes")
     cache.folder.mkdir()
     copy(recording, cache.folder)
-    assert score_rows("mine", run_all(jobs, cache, cluster, kill_one)) == made_here.rows
+    assert (
+        score_rows("mine", make_all(jobs, cache, cluster, kill_one)) == made_here.rows
+    )
     assert told[-1] == ("making runs", 2, 2)
     assert contents(cache.runs) == contents(made_here.cache.runs)
     for path in recording.parent.glob("*.safetensors"):
@@ -175,9 +177,9 @@ def test_a_failed_job_does_not_affect_others(
         S2C2AError,
         match=r"1 of 2 runs failed, such as s2c2a on short .*: .*fewer than one",
     ):
-        run_all(jobs, cache, processes)
+        make_all(jobs, cache, processes)
     with pytest.raises(S2C2AError, match=r"fewer than one.* \(s2c2a on short"):
-        run_all(jobs[:1], cache, processes)
+        make_all(jobs[:1], cache, processes)
 
 
 def test_workers_with_other_versions_are_rejected(scheduler, monkeypatch):

@@ -200,12 +200,11 @@ def test_an_edit_of_the_package_changes_the_keys_of_what_it_makes(tmp_path):
 def test_artifacts_count_the_sources_that_make_them(twin, monkeypatch):
     read = set()
 
-    def noted(file, source, imported=sources._imported):
+    def noted(file, read_file=sources._read):
         read.add(file)
-        return imported(file, source)
+        return read_file(file)
 
-    monkeypatch.setattr(sources, "_imported", noted)
-    monkeypatch.setattr(sources, "_digests_of_package", sources._digests)
+    monkeypatch.setattr(sources, "_kept", noted)
     run = job_of(twin)
     artifacts = {
         "run": run,
@@ -236,6 +235,56 @@ def test_modules_and_packages_count_with_the_modules_that_they_import(
     assert code_digest(["own_package:Mine"]) == first
     (package / "parts" / "inner.py").write_text("VALUE = 2\n")
     assert code_digest("own_package:Mine") != first
+
+
+PACKAGES = {
+    "a name that a package changes": {
+        "__init__.py": "from .a import G\nG = 2 * G\n",
+        "a.py": "G = 1\n",
+    },
+    "stars": {
+        "__init__.py": "from .a import *\nfrom .b import *\n",
+        "a.py": "",
+        "b.py": "G = 1\n",
+    },
+    "one of two": {
+        "__init__.py": "try:\n    from .a import G\nexcept ImportError:\n    from .b import G\n",
+        "a.py": "G = 1\n",
+        "b.py": "G = 1\n",
+    },
+    "not for types": {
+        "__init__.py": "import typing\nif not typing.TYPE_CHECKING:\n    from .a import G\n",
+        "a.py": "G = 1\n",
+    },
+    "a folder within": {
+        "__init__.py": "from own.deep.a import G\n",
+        "deep/a.py": "G = 1\n",
+    },
+}
+"""Files of a package `own`, by the way in which it takes a name from others."""
+
+
+@pytest.mark.parametrize("kind", PACKAGES)
+def test_an_edit_of_any_file_that_an_import_runs_counts(kind, tmp_path):
+    for name, text in PACKAGES[kind].items():
+        place = tmp_path / "own" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
+    (tmp_path / "mine.py").write_text("from own import G\n")
+    before = code_digest(f"{tmp_path}/mine.py:Mine")
+    for name in PACKAGES[kind]:
+        with (tmp_path / "own" / name).open("a") as file:
+            file.write("# edited\n")
+        after = code_digest(f"{tmp_path}/mine.py:Mine")
+        assert after != before, name
+        before = after
+
+
+def test_a_helper_that_is_written_later_counts(tmp_path):
+    (tmp_path / "mine.py").write_text("from later import G\n")
+    before = code_digest(f"{tmp_path}/mine.py:Mine")
+    (tmp_path / "later.py").write_text("G = 1\n")
+    assert code_digest(f"{tmp_path}/mine.py:Mine") != before
 
 
 @pytest.mark.parametrize(

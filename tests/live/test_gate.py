@@ -9,6 +9,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from s2c2a.errors import S2C2AError
 from s2c2a.live.gate import STOP, STOP_HEADER
 from s2c2a.live.window import Window
 from s2c2a.spaces import Stage
@@ -50,6 +51,12 @@ def status_of(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> 
         connection.putheader(name, value)
     connection.endheaders()
     return connection.getresponse().status
+
+
+@pytest.mark.parametrize("port", [-60, 70_000])
+def test_a_port_that_does_not_exist_is_refused(twin, port):
+    with pytest.raises(S2C2AError, match=rf"no free port from {port} .*to 65535"):
+        Window(twin).open(port)
 
 
 def test_the_page_is_served_to_this_machine_only(page):

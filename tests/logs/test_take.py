@@ -158,7 +158,7 @@ def test_a_matrix_is_read_row_by_row_and_a_mirror_is_refused(is_mirror):
         values[1, 0] *= -1
     rows = dict(zip(COLUMNS, values.reshape(2, 9).T, strict=True))
     if is_mirror:
-        with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 rows"):
+        with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 row,"):
             take_of(make_map(ends=MATRIX), rows)
         return
     take = take_of(make_map(ends=MATRIX), rows)

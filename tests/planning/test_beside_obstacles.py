@@ -37,7 +37,7 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     plan = planner.start(Estimate(STRAIGHT))
     points_of = GuardedPoints.of(TWIN, "arm")
     clearances = []
-    for goal in list(task.shown_goals(TWIN))[:60]:
+    for goal in list(task.shown_goals(TWIN, planner.margin))[:60]:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
         points = np.asarray(points_of(plan.expectation.states))
         distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)

@@ -33,6 +33,12 @@ def roadmap():
     return Roadmap(TWIN, MODEL, "arm")
 
 
+@pytest.mark.parametrize("margin", [0.01, 0.08])
+def test_a_planner_tells_the_margin_of_its_recipe(margin):
+    planner = Planner(TWIN, MODEL, replace(BEST, guides=(Detour(margin),)))
+    assert planner.margin == pytest.approx(margin * TWIN.length)
+
+
 states_of = jax.jit(jax.vmap(lambda bends: states_from_bends(bends, LENGTHS)))
 
 

@@ -1,6 +1,7 @@
 """Complete strategies: closed loop, memory, and no compilation after construction."""
 
 import logging
+from contextlib import suppress
 from dataclasses import replace
 
 import jax
@@ -11,7 +12,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.control import InversePCC
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.errors import RecordingError, S2C2AError, StrategyError
 from s2c2a.estimation import EncoderEstimator, EncoderMap, configuration_map_for
 from s2c2a.kinematics import PCC, states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
@@ -23,6 +24,7 @@ from s2c2a.strategies import (
     pcc_strategy,
     recipe_named,
     s2c2a_strategy,
+    train_networks,
     train_s2c2a,
 )
 
@@ -310,6 +312,33 @@ def test_training_on_a_recording_cut_short_is_refused(recording, tiny_recipe):
     short = replace(recording, options=recording.options | {"episodes": 18})
     with pytest.raises(RecordingError, match="6 of 18 episodes"):
         train_s2c2a(short, tiny_recipe, seed=0)
+
+
+@pytest.mark.parametrize("sizes", [(1, 1), (1, 20), (6, 2)])
+@pytest.mark.parametrize("strategy", ["pcc-fitted", "s2c2a", "s2c2a-motor"])
+def test_every_strategy_trains_on_a_tiny_recording_or_refuses_it(
+    recording, tiny_best_recipe, strategy, sizes
+):
+    episodes, samples = sizes
+
+    def short(episode):
+        columns = {name: values[:samples] for name, values in episode.columns.items()}
+        return replace(episode, columns=columns)
+
+    tiny = tuple(map(short, recording.episodes[:episodes]))
+    options = recording.options | {"episodes": episodes, "samples": samples}
+    with suppress(S2C2AError):
+        train_networks(
+            replace(recording, options=options, episodes=tiny),
+            tiny_best_recipe,
+            strategy,
+        )
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, 2**31, 2**63])
+def test_a_seed_out_of_range_is_refused(recording, tiny_recipe, seed):
+    with pytest.raises(S2C2AError, match="give one from 0 to 2147483647"):
+        train_s2c2a(recording, tiny_recipe, seed)
 
 
 def test_a_recipe_says_how_its_data_are_collected():

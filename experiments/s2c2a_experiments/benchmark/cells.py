@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a import jobs
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.estimation import EstimationSettings
 from s2c2a.execution.versions import versions
 from s2c2a.planning import Guard
@@ -53,7 +53,7 @@ class Cell:
         if self.knows_payload and not entrant.takes_payload:
             return "has no place for a known payload"
         if len(arm.modules) < self.task.modules:
-            return f"is given no arm of {self.task.modules} modules"
+            return f"is given no arm of {counted(self.task.modules, 'module')}"
         if entrant.arms and arm.name not in entrant.arms:
             names = " and ".join(entrant.arms)
             return f"was trained for {names} alone"

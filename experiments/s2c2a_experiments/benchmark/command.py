@@ -9,7 +9,7 @@ import tyro
 
 from s2c2a.cli.console import Count, print_table, progress_bar
 from s2c2a.cli.execution import ALL_CORES, Work, make_executor, run_directory
-from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.errors import S2C2AError, counted, did_you_mean
 from s2c2a.files.text import write_atomically
 
 if TYPE_CHECKING:
@@ -206,11 +206,11 @@ def _saved_results(
             f"s2c2a {result.versions.get('s2c2a')}" for result in results
         )
         made = f", made with {' and '.join(makers)}" if results else ""
-        print(f"{file}: {len(results)} results{made}")
+        print(f"{file}: {counted(len(results), 'result')}{made}")
         if others:
             print(
-                f"  {others} left out: not asked for, or made with other options, arms, "
-                "tasks or code of an entry"
+                f"  {others} left out: not asked for, or made with other options, "
+                "arms, tasks or code of an entry"
             )
     return saved
 

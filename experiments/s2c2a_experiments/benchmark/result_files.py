@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from s2c2a.arm import arm_to_toml
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.execution.sources import code_digest
 from s2c2a.files.json_files import load_json
 from s2c2a.files.text import LARGEST, write_atomically
@@ -177,8 +177,9 @@ def load_results(
         runs = len(saved.metrics["success"])
         if runs != len(seeds) * cell.task.scenes:
             raise S2C2AError(
-                f"{path} has {runs} runs of {saved.entrant} with {saved.arm}, "
-                f"{saved.task}, and {cell.task.scenes} a seed are asked for; {ADVICE}"
+                f"{path} has {counted(runs, 'run')} of {saved.entrant} with "
+                f"{saved.arm}, {saved.task}, and {cell.task.scenes} a seed are asked "
+                f"for; {ADVICE}"
             )
         results.append(_result(cell, saved, file.versions[saved.versions]))
     return results, len(file.results) - len(results)

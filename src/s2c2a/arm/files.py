@@ -25,7 +25,7 @@ from s2c2a.plugins.discovery import trust_code
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""
 ENDING = ".toml"
-HEADING = "{count} fault(s) in the arm description (modules count from 0, at the base)"
+HEADING = "{faults} in the arm description (modules count from 0, at the base)"
 TABLES = (
     ArmSpec,
     Module,

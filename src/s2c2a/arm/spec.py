@@ -27,6 +27,7 @@ from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.servos import Servos
 from s2c2a.arm.tracking import Tracking
+from s2c2a.errors import counted
 
 MAX_MODULES = 20  # as many as the benchmarks cover
 MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
@@ -507,10 +508,10 @@ class ArmSpec(Frozen):
     def layout(self) -> str:
         """Modules and cables in words."""
         counts = counts_of(self.modules)
-        cables = f"{counts[0]} cables"
+        cables = counted(counts[-1], "cable")
         if len(set(counts)) > 1:
-            cables = f"{', '.join(map(str, counts[:-1]))} and {counts[-1]} cables"
-        return f"{len(counts)} module{'s' * (len(counts) > 1)} of {cables}"
+            cables = f"{', '.join(map(str, counts[:-1]))} and {cables}"
+        return f"{counted(len(counts), 'module')} of {cables}"
 
     @property
     def length(self) -> float:

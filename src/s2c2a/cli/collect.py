@@ -19,6 +19,7 @@ from s2c2a.cli.execution import (
     make_executor,
     robot_factory_for,
 )
+from s2c2a.errors import counted
 
 if TYPE_CHECKING:
     from s2c2a import data
@@ -97,7 +98,7 @@ def _print_summary(recording: "data.Recording", out: Path) -> None:
     from s2c2a.cli.console import draw_coverage
 
     sensors = ", ".join(recording.sensors)
-    text = f"{recording.time.size} samples of {sensors}: {out}"
+    text = f"{counted(recording.time.size, 'sample')} of {sensors}: {out}"
     if coverage := draw_coverage(recording, out):
         text += f"; coverage: {coverage}"
     arm = recording.arm

@@ -13,7 +13,7 @@ from s2c2a.arm import arm_to_toml
 from s2c2a.cli.console import OptionalPath
 from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.plugins.discovery import installed, resolve, trust_code
 
@@ -72,7 +72,7 @@ def _table_form(write: TableWriter) -> ExportForm:
         write(table, units_of(episodes), _texts(episodes, options), out)
         if text := import_map(episodes, table, bool(options.get("at_rest"))):
             write_atomically(text, f"{out}.map.toml")
-        return f"{len(episodes)} episodes"
+        return counted(len(episodes), "episode")
 
     return export_table
 
@@ -143,7 +143,7 @@ def _export_npz(file: Path, out: Path) -> str:
             flat[name] = value
     with atomic_write(out) as part, open(part, "wb") as archive:
         np.savez_compressed(archive, **flat)
-    return f"{len(episodes)} episodes"
+    return counted(len(episodes), "episode")
 
 
 def _export_mat(file: Path, out: Path) -> str:
@@ -153,7 +153,7 @@ def _export_mat(file: Path, out: Path) -> str:
     content = _arrays(episodes, options)
     with atomic_write(out) as part, open(part, "wb") as archive:
         savemat(archive, content, long_field_names=True, do_compression=True)
-    return f"{len(episodes)} episodes"
+    return counted(len(episodes), "episode")
 
 
 FORMS: dict[str, ExportForm] = {

@@ -9,9 +9,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from typing import Literal
 
-from tyro.conf import Positional
 from tyro.extras import SubcommandApp
 
 import s2c2a
@@ -47,31 +45,6 @@ RESUME_HINTS = {
 """How to continue an interrupted command, by command."""
 
 
-# entries of an option in the scripts of all shells; every command has the first one
-_HELP_ENTRY = "{'flags': ['-h', '--help']"
-_TRUST_ENTRY = str(
-    {"flags": [TRUST], "description": "allow code that data name", "type": "value"}
-)
-
-
-def completion(shell: Positional[Literal["bash", "zsh", "fish"]]) -> None:
-    """Print a script that completes commands and options in a shell.
-
-    Load it in the present shell with `source <(s2c2a completion bash)`, or
-    `s2c2a completion fish | source`.
-
-    Args:
-        shell: the shell that reads the script.
-    """
-    # a file named "-" is the standard output
-    script = io.StringIO()
-    try:
-        with redirect_stdout(script):
-            _run_command(("--tyro-write-completion", shell, "-"))
-    finally:  # it exits
-        print(script.getvalue().replace(_HELP_ENTRY, f"{_TRUST_ENTRY}, {_HELP_ENTRY}"))
-
-
 VERBS: dict[str, Callable[..., None]] = {
     "demo": demo.demo,
     "collect": collect.collect,
@@ -82,7 +55,6 @@ VERBS: dict[str, Callable[..., None]] = {
     "reach": reach.reach,
     "run": run.run,
     "doctor": doctor.doctor,
-    "completion": completion,
 }
 GROUPS = {
     "arm": (arm.app, "Check, draw, copy or randomize an arm file."),
@@ -226,7 +198,7 @@ def _check_options(given: Sequence[str]) -> None:
     """
     command = given[: 2 if given and given[0] in GROUPS else 1]
     words = given[len(command) :]
-    if not words or "--help" in words or "-h" in words:
+    if not words or "--help" in words or "-h" in words or given[0].startswith("-"):
         return
     help_text = help_of(command)
     known = set(re.findall(OPTION, help_text))
@@ -281,13 +253,14 @@ def _check_number(option: str, kind: str, value: str | None) -> None:
 @contextmanager
 def _at_least(columns: int) -> Iterator[None]:
     """Write at least that wide [characters], however narrow the terminal is."""
-    given = os.environ.get("COLUMNS", "")
+    given = dict(os.environ)
     if shutil.get_terminal_size().columns < columns:
         os.environ["COLUMNS"] = str(columns)
     try:
         yield
     finally:
-        os.environ["COLUMNS"] = given
+        os.environ.pop("COLUMNS", None)
+        os.environ.update(given)
 
 
 def _value_of(option: str, words: Sequence[str]) -> str | None:

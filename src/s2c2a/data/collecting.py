@@ -22,7 +22,7 @@ from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import RecordingError, RobotError, did_you_mean
 from s2c2a.execution.executors import Serial, Threads, in_order
-from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable
+from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable, is_seed
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
 from s2c2a.measurements.readings import MAX_SILENCE
 from s2c2a.paper import SPEEDS
@@ -71,16 +71,13 @@ class CollectOptions:
                 f"{did_you_mean(self.babbling, BABBLING)}; "
                 f"choose one of {', '.join(BABBLING)}"
             )
-        if not (1 <= self.episodes <= MAX_COUNT and 1 <= self.samples <= MAX_COUNT):
+        counts = (self.episodes, self.samples)
+        has_counts = all(1 <= count <= MAX_COUNT and not count % 1 for count in counts)
+        if not has_counts or not is_seed(self.seed):
             raise RecordingError(
-                f"{self.episodes} episodes of {self.samples} samples are out of range; "
-                f"choose 1 to {MAX_COUNT} of each"
-            )
-        counts = (self.episodes, self.samples, self.seed)
-        if not 0 <= self.seed <= MAX_SEED or any(count % 1 for count in counts):
-            raise RecordingError(
-                f"seed {self.seed}, {self.episodes} episodes, {self.samples} samples: "
-                f"all must be whole numbers, and the seed from 0 to {MAX_SEED}"
+                f"episodes {self.episodes}, samples {self.samples}, seed {self.seed} are "
+                f"out of range; give whole numbers, 1 to {MAX_COUNT} for episodes and "
+                f"samples, and 0 to {MAX_SEED} for the seed"
             )
         if not 0 < self.speeds[0] <= self.speeds[1] <= 1:
             raise RecordingError(
@@ -129,25 +126,20 @@ def collect(
 
     Raises:
         RecordingError: the file exists and neither `resume` nor `overwrite` is set, it
-            was started with other options, or it cannot be written; or `threads` is
-            below one.
+            was started with other options, or it cannot be written.
+        S2C2AError: `threads` is below one.
     """
-    if threads is not None and threads < 1:
-        raise RecordingError(
-            f"{threads} threads are too few; use at least one, or omit the number for "
-            "all cores"
-        )
-    # as a recording stores them: single numbers and words
-    stored = asdict(options) | {"robot": robot}
-    slowest, fastest_share = stored.pop("speeds")
-    stored |= {"slowest": slowest, "fastest": fastest_share}
-    writer = _open_writer(Path(path), arm, stored, resume, overwrite)
     workers: AbstractContextManager[Executor]
     if executor:
         workers = nullcontext(executor)
     else:
         # serial: a real arm starts an episode after the last one is written
         workers = Serial() if threads == 1 else Threads(threads)
+    # as a recording stores them: single numbers and words
+    stored = asdict(options) | {"robot": robot}
+    slowest, fastest_share = stored.pop("speeds")
+    stored |= {"slowest": slowest, "fastest": fastest_share}
+    writer = _open_writer(Path(path), arm, stored, resume, overwrite)
     try:
         with workers as pool:
             progress(writer.count, options.episodes)

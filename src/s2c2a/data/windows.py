@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
 # Training, validation and test samples, as shares of a piece in order of time. The gap
@@ -34,11 +34,20 @@ class Samples:
 
 @dataclass(frozen=True)
 class Split:
-    """Samples for training, early stopping, and testing."""
+    """Samples for training, early stopping, and testing; some of each."""
 
     training: Samples
     validation: Samples
     test: Samples
+
+    def __post_init__(self):
+        """Refuse a part without samples: no error can be computed of it."""
+        counts = [len(part.targets) for part in self.parts]
+        if not all(counts):
+            raise RecordingError(
+                f"{counted(sum(counts), 'usable sample')} cannot be split; collect at least "
+                f"{SHORTEST_EPISODE} in a row, or {len(WHOLE)} shorter episodes"
+            )
 
     @property
     def parts(self) -> tuple[Samples, Samples, Samples]:
@@ -67,8 +76,8 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
         lengths: number of samples of each episode.
         shares: of a piece.
 
-    Raises:
-        RecordingError: a part would be empty.
+    Returns:
+        Of each part, one or more; an empty one if there is none.
     """
     parts: list[list[Stretch]] = [[], [], []]
     short = 0
@@ -85,12 +94,7 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
                 edges[2, 1] -= edges[1, 0] - edges[0, 1]
             for part, (start, stop) in zip(parts, edges.tolist(), strict=True):
                 part.append((episode, slice(start, stop)))
-    if not all(parts):
-        raise RecordingError(
-            f"{len(lengths)} episodes of {max(lengths)} samples cannot be split; "
-            f"collect at least {SHORTEST_EPISODE} each, or {len(WHOLE)} shorter ones"
-        )
-    return parts
+    return [part or [(0, slice(0, 0))] for part in parts]
 
 
 def forward_samples(

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii
 from s2c2a.episodes import Episode
-from s2c2a.errors import S2C2AError, TargetError, did_you_mean
+from s2c2a.errors import S2C2AError, TargetError, counted, did_you_mean
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, rows_of
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Score, Task
@@ -267,8 +267,8 @@ def score_run(episode: Episode, task: Task, recipe: str = "best") -> list[ScoreR
     steps = len(episode.after("states"))
     if steps != len(task.goals):
         raise S2C2AError(
-            f"the episode has {steps} steps; task '{task.name}' has {len(task.goals)}; "
-            "score a whole run of this task"
+            f"the episode has {counted(steps, 'step')}; task '{task.name}' has "
+            f"{len(task.goals)}; score a whole run of this task"
         )
     return [_score(episode, task, score, recipe) for score in task.scores]
 
@@ -290,12 +290,12 @@ def check_scores(task: Task, arm: ArmSpec) -> None:
         if not -arm.module_count <= score.module < arm.module_count:
             raise TargetError(
                 f"task '{task.name}' scores module {score.module}; "
-                f"'{arm.name}' has {arm.module_count} modules"
+                f"'{arm.name}' has {counted(arm.module_count, 'module')}"
             )
         if score.steps is not None and np.shape(score.steps) != (len(task.goals),):
             raise TargetError(
-                f"task '{task.name}' has {len(task.goals)} steps; `steps` of its score "
-                f"'{score.metric}' has shape {np.shape(score.steps)}"
+                f"task '{task.name}' has {counted(len(task.goals), 'step')}; `steps` "
+                f"of its score '{score.metric}' has shape {np.shape(score.steps)}"
             )
 
 

@@ -14,7 +14,7 @@ from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
-from s2c2a.errors import MAX_SHOWN
+from s2c2a.errors import MAX_SHOWN, counted
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
@@ -128,8 +128,8 @@ def describe_faults(episode: Episode) -> str:
     shown = "; ".join(faults[:MAX_SHOWN])
     more = "; ..." if len(faults) > MAX_SHOWN else ""
     return (
-        f"the arm was held in {held} steps because of faults ({shown}{more}); {late} "
-        "steps began late"
+        f"the arm was held in {counted(held, 'step')} because of faults "
+        f"({shown}{more}); {counted(late, 'step')} began late"
     )
 
 

@@ -7,12 +7,14 @@ a small one can unpack to more than the memory or the disk holds; it cannot harm
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -20,7 +22,13 @@ from s2c2a.files.text import MAX_BYTES
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that keeps the current folder and that of the program off Python's path."""
+_OURS = "of s2c2a"  # any text but an empty one means yes
+_LOCK = threading.Lock()
+_blocks = 0
 PATIENCE = 600.0  # s; the largest bag takes some minutes
+
+
+MAX_SAID = 2000  # bytes of an error's text
 
 
 class ChildError(Exception):
@@ -39,14 +47,17 @@ def safe_path() -> Iterator[None]:
     It starts them by `-c`, which puts the current folder first: a file `signal.py` there
     would run in place of that of Python.
     """
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
+    global _blocks  # of all threads, as the environment
+    with _LOCK:
+        _blocks += 1
+        os.environ.setdefault(SAFE_PATH, _OURS)
     try:
         yield
     finally:
-        del os.environ[SAFE_PATH]
-        if before is not None:
-            os.environ[SAFE_PATH] = before
+        with _LOCK:
+            _blocks -= 1
+            if not _blocks and os.environ.get(SAFE_PATH) == _OURS:
+                del os.environ[SAFE_PATH]
 
 
 class _SafeProcess(SpawnProcess):
@@ -83,16 +94,18 @@ def arrays_of_child(file: str, *arguments: str, request: str = "") -> list[np.nd
         ChildError: it failed, took too long, or needed too much memory.
     """
     # temporary files of a killed program go with the folder
-    with TemporaryDirectory() as folder:
+    with ExitStack() as stack:
+        folder = stack.enter_context(TemporaryDirectory())
         out = Path(folder, "arrays.npz")
+        said = stack.enter_context(open(Path(folder, "said"), "w+b"))
         try:
             done = subprocess.run(
                 child_command(file, *arguments, str(out)),
                 input=request,
-                capture_output=True,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
                 timeout=PATIENCE,
                 encoding="utf-8",
-                errors="backslashreplace",
                 # each thread of BLAS would reserve memory, which is limited
                 env=os.environ
                 | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1", "TMPDIR": folder},
@@ -102,10 +115,15 @@ def arrays_of_child(file: str, *arguments: str, request: str = "") -> list[np.nd
                 f"it takes more than {PATIENCE:g} s; give a smaller one"
             ) from None
         if done.returncode == 0:
-            with np.load(out, allow_pickle=False) as arrays:
+            with (
+                suppress(OSError, ValueError, BadZipFile),  # it wrote something else
+                np.load(out, allow_pickle=False) as arrays,
+            ):
                 return list(arrays.values())
-    reasons = done.stderr.strip().splitlines()
-    if done.returncode < 0 or not reasons:
+        said.seek(max(0, said.seek(0, os.SEEK_END) - MAX_SAID))
+        text = said.read().decode(errors="backslashreplace")
+    reasons = ["".join(filter(str.isprintable, line)) for line in text.splitlines()]
+    if done.returncode <= 0 or not reasons:
         raise ChildError(
             "its reader crashed: it is damaged, or unpacks to too much; make it anew"
         )

@@ -43,8 +43,7 @@ def code_digest(*values: Any) -> str:
     """
     digests: set[str] = set()
     for file in {file for value in values for file in _named_files(value)}:
-        is_ours = file.is_relative_to(PACKAGE)
-        digests |= _digests_of_package(file) if is_ours else _digests(file)
+        digests |= _digests(file)
     if not digests:
         return ""
     return blake2b("".join(sorted(digests)).encode()).hexdigest()[:16]
@@ -83,7 +82,8 @@ def _files_in_text(text: str) -> Iterator[Path]:
             continue
         if place.endswith(".py"):
             file = located(name, place)
-            if _is_file(file):
+            if _is_file(file):  # a link has neighbors of its own
+                yield file.absolute()
                 yield file.resolve()
         elif all(part.isidentifier() for part in place.split(".")):
             yield from _module_files(place)
@@ -149,79 +149,77 @@ class _Import(NamedTuple):
     bound: str
 
 
-def _digests(file: Path) -> frozenset[str]:
+def _digests(file: Path) -> set[str]:
     """Digests of a file and of all that it imports, directly or not."""
     digests = set()
     seen = {file}
     waiting = [file]
     while waiting:
         file = waiting.pop()
-        source = file.read_bytes()
-        digests.add(blake2b(source).hexdigest())
-        new = _imported(file, source) - seen
-        seen |= new
-        waiting += new
-    return frozenset(digests)
+        read = _kept if file.is_relative_to(PACKAGE) else _read
+        digest, imported = read(file)
+        digests.add(digest)
+        waiting += imported - seen
+        seen |= imported
+    return digests
 
 
-_digests_of_package = cache(_digests)
-"""Those of a file of this package, whose code stays as it was imported."""
-
-
-@cache
-def _imported(file: Path, source: bytes) -> frozenset[Path]:
-    """Files that a source imports from this package, or its own folder or package."""
+def _read(file: Path) -> tuple[str, set[Path]]:
+    """Digest of a file, and the files that it imports."""
+    source = file.read_bytes()
     found: set[Path] = set()
     for each in _imports(source):
         found.update(_files_of(file, each))
-    return frozenset(found)
+    return blake2b(source).hexdigest(), found
 
 
-def _files_of(file: Path, wanted: _Import) -> list[Path]:
-    """File of a module, or of the one that a package takes a name from."""
-    followed: set[tuple[Path, _Import]] = set()
-    while (file, wanted) not in followed:
-        followed.add((file, wanted))
-        folder = _folder_of(file, wanted)
-        if folder is None:
-            return []
-        whole = f"{wanted.module}.{wanted.name}".strip(".")
-        if module := _file_in(folder, whole):
-            stub = module.with_suffix(".pyi")  # of a package that imports when asked
-            # inside a package, it is imported for its version
-            asks = stub.is_file() and module.parent not in file.parents
-            return [module, stub] if asks else [module]
-        package = _file_in(folder, wanted.module)
-        if package is None or package.name != "__init__.py":
-            break
-        taken = {
-            each.bound: each
-            for source in (package, package.with_suffix(".pyi"))
-            if source.is_file()
-            for each in _imports(source.read_bytes())
-        }
-        if wanted.name not in taken:
-            break
-        file, wanted = package, taken[wanted.name]
-    else:
-        return []  # a package that imports the name from itself
-    return [] if package is None else [package]
+_kept = cache(_read)
+"""The same of a file of this package, whose code stays as it was imported."""
 
 
-def _folder_of(file: Path, wanted: _Import) -> Path | None:
-    """Folder that holds the module, if it is one that counts."""
-    if wanted.level > len(file.parents):  # Python refuses more dots than folders
-        return None
-    if wanted.level:
-        return file.parents[wanted.level - 1]
+def _files_of(file: Path, wanted: _Import) -> set[Path]:
+    """Files that an import of a file runs: the module, and the packages that it is in."""
+    for folder in _folders(file, wanted):
+        names = wanted.module.split(".")
+        outer = (".".join(names[:end]) for end in range(1, len(names)))
+        module = _file_in(folder, wanted.module)
+        inner = _file_in(folder, f"{wanted.module}.{wanted.name}".strip("."))
+        around = (_file_in(folder, name) for name in outer)
+        files = {each for each in (module, inner, *around) if each is not None}
+        if files:
+            return files | _imported_when_asked(file, inner, module, wanted.name)
+    return set()
+
+
+def _imported_when_asked(
+    file: Path, inner: Path | None, module: Path | None, name: str
+) -> set[Path]:
+    """What a package imports not before it is asked for: its stub tells."""
+    asked = inner or module
+    stub = asked and asked.with_suffix(".pyi")
+    if stub is None or not stub.is_file():
+        return set()
+    if inner is None:
+        named = (each for each in _imports(stub.read_bytes()) if each.bound == name)
+        return set().union(*(_files_of(stub, each) for each in named))
+    # inside a package, it is imported for its version
+    return set() if stub.parent in file.parents else {stub}
+
+
+def _folders(file: Path, wanted: _Import) -> list[Path]:
+    """Folders in which an import may find its module: none of installed packages."""
+    if wanted.level:  # Python refuses more dots than folders
+        return list(file.parents[wanted.level - 1 : wanted.level])
     outermost = _outermost(file.parent)
     top = wanted.module.partition(".")[0]
     if top == file.relative_to(outermost).parts[0]:
-        return outermost
+        return [outermost]
     if top == PACKAGE.name:
-        return PACKAGE.parent
-    is_alone = outermost == file.parent and outermost.name not in INSTALLED
-    return outermost if is_alone else None
+        return [PACKAGE.parent]
+    if top in KNOWN or top in sys.stdlib_module_names:
+        return []
+    places = (outermost, *map(Path, sys.path))
+    return [place for place in places if INSTALLED.isdisjoint(place.parts)]
 
 
 @cache
@@ -229,6 +227,11 @@ def _outermost(folder: Path) -> Path:
     """Folder of the package that a folder belongs to, or itself."""
     is_package = (folder / "__init__.py").is_file()
     return _outermost(folder.parent) if is_package else folder
+
+
+def _is_for_types(test: ast.expr) -> bool:
+    name = test.attr if isinstance(test, ast.Attribute) else getattr(test, "id", "")
+    return name == "TYPE_CHECKING"
 
 
 @cache
@@ -249,7 +252,7 @@ def _imports(source: bytes) -> tuple[_Import, ...]:
                 bound = alias.asname or alias.name
                 module = node.module or ""
                 found.append(_Import(node.level, module, alias.name, bound))
-        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+        elif isinstance(node, ast.If) and _is_for_types(node.test):
             waiting += node.orelse
         elif isinstance(node, BLOCKS):
             waiting += ast.iter_child_nodes(node)

@@ -1,5 +1,6 @@
 """Versions of the software that results depend on."""
 
+import os
 import platform
 import subprocess
 from functools import cache
@@ -41,6 +42,8 @@ def _commit() -> str:
             capture_output=True,
             check=True,
             encoding="utf-8",
+            # those of a Git hook name another checkout
+            env={name: text for name, text in os.environ.items() if name[:4] != "GIT_"},
             timeout=GIT_PATIENCE,
         ).stdout.splitlines()
     except (OSError, subprocess.SubprocessError):  # no Git, or a folder of another user

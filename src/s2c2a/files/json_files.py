@@ -59,7 +59,7 @@ def load_json(
     try:
         return kind.model_validate(json.loads(read_text(path, fault, most)))
     except ValidationError as error:
-        heading = f"{path}: {{count}} fault(s) in the {name}; {advice}"
+        heading = f"{path}: {{faults}} in the {name}; {advice}"
         raise fault(explained(error, heading, kind.model_fields)) from error
     except (ValueError, RecursionError) as error:
         raise fault(f"{path} is no {name}: {error}; {advice}") from error

@@ -30,6 +30,11 @@ MAX_DOTS = 1000
 """In a line of TOML: parsing time grows with the square of the key's parts."""
 
 
+def is_seed(seed: float) -> bool:
+    """Whether a number is a random seed of the package."""
+    return 0 <= seed <= MAX_SEED and seed % 1 == 0
+
+
 def open_regular(path: str | os.PathLike) -> BufferedReader:
     """Open a file of strangers; reading from a pipe or a device may never end.
 
@@ -138,8 +143,11 @@ def list_in_manifest(path: Path, content: Path | None = None) -> None:
         name = absolute.relative_to(root).as_posix()
         digest = digest_of(content) if content else ""
         root.mkdir(parents=True, exist_ok=True)
-        with open(root / MANIFEST, "a", encoding="utf-8") as manifest:
-            manifest.write(f"{json.dumps([name, digest])}\n")
+        with open(root / MANIFEST, "a+b") as manifest:
+            manifest.seek(0)
+            # without the part of a line that a killed process left
+            manifest.truncate(manifest.read().rfind(b"\n") + 1)
+            manifest.write(f"{json.dumps([name, digest])}\n".encode())
 
 
 def digest_of(path: Path) -> str:

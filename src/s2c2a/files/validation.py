@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from s2c2a.errors import MAX_NAME_LENGTH, nearest_name
+from s2c2a.errors import MAX_NAME_LENGTH, counted, nearest_name
 
 ONE = "one"
 EACH = "each"
@@ -57,7 +57,7 @@ def explained(
 
     Args:
         error: from pydantic.
-        heading: first line; {count} stands for the number of errors.
+        heading: first line; {faults} stands for their number.
         known: valid keys of the file, suggested for misspelled ones.
         hint: returns text to append to the line of an error.
     """
@@ -65,7 +65,7 @@ def explained(
     by_key: dict[str, list[Any]] = {}
     for fault in _without_consequences(error.errors(include_url=False)):
         by_key.setdefault(_key(fault), []).append(fault)
-    lines = [heading.replace("{count}", str(len(by_key)))]
+    lines = [heading.replace("{faults}", counted(len(by_key), "fault"))]
     for key, faults in list(by_key.items())[:MAX_ERRORS]:
         # a union type gives one error for each of its alternatives
         messages = dict.fromkeys(

@@ -5,9 +5,9 @@ Example:
     arm = load_arm("twin_arm")
     recipe = recipe_named("best")
     jobs = jobs_for(["circle", "tilt-50"], arm, ["s2c2a", "pcc"], range(3), recipe)
-    runs = run_all(jobs, cache)  # in this process, one after the other
+    runs = make_all(jobs, cache)  # in this process, one after the other
     with Processes() as executor:
-        runs = run_all(jobs, cache, executor)  # on every core, with the same scores
+        runs = make_all(jobs, cache, executor)  # on every core, with the same scores
     rows = score_rows("mine", runs)
 
 Any `concurrent.futures` executor works, also dask's `client.get_executor()`;
@@ -29,7 +29,6 @@ from s2c2a.jobs.execution import (
     in_groups,
     made,
     make_all,
-    run_all,
     try_all,
 )
 from s2c2a.jobs.job import SIMULATED_FAST, Conditions, Job, Run, checked_seeds, jobs_for

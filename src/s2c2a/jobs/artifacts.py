@@ -15,7 +15,7 @@ from s2c2a import strategies
 from s2c2a.arm import ArmSpec, arm_to_toml
 from s2c2a.data import CollectOptions, Recording, collect, load_recording
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError
+from s2c2a.errors import DamagedRecordingError, S2C2AError, StrategyError, counted
 from s2c2a.execution.cache import cache_folder
 from s2c2a.execution.progress import Progress
 from s2c2a.execution.sources import code_digest
@@ -160,7 +160,7 @@ class RecordingArtifact(Artifact[Recording]):
         options = self.options
         return (
             f"recording of {self.arm.name}, {options.babbling}, "
-            f"{options.episodes} episodes, seed {options.seed}"
+            f"{counted(options.episodes, 'episode')}, seed {options.seed}"
         )
 
 

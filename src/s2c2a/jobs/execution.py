@@ -71,10 +71,6 @@ def make_all(
     return [result for result in results if not isinstance(result, S2C2AError)]
 
 
-run_all = make_all
-"""`make_all` for jobs, which returns their runs."""
-
-
 def check_robots(jobs: Sequence[Job]) -> None:
     """Raise S2C2AError for a job whose robot is impossible."""
     distinct = {(id(job.arm), job.conditions): job for job in jobs}

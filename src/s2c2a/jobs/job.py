@@ -18,6 +18,7 @@ from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.evaluation.rollout import OnStep, ignore_step
 from s2c2a.execution import versions
 from s2c2a.execution.progress import Progress
+from s2c2a.files.text import MAX_SEED, is_seed
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, NetworksArtifact, digest_of
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import Driver, StepRecord
@@ -320,11 +321,12 @@ def checked_seeds(first: int, count: int) -> range:
     """Seeds from the first one.
 
     Raises:
-        S2C2AError: no seed, or a negative one.
+        S2C2AError: no seed, or one out of range.
     """
-    if count < 1 or first < 0:
+    if count < 1 or not is_seed(first) or not is_seed(first + count - 1):
         raise S2C2AError(
-            f"{count} seeds from {first} were given; give at least one, from 0 or above"
+            f"seeds from {first} on, {count} in all, were given; give at least one, of "
+            f"0 to {MAX_SEED}"
         )
     return range(first, first + count)
 

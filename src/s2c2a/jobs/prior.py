@@ -6,7 +6,7 @@ from s2c2a import strategies
 from s2c2a.arm import randomized_arm
 from s2c2a.arm.randomized import MAX_STRENGTH
 from s2c2a.data import CollectOptions
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.execution.progress import Progress
 from s2c2a.jobs.artifacts import Cache, Networks, RecordingArtifact, digest_of
 
@@ -42,9 +42,9 @@ class PriorNetworks(Networks):
         """
         if self.arms < 2 or not 0 < self.strength <= MAX_STRENGTH:
             raise S2C2AError(
-                f"a prior over {self.arms} arms of strength {self.strength:g} was asked "
-                f"for; give 2 arms or more and a strength above 0, to "
-                f"{MAX_STRENGTH:g}"
+                f"a prior over {counted(self.arms, 'arm')} of strength "
+                f"{self.strength:g} was asked for; give 2 arms or more and a strength "
+                f"above 0, to {MAX_STRENGTH:g}"
             )
 
     @property

@@ -100,6 +100,9 @@ def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
     aside = folder.with_name(f".{folder.name}.old-{os.getpid()}")
     try:
         folder.rename(aside)
+        if unlisted_files(aside):  # written meanwhile
+            aside.rename(folder)
+            raise OSError("something is written there now")
         shutil.rmtree(aside)
     except OSError as error:
         raise S2C2AError(

@@ -167,7 +167,8 @@ class Gate:
     ) -> None:
         """Serve on the first free port until `close`; reports port and event loop."""
         for port in range(self.port, self.port + TRIED_PORTS):
-            with suppress(OSError):
+            # OverflowError: there is no such port
+            with suppress(OSError, OverflowError):
                 async with server.serve(
                     self._relay,
                     self._host,
@@ -182,7 +183,9 @@ class Gate:
                     return
         last = self.port + TRIED_PORTS - 1
         opened.set_exception(
-            OSError(f"no free port from {self.port} to {last}; choose another --port")
+            OSError(
+                f"no free port from {self.port} to {last}; choose a --port to 65535"
+            )
         )
 
     async def _admit(

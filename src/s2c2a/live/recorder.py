@@ -9,7 +9,7 @@ from pathlib import Path
 from s2c2a.arm import save_arm
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import write_atomically
 from s2c2a.live.snapshot import Control, Snapshot
@@ -114,8 +114,8 @@ class _Writing:
         count = self._writer.count
         if self.error is not None:
             raise S2C2AError(
-                f"the recording in {self._directory} ended after {count} steps: "
-                f"{self.error}"
+                f"the recording in {self._directory} ended after "
+                f"{counted(count, 'step')}: {self.error}"
             )
         if count >= 2:
             return self._directory

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.errors import ReadingError
+from s2c2a.errors import ReadingError, counted
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation import describe_held_out_errors, describe_modal_model
 from s2c2a.kinematics import PCC
@@ -89,8 +89,8 @@ def _training_text(networks: TrainedNetworks, name: str) -> str:
         return describe_modal_model(networks)
     mean, std = networks.trained[name].percent
     return (
-        f"{name}: {len(networks.trained[name].curve)} epochs; error on held-out data "
-        f"{mean:.2f} ± {std:.2f} % of the full range"
+        f"{name}: {counted(len(networks.trained[name].curve), 'epoch')}; error on "
+        f"held-out data {mean:.2f} ± {std:.2f} % of the full range"
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
+from s2c2a.errors import counted
 from s2c2a.logs.assignment import can_bend, rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
@@ -95,10 +96,11 @@ def identify_cables(
     trials = list(_first_trials(observations, subset, start, log_map))
     if not trials:
         raise LogError(
-            f"{len(log_map.drives)} drives cannot form {log_map.arm.modules} modules: "
-            "each needs the same number of cables, two opposed ones or more without a "
-            f"gap of {MAX_GAP_DEG:.0f} deg; state module and positive of each drive in "
-            "the map (numbers of cables may then differ)"
+            f"{counted(len(log_map.drives), 'drive')} cannot form "
+            f"{counted(log_map.arm.modules, 'module')}: each needs the same number of "
+            f"cables, two opposed ones or more without a gap of {MAX_GAP_DEG:.0f} deg; "
+            "state module and positive of each drive in the map (numbers of cables may "
+            "then differ)"
         )
     trials.sort(key=lambda trial: trial[0].cost)
     fits = [_refit(subset, fit, TRIAL_ITERATIONS) for fit, _ in trials[:MAX_CANDIDATES]]

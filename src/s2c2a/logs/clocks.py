@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.errors import counted
 from s2c2a.logs.clock_fit import MIN_ROWS, ClockParameters, ClockProblem
 from s2c2a.logs.clock_search import search_clocks
 from s2c2a.logs.drive_features import MAX_FITTED, MAX_GRID, DriveFeatures
@@ -144,8 +145,9 @@ def estimate_clock(drives: TimedMotion, ends: TimedMotion) -> LogClock:
 def _check_motion(name: str, motion: TimedMotion) -> None:
     if len(motion.time) < MIN_ROWS:
         raise LogError(
-            f"{len(motion.time)} rows with time and values of all {name}; at least "
-            f"{MIN_ROWS} are needed to estimate the offset between the clocks; {ADVICE}"
+            f"{counted(len(motion.time), 'row')} with time and values of all {name}; "
+            f"at least {MIN_ROWS} are needed to estimate the offset between the "
+            f"clocks; {ADVICE}"
         )
     if not (np.ptp(motion.values, axis=0) > 0).any():
         raise LogError(

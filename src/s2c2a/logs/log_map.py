@@ -13,13 +13,13 @@ from pydantic import (
 )
 
 from s2c2a.arm.spec import MAX_MODULES, NAME, Number
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import parse_toml, read_text
 from s2c2a.files.validation import explained
 from s2c2a.logs.errors import LogError
 
 MAX_TEXT = 300
-HEADING = "{count} error(s) in the map (drives, ends, and modules count from 0)"
+HEADING = "{faults} in the map (drives, ends, and modules count from 0)"
 MAX_CABLES = 8 * MAX_MODULES
 Column = Annotated[str, Field(min_length=1, max_length=200)]
 Vector = tuple[Number, Number, Number]
@@ -190,7 +190,7 @@ class Join(MapTable):
             expected = self.files - fewer
             if values is not None and len(values) != expected:
                 raise ValueError(
-                    f"{len(values)} {name} for {self.files} files; give {expected}: "
+                    f"{len(values)} {name} for {counted(self.files, 'file')}; give {expected}: "
                     + ("one for each later file" if fewer else "one for each file")
                 )
         return self
@@ -333,7 +333,7 @@ class End(MapTable):
             )
         if self.euler and len(self.euler) != len(self.sequence or ""):
             raise ValueError(
-                f"euler has {len(self.euler)} columns for the sequence "
+                f"euler has {counted(len(self.euler), 'column')} for the sequence "
                 f'"{self.sequence}"; give one for each axis'
             )
         return self
@@ -342,8 +342,8 @@ class End(MapTable):
     def _check_plane(self):
         if self.axis is not None and len(self.axis) != len(self.position):
             raise ValueError(
-                f"axis has {len(self.axis)} columns and position {len(self.position)}; "
-                "give as many coordinates of both"
+                f"axis has {counted(len(self.axis), 'column')} and position "
+                f"{len(self.position)}; give as many coordinates of both"
             )
         along = self.along
         leaves = "z" in along if isinstance(along, str) else along[2] != 0
@@ -417,7 +417,7 @@ class KnownArm(MapTable):
     def _check_lengths(self):
         if self.lengths is not None and len(self.lengths) != self.modules:
             raise ValueError(
-                f"{len(self.lengths)} lengths for {self.modules} modules; "
+                f"{len(self.lengths)} lengths for {counted(self.modules, 'module')}; "
                 "give one for each module"
             )
         if self.lengths is not None and self.length is not None:
@@ -467,7 +467,7 @@ class LogMap(MapTable):
             values = getattr(self.rows, key)
             if isinstance(values, tuple) and len(values) != files:
                 raise ValueError(
-                    f"{key} has {len(values)} values for {files} joined file(s); "
+                    f"{key} has {len(values)} values for {counted(files, 'joined file')}; "
                     "give one for each, or a single value"
                 )
         return self

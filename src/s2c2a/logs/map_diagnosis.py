@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.logs.cable_model import states_in_log
 from s2c2a.logs.cable_search import Assignment, identify_cables
 from s2c2a.logs.errors import LogError
@@ -195,7 +195,7 @@ def _rows(takes: Sequence[LogTake], log_map: LogMap) -> _KnownRows:
     known = np.isfinite(columns).all(axis=1)
     known &= np.isfinite(states[..., 0]).all(axis=1)
     if known.sum() < STRETCHES:
-        raise LogError(f"{known.sum()} rows have drives and ends")
+        raise LogError(f"{counted(known.sum(), 'row')} with drives and ends")
     stretches = np.arange(known.sum()) * STRETCHES // known.sum()
     return _KnownRows(columns[known], states[known], stretches)
 

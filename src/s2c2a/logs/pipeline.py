@@ -12,7 +12,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import tilt_rotation
@@ -386,9 +386,9 @@ def _build_segments(read: list[LogTake], log_map: LogMap) -> Segments:
         segments += split_segments(take, log_map.rows, period)
     if not segments:
         raise LogError(
-            f"no episode is left of {sum(map(len, takes))} rows: nowhere do "
-            f"{log_map.rows.shortest} steps follow each other; give a longer log, or "
-            "check rows.longest_gap and rows.label"
+            f"no episode is left of {counted(sum(map(len, takes)), 'row')}: nowhere do "
+            f"{counted(log_map.rows.shortest, 'step')} follow each other; give a "
+            "longer log, or check rows.longest_gap and rows.label"
         )
     rows = sum(len(take) for take in takes)
     broken_rows = sum(take.broken_rows for take in takes)
@@ -401,7 +401,7 @@ def _read_takes(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[Log
     count = log_map.join.files if log_map.join else 1
     if not paths or len(paths) % count:
         raise LogError(
-            f"{len(paths)} files are given, and the map joins {count} to a take; "
+            f"{counted(len(paths), 'file')} given, and the map joins {count} to a take; "
             "give a multiple of that"
         )
     tables = [

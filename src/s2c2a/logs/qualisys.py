@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator
 from itertools import chain
 
+from s2c2a.errors import counted
 from s2c2a.files.tables import parse_number, split_rows
 from s2c2a.logs.capture_export import CaptureExport
 from s2c2a.logs.errors import LogError
@@ -93,8 +94,9 @@ def _names(
                 names += [f"{body}.{part}" for part in parts]
             return names, leading < 2
     raise LogError(
-        f"{path} has {len(row)} columns, and its header names {len(named)} bodies or "
-        f"markers of {len(parts)} columns each; export them again, with header"
+        f"{path} has {counted(len(row), 'column')}, and its header names {len(named)} "
+        f"bodies or markers of {counted(len(parts), 'column')} each; export them "
+        "again, with header"
     )
 
 

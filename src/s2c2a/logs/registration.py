@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from s2c2a.errors import counted
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.take import unit_vector
@@ -101,7 +102,7 @@ def _find_z(positions: np.ndarray, log_map: LogMap) -> np.ndarray:
     if known.sum() < MIN_ROWS:
         raise LogError(
             f"the end of module {max(log_map.end_modules)} is measured in "
-            f"{known.sum()} rows; at least {MIN_ROWS} are needed"
+            f"{counted(known.sum(), 'row')}; at least {MIN_ROWS} are needed"
         )
     if log_map.frame.along is not None:
         return unit_vector(log_map.frame.along)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from s2c2a.errors import counted
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate
 from s2c2a.logs.log_map import Rows
@@ -50,8 +51,8 @@ def split_segments(take: LogTake, rows: Rows, period: float) -> list[LogTake]:
         row = falls[0]
         raise LogError(
             f"times fall from {times[row]:.6g} to {times[row + 1]:.6g} s after "
-            f"{row + 1} valid rows; sort the rows, or split the file where the clock "
-            "was set back"
+            f"{counted(row + 1, 'valid row')}; sort the rows, or split the file where "
+            "the clock was set back"
         )
     # of rows with the same time, the first counts
     kept = kept[np.diff(take.time[kept], prepend=-np.inf) > 0]

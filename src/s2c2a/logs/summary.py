@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from s2c2a.errors import counted
 from s2c2a.logs.command_range import describe_range
 from s2c2a.logs.map_diagnosis import MOST, rms_motion
 from s2c2a.logs.pipeline import Imported, ImportedTake
@@ -115,9 +116,10 @@ def _describe_offset(similar: SimilarRows, actuation: str) -> str:
     distance = 1e3 * np.median(np.linalg.norm(similar.displacement, axis=-1))
     offset = _vector(1e3 * np.median(similar.displacement, axis=0), 1)
     return (
-        f"offset of the tip: in the {count} steps with the most similar cables, within "
-        f"{cables:.2g} {unit} (median), the tip is {distance:.1f} mm from where it was "
-        f"then (median; {offset} mm in the base frame), with vibration and hysteresis"
+        f"offset of the tip: in the {counted(count, 'step')} with the most similar "
+        f"cables, within {cables:.2g} {unit} (median), the tip is {distance:.1f} mm "
+        f"from where it was then (median; {offset} mm in the base frame), with "
+        "vibration and hysteresis"
     )
 
 
@@ -131,7 +133,7 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
     broken = ""
     read = imported.segments
     if read.broken_rows:
-        broken = f"; {read.broken_rows} unreadable rows are gaps"
+        broken = f"; {counted(read.broken_rows, 'unreadable row')} left as gaps"
     states = np.concatenate([each.sensor("states") for each in imported.episodes])
     known = np.isfinite(states)
     ends = []
@@ -144,8 +146,8 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
                 f"its axis in {100 * axis:.1f} %"
             )
     lines = [
-        f"{len(lengths)} episodes of {steps} steps, {sum(lengths)} in all, from "
-        f"{read.rows} rows{broken}",
+        f"{counted(len(lengths), 'episode')} of {steps} steps, "
+        f"{sum(lengths)} in all, from {counted(read.rows, 'row')}{broken}",
         f"measured: {'; '.join(ends)}",
     ]
     for number, clocks in enumerate(read.clocks, 1):

@@ -7,6 +7,7 @@ from functools import reduce
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.errors import counted
 from s2c2a.files.tables import METERS
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
@@ -122,7 +123,7 @@ def _select_rows(table: Table, log_map: LogMap) -> Table:
     selected = table.select(np.arange(len(table))[begin:end])
     if len(selected) < 2:
         raise LogError(
-            f"{table.path} has {len(selected)} rows from row {begin} on; "
+            f"{table.path} has {counted(len(selected), 'row')} from row {begin} on; "
             "at least two are needed"
         )
     return selected
@@ -269,8 +270,8 @@ def _check_rotations(
         matrix = matrices[wrong[0]].round(3).tolist()
         raise LogError(
             f"{table.path}: the matrix '{columns[0]}', ... is no rotation in "
-            f"{len(wrong)} rows, such as {matrix} in row {wrong[0]}; name its nine "
-            "columns row by row, of unit vectors of a right-handed frame"
+            f"{counted(len(wrong), 'row')}, such as {matrix} in row {wrong[0]}; name "
+            "its nine columns row by row, of unit vectors of a right-handed frame"
         )
 
 

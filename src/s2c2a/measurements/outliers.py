@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm.tracking import MOUNTING, STRETCH
+from s2c2a.errors import counted
 from s2c2a.measurements.frozen_ends import MIN_ROWS, find_frozen
 
 MAX_SHARE = 0.2
@@ -113,14 +114,8 @@ class Outliers:
             "impossible length": self.lengths.sum(),
         }
         return ", ".join(
-            _count(int(count), kind) for kind, count in counts.items() if count
+            counted(count, kind) for kind, count in counts.items() if count
         )
-
-
-def _count(count: int, kind: str) -> str:
-    """Number and noun, such as "3 swapped bodies"."""
-    plural = kind.removesuffix("y") + "ies" if kind.endswith("y") else kind + "s"
-    return f"{count} {kind if count == 1 else plural}"
 
 
 def find_outliers(

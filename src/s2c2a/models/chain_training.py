@@ -354,7 +354,7 @@ def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:
 
     hysteresis = replace(
         model.hysteresis,
-        play_weights=for_all_cables(np.log(np.expm1(positive))),
+        play_weights=for_all_cables(positive + np.log(-np.expm1(-positive))),
         delay_weights=for_all_cables(weights[:, plays:creep]),
         creep=Viscoelasticity.from_weights(for_all_cables(weights[:, creep:])),
     )

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.models.forward_model import ForwardModel, along_episode
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
@@ -108,8 +108,8 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     last = (order > 1.0 - FITTED)[..., None]
     if not (seen[first[..., 0]].any() and seen[last[..., 0]].any()):
         raise RecordingError(
-            f"the tip was seen in {seen.sum()} samples of this recording, too few to fit "
-            "and to judge; turn on the tracking (--tracking), and move for 50 s"
+            f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, "
+            "too few to fit and to judge; turn on the tracking (--tracking), and move for 50 s"
         )
     none = DayChange.none(data.arm.module_count)
     before = fit.tip_error(none, first | last)

@@ -17,7 +17,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError
 from s2c2a.estimation import ModalFactors
 from s2c2a.execution.compilation import compiled
-from s2c2a.execution.executors import all_cores
+from s2c2a.execution.executors import all_cores, validated_worker_count
 from s2c2a.goals import Goal
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
@@ -53,15 +53,12 @@ class BatchPlanner:
             factors: of the arm's stiffness and damping; nominal ones by default.
 
         Raises:
-            TargetError: the chunk or the number of threads is below one.
+            S2C2AError: the chunk or the number of threads is below one.
         """
-        if chunk < 1 or (threads is not None and threads < 1):
-            raise TargetError(
-                f"chunks of {chunk} on {threads} threads were requested; "
-                "give at least 1 of each"
-            )
+        if chunk < 1:
+            raise TargetError(f"chunks of {chunk} were requested; give at least 1")
         self._chunk = chunk
-        self._threads = threads or all_cores()
+        self._threads = validated_worker_count(threads, all_cores)
         step = Step.of(arm, model, options, factors)
         self._start = compiled(_vectorize, Step.started, step)
         self._next = compiled(_vectorize, Step.next_plan, step)

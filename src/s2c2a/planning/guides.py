@@ -62,10 +62,12 @@ class Leader(ABC):
         verdict: why no way leads to the goal, as far as it knows; None without a reason.
         waits: whether `lead` waits for a search that takes long; a simulation does, so
             that its results do not depend on the computer.
+        margin: distance that the way keeps from obstacles where there is room [m].
     """
 
     verdict: Outcome | None = None
     waits = True
+    margin = 0.0
 
     @abstractmethod
     def lead(self, bends: Shape, goal: Goal, outcome: Outcome) -> Lead | None:
@@ -150,7 +152,7 @@ class WayLeader(Leader):
         self._options = options
         self._patience = round(SEARCH_TIME * arm.control_rate)
         self._length = arm.length
-        self._margin = options.margin * arm.length
+        self.margin = options.margin * arm.length
         self._nearly = SIGNIFICANT * arm.length
         self._map: Roadmap | None = None
         self._worker = ThreadPoolExecutor(1, "ways")
@@ -240,8 +242,8 @@ class WayLeader(Leader):
         """See `Search.result`; runs in the worker."""
         if self._map is None:
             self._map = Roadmap(*self._parts)
-        least = CLOSEST * self._margin
-        way = self._map.find(bends, goal, least, self._margin)
+        least = CLOSEST * self.margin
+        way = self._map.find(bends, goal, least, self.margin)
         longest = self._options.longest * self._length
         return way if way and way.length <= longest else None
 
@@ -260,7 +262,7 @@ class WayLeader(Leader):
         self.verdict = self._verdict_on(way)
         if self._way is None:
             self._speed = 0.0
-        is_open = way is not None and way.is_straight and way.room.min() > self._margin
+        is_open = way is not None and way.is_straight and way.room.min() > self.margin
         self._way = None if is_open and not (is_led or self._is_blocked) else way
         self._progress = 0.0
 

@@ -420,6 +420,8 @@ class Planner:
         self.step = step = Step.of(arm, model, options, factors)
         _, _, guides = options.build()
         self._leaders = [guide.leader(arm, model, options.guard) for guide in guides]
+        # distance of the tip from obstacles [m] that ways around them keep
+        self.margin = max((leader.margin for leader in self._leaders), default=0.0)
         self._no_lead = Lead.none(arm.module_count)
         self._start = compiled(Step.started, step)
         self._next = compiled(Step.next_plan, step)

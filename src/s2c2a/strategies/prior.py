@@ -8,7 +8,7 @@ import jax
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
-from s2c2a.errors import StrategyError
+from s2c2a.errors import StrategyError, counted
 from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.models.prior import pooled
 from s2c2a.strategies.options import NetworkProgress
@@ -16,6 +16,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.s2c2a import training_data
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import TrainingData
+from s2c2a.training.fit import random_key
 
 
 def pretrain_s2c2a(
@@ -43,17 +44,17 @@ def pretrain_s2c2a(
         StrategyError: an arm has another number of modules.
         TrainingError: the forward model has no prior, or training failed.
     """
+    c2s_key, c2a_key = jax.random.split(random_key(seed))
     seen_arm = recipe.seen_arm(arm)
     arms = []
     for recording in recordings:
         recorded = recording.arm
         if recorded.module_count != arm.module_count:
             raise StrategyError(
-                f"'{recorded.name}' has {recorded.module_count} modules and '{arm.name}' "
-                f"{arm.module_count}; record randomized variants of '{arm.name}'"
+                f"'{recorded.name}' has {counted(recorded.module_count, 'module')} and "
+                f"'{arm.name}' {arm.module_count}; record randomized variants of '{arm.name}'"
             )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
-    c2s_key, c2a_key = jax.random.split(jax.random.key(seed))
     c2s_progress = partial(progress, "C2S")
     c2a_progress = partial(progress, "C2A")
     prior = recipe.c2s.pretrain(arms, recipe.c2s_fit, c2s_key, c2s_progress)

@@ -47,7 +47,7 @@ from s2c2a.plugins.discovery import trust_code_in
 from s2c2a.training.fit import FitOptions
 
 ENDING = ".toml"
-HEADING = "{count} fault(s) in the recipe"
+HEADING = "{faults} in the recipe"
 HINT = " (with a line such as based_on = 'best', a file need not be complete)"
 TAGS = {"name", "model"}
 """Keys that say of which class a table is."""

@@ -32,6 +32,7 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import Trained, TrainingData
+from s2c2a.training.fit import random_key
 
 WEIGHTS = resources.files("s2c2a.strategies").joinpath("weights")
 COMMON_MOTION = 0.05
@@ -121,8 +122,8 @@ def train_s2c2a(
             recipe.
         TrainingError: too few samples, or the loss is not finite.
     """
+    key = random_key(seed)
     data = training_data(recording, recipe)
-    key = jax.random.key(seed)
     c2s_key, c2a_key = jax.random.split(key)
     sensor_key = jax.random.fold_in(key, SENSOR_KEY)
 

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from s2c2a.data import Recording
-from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.errors import RecordingError, StrategyError, counted
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.files.text import LARGEST
 from s2c2a.models.forward_model import ForwardModel
@@ -198,8 +198,8 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
     change = session.change
     if {len(change.offsets), len(change.slack), len(change.gains)} != {modules}:
         raise StrategyError(
-            f"the session has not the {modules} modules of '{networks.arm.name}'; "
-            f"{MAKE_ONE}"
+            f"the session has not the {counted(modules, 'module')} of "
+            f"'{networks.arm.name}'; {MAKE_ONE}"
         )
     model = SessionC2S.of(_model(networks), session.change.change())
     corrected = replace(networks.trained["C2S"], network=model)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.errors import TargetError
+from s2c2a.errors import TargetError, counted
 from s2c2a.execution.child import ChildError, arrays_of_child
 
 RESOLUTION = 32  # voxels along the longest edge; chosen: a sphere of them takes 0.3 s
@@ -60,7 +60,9 @@ def covering_spheres(file: Path, most: int) -> Cover:
         low, high = (middle, high) if found is None else (low, middle)
         best = best if found is None else found
     if best is None:
-        raise TargetError(f"{file} cannot be covered by {most} spheres; allow more")
+        raise TargetError(
+            f"{file} cannot be covered by {counted(most, 'sphere')}; allow more"
+        )
     return Cover(best, high + pitch, edges)
 
 

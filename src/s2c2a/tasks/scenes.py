@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between
-from s2c2a.errors import S2C2AError, TargetError
+from s2c2a.errors import S2C2AError, TargetError, counted
 from s2c2a.files.text import (
     check_replaceable,
     parse_toml,
@@ -277,8 +277,8 @@ class Scene(Frozen):
         for solid in self.obstacles:
             if isinstance(solid, Mesh):
                 yield (
-                    f"{solid} is covered by {len(solid.rows())} spheres, which "
-                    f"stand out by up to {1000 * solid.excess:.0f} mm"
+                    f"{solid} is covered by {counted(len(solid.rows()), 'sphere')}, "
+                    f"up to {1000 * solid.excess:.0f} mm beyond it"
                 )
 
     def beside(self, goals: Sequence[Goal], period: float) -> list[Goal]:
@@ -435,4 +435,4 @@ KINDS = Sphere, Capsule, Cylinder, Box, HalfSpace, Mesh
 KEYS = tuple(
     dict.fromkeys(name for table in (Scene, *KINDS) for name in table.model_fields)
 )
-HEADING = "{count} fault(s) in the scene (obstacles count from 0)"
+HEADING = "{faults} in the scene (obstacles count from 0)"

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.errors import TargetError
+from s2c2a.errors import TargetError, counted
 from s2c2a.files.tables import parse_rows, read_any_text
 from s2c2a.spaces import CENTER_LINE_POINTS
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
@@ -146,8 +146,8 @@ def _at(curve: Curve, lengths: Float[np.ndarray, " ends"]) -> np.ndarray:
 def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
     if len(points) < 3:
         raise TargetError(
-            f"the curve '{name}' has {len(points)} points; give at least three, from "
-            "base to tip, better one every few centimeters"
+            f"the curve '{name}' has {counted(len(points), 'point')}; give at least "
+            "three, from base to tip, better one every few centimeters"
         )
     largest = np.abs(points).max()
     if not largest <= MAX_DISTANCE * arm.length:

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal, preview_stride, previewed
-from s2c2a.planning import Detour
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
@@ -83,14 +82,19 @@ class Task:
         ]
         return replace(self, goals=tuple(goals))
 
-    def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
-        """The goals as the arm gets them, with those ahead if it knows them."""
+    def shown_goals(self, arm: ArmSpec, margin: float = 0.0) -> Iterable[Goal]:
+        """The goals as the arm gets them, with those ahead if it knows them.
+
+        Args:
+            arm: that moves.
+            margin: distance of its tip from obstacles [m], where there is room.
+        """
         turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
         shown = previewed(
             self.goals,
             arm.control_period,
             turn * arm.length,
-            Detour.margin * arm.length + arm.modules[-1].radius,
+            margin + arm.modules[-1].radius,
         )
         return shown if self.foreseen else self.goals
 

@@ -16,9 +16,9 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TrainingError
+from s2c2a.errors import TrainingError, counted
 from s2c2a.execution.compilation import compiled
-from s2c2a.files.text import MAX_COUNT
+from s2c2a.files.text import MAX_COUNT, MAX_SEED, is_seed
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
 from s2c2a.plugins.components import Options, Ranges
 
@@ -27,6 +27,17 @@ Network = TypeVar("Network", bound=eqx.Module)
 Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
 TrainingProgress = Callable[[int, int, float], None]
 """Callback with the epoch, the largest number of epochs, and the validation loss."""
+
+
+def random_key(seed: int) -> PRNGKeyArray:
+    """Key of everything random in a training.
+
+    Raises:
+        TrainingError: the seed is out of range.
+    """
+    if not is_seed(seed):
+        raise TrainingError(f"seed {seed} was given; give one from 0 to {MAX_SEED}")
+    return jax.random.key(seed)
 
 
 def quiet(epoch: int, max_epochs: int, loss: float) -> None:
@@ -118,7 +129,7 @@ def fit(
     samples = len(next(iter(training.values())))
     if samples < options.batch_size:
         raise TrainingError(
-            f"{samples} training samples are fewer than one batch of "
+            f"{counted(samples, 'training sample')}, fewer than one batch of "
             f"{options.batch_size}; collect more"
         )
     weights, rest = eqx.partition(network, eqx.is_inexact_array)
@@ -146,7 +157,7 @@ def fit(
         curve.extend(np.asarray(rows))
         if not np.isfinite(curve[-1]).all():
             raise TrainingError(
-                f"the loss is not finite after {len(curve)} epochs; "
+                f"the loss is not finite after {counted(len(curve), 'epoch')}; "
                 "lower the learning rate or check the data"
             )
         since_best = len(curve) - 1 - int(np.argmin([row[1] for row in curve]))

@@ -103,7 +103,7 @@ def _coverage(coverage: Coverage, columns: int) -> Figure:
 def _reached_text(coverage: Coverage) -> str:
     """Shares of configurations and workspace that are reached, with their definitions."""
     text = (
-        f"{coverage.arm.name}, {len(coverage.bends):,} samples; darker: more (log). "
+        f"{coverage.arm.name}, samples: {len(coverage.bends):,}; darker: more (log). "
         f"Reached: {_percent(coverage.reached_bends())} of random configurations within "
         "the limits of plans (a sample bends every module alike, within "
         f"{_percent(NEAR_BEND)} of its limit)"

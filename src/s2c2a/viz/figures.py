@@ -127,7 +127,7 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     shown = states[:: -(-len(states) // MAX_SAMPLES)]
     figure = new_figure(11.0, 5.6)
     grid = figure.add_gridspec(1, 2)
-    titles = {SIDE: f"from the side, {len(states):,} samples", ABOVE: "from above"}
+    titles = {SIDE: f"from the side, samples: {len(states):,}", ABOVE: "from above"}
     for column, (view, title) in enumerate(titles.items()):
         place = grid[column]
         axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.obstacles import THRESHOLD, rows_of
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import Goals, Obstacles, Points, Series
@@ -248,6 +248,7 @@ def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
         count = trace.episode.arm.module_count
         if count != arm.module_count:
             raise S2C2AError(
-                f"trace '{trace.label}' has {count} modules and arm '{arm.name}' has "
-                f"{arm.module_count}; draw it with the arm that it was recorded on"
+                f"trace '{trace.label}' has {counted(count, 'module')} and arm "
+                f"'{arm.name}' has {arm.module_count}; draw it with the arm that it "
+                "was recorded on"
             )

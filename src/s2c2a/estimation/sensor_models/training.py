@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.backlash import play
-from s2c2a.errors import TrainingError
+from s2c2a.errors import TrainingError, counted
 from s2c2a.estimation.sensor_models.learned import SensorErrors, SensorNetwork
 from s2c2a.files.text import LARGEST
 from s2c2a.models.layers import Scaling
@@ -122,7 +122,7 @@ def train_sensor(
     held_out, seen = _held_out_and_seen(samples.step)
     if not held_out.any() or seen.sum() < FIT.batch_size:
         raise TrainingError(
-            f"{len(samples.step)} samples of a sensor are too few to learn from; "
+            f"{counted(len(samples.step), 'sample')} of a sensor cannot be learned from; "
             "collect more"
         )
     network_key, fit_key = jax.random.split(key)

@@ -13,7 +13,7 @@ from mujoco.rollout import Rollout
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import ActionError, S2C2AError, did_you_mean
-from s2c2a.execution.executors import all_cores
+from s2c2a.execution.executors import all_cores, validated_worker_count
 from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
 from s2c2a.integrations.environments.spaces import Controls, observe
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES
@@ -98,7 +98,7 @@ class SimulationBatch:
             raise S2C2AError(f"{self.arm.name} has no cables that bend it")
         get_fidelity(fidelity)
         self._robots: dict[int, SimulatedRobot] = {}
-        threads = min(threads or all_cores(), count)
+        threads = min(validated_worker_count(threads, all_cores), count)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._rollout = Rollout(nthread=threads if threads > 1 else 0)
         self._groups: dict[tuple[int, ...], Lockstep] = {}

@@ -23,7 +23,7 @@ from s2c2a.cli.export_table import (
     units_of,
 )
 from s2c2a.episodes import Episode, load_episodes
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.integrations.exports.folders import new_folder, write_map
 from s2c2a.integrations.extras import needs_extra
 
@@ -101,7 +101,7 @@ def write_lerobot(file: Path, out: Path) -> str:
             (meta / f"{name}.json").write_text(text, encoding="utf-8")
     text = import_map(episodes, table, bool(options.get("at_rest")))
     write_map(text, names, out.with_name(f"{out.name}.map.toml"))
-    return f"{len(episodes)} episodes"
+    return counted(len(episodes), "episode")
 
 
 def _features(

@@ -7,6 +7,7 @@ from typing import Any
 from s2c2a.arm import arm_to_toml
 from s2c2a.cli.export_table import import_map, table_of, units_of
 from s2c2a.episodes import load_episodes
+from s2c2a.errors import counted
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.integrations.exports.folders import write_map
 from s2c2a.integrations.extras import needs_extra
@@ -53,7 +54,7 @@ def write_mcap(file: Path, out: Path) -> str:
     write_map(text, names, Path(f"{out}.map.toml"), topic=STEP)
     layout = json.dumps(layout_of(arm.module_count), indent=2)
     write_atomically(layout, Path(f"{out}.layout.json"))
-    return f"{len(episodes)} episodes"
+    return counted(len(episodes), "episode")
 
 
 def layout_of(modules: int) -> dict[str, Any]:

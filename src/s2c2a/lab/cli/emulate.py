@@ -11,7 +11,7 @@ from tyro.extras import SubcommandApp
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, FidelityName, OptionalPath
 from s2c2a.cli.dependent_options import beside, effective
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.motive import MotiveOptions
@@ -129,7 +129,7 @@ def servos(
     emulator = Emulator(load_arm(arm), options)
     _stop_at_signals(emulator)
     count = len(emulator.servos)
-    emulator.run(lambda port: print(f"{count} servos: {port}", flush=True))
+    emulator.run(lambda port: print(f"{counted(count, 'servo')}: {port}", flush=True))
 
 
 @app.command

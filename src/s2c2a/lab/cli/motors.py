@@ -13,7 +13,7 @@ from tyro.extras import SubcommandApp
 from s2c2a.arm import ArmSpec, Servos, load_arm, servos_of
 from s2c2a.cli.console import Arm, OptionalPath, print_table, progress_bar
 from s2c2a.cli.emergency import stop_on_key
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import check_replaceable
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ def check(
             "(UTC), their homes no longer fit: home again "
             "(`s2c2a motors home --overwrite`)"
         )
-    print(f"all {len(faults)} cables move as they should")
+    print(f"all {counted(len(faults), 'cable')} move as they should")
 
 
 @app.command
@@ -282,7 +282,7 @@ def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
     ids = _ids_of(spec)
     with _bus(spec, port) as bus, _named_absence(bus, spec, ids):
         bus.set_torque(ids, on=False)
-    print(f"the torque of {len(ids)} servos is off")
+    print(f"the torque of {counted(len(ids), 'servo')} is off")
 
 
 @app.command
@@ -309,8 +309,8 @@ def timing(
 
     if not (1 <= rate <= 1000 and 1 <= cycles <= 1_000_000):
         raise S2C2AError(
-            f"{cycles} cycles at {rate:g} Hz were given; choose 1 to 1000 Hz and 1 to "
-            "1000000 cycles"
+            f"{counted(cycles, 'cycle')} at {rate:g} Hz were given; choose 1 to 1000 "
+            "Hz and 1 to 1000000 cycles"
         )
     spec = load_arm(arm)
     servos = servos_of(spec)

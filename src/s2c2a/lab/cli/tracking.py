@@ -9,7 +9,7 @@ from tyro.extras import SubcommandApp
 from s2c2a.arm import load_arm
 from s2c2a.cli.console import Arm, OptionalNumber, OptionalPath, progress_bar
 from s2c2a.cli.dependent_options import effective
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.lab.cli.tracking_calibration import frames, latency
 
 if TYPE_CHECKING:
@@ -64,7 +64,9 @@ def print_tags(
     for path in print_tags(tags, out, paper, side):
         print(f"tags: {path}")
     save_layout(tags, layout)
-    print(f"layout: {layout}; collars of {1000 * side:g} mm, {len(tags.tags)} tags")
+    print(
+        f"layout: {layout}; collars of {1000 * side:g} mm, {counted(len(tags.tags), 'tag')}"
+    )
 
 
 def _check_length(millimeters: float, name: str) -> None:
@@ -149,7 +151,7 @@ def calibrate_camera(
         with progress_bar() as progress:
             camera = calibrate_source(source, board, views, resolution, progress)
     save_camera(camera, out)
-    print(f"camera: {out}; {camera.views} views")
+    print(f"camera: {out}; {counted(camera.views, 'view')}")
     print(f"field of view: {camera.field_of_view:.1f} deg (horizontal)")
     verdict = "good" if camera.rms <= GOOD_RMS else "usable; better pictures help"
     print(f"rms error: {camera.rms:.2f} pixels, {verdict} (good: at most {GOOD_RMS})")

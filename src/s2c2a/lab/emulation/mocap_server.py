@@ -125,7 +125,7 @@ def bound_socket(kind: socket.SocketKind, host: str, port: int) -> socket.socket
         opened.bind((host, port))
         if is_stream:
             opened.listen()
-    except OSError as error:
+    except (OSError, OverflowError) as error:  # the latter: there is no such port
         opened.close()
         raise S2C2AError(
             f"cannot listen on {'TCP' if is_stream else 'UDP'} {host}:{port}: {error}; "

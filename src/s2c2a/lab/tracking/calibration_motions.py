@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.spec import counts_of
-from s2c2a.errors import RobotError
+from s2c2a.errors import RobotError, counted
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
     FrameResidual,
@@ -206,7 +206,7 @@ def play_motion(
                 pass
     if player.late:
         warnings.warn(
-            f"{player.late} readings took longer than {1000 / COMMAND_RATE:g} ms and are "
+            f"{counted(player.late, 'reading')} of more than {1000 / COMMAND_RATE:g} ms "
             "left out; close other programs of this computer if there are many",
             stacklevel=1,
         )
@@ -390,7 +390,7 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
     if len(poses) < MIN_HELD_FRAMES:
         known = sorted({body for frame in frames for body in frame.poses})
         raise TrackingError(
-            f"'{name}' was tracked in {len(poses)} frames of a held bend; "
+            f"'{name}' was tracked in {counted(len(poses), 'frame')} of a held bend; "
             f"{MIN_HELD_FRAMES} are needed. The tracker sees {', '.join(known) or 'none'}"
         )
     return mean_pose(poses)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.errors import counted
 from s2c2a.lab.tracking.delayed_response import Motion, SearchRanges, identify_response
 from s2c2a.lab.tracking.poses import TrackingError
 
@@ -87,8 +88,8 @@ def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
     # index of the module that moves most
     if len(record.times) < MIN_FRAMES or not np.isfinite(record.cables).all():
         raise LatencyError(
-            f"{len(record.times)} servo readings, or missing ones among them; give at "
-            f"least {MIN_FRAMES} complete readings"
+            f"{counted(len(record.times), 'servo reading')}, or missing ones among "
+            f"them; give at least {MIN_FRAMES} complete readings"
         )
     deviations = np.linalg.norm(
         ArmGeometry.of(arm).commanded_bends(record.cables).std(axis=0), axis=-1
@@ -158,8 +159,8 @@ def _outputs(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     kept = inside & np.isfinite(positions).all(axis=1)
     if kept.sum() < MIN_FRAMES:
         raise LatencyError(
-            f"{kept.sum()} frames with all module ends arrived during the motion; at "
-            f"least {MIN_FRAMES} are needed. Check the tracker and its view"
+            f"{counted(kept.sum(), 'frame')} with all module ends arrived during the "
+            f"motion; at least {MIN_FRAMES} are needed. Check the tracker and its view"
         )
     outputs = positions[kept]
     moving = outputs.std(axis=0) > MIN_RESPONSE

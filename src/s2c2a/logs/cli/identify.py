@@ -16,7 +16,7 @@ from s2c2a.cli.console import (
     progress_bar,
 )
 from s2c2a.cli.execution import make_executor
-from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.errors import ArmError, S2C2AError, counted
 from s2c2a.files.text import check_replaceable, write_atomically
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def identify(
 
 def _layout(arm: ArmSpec) -> str:
     return (
-        f"driven by {arm.actuation}, {arm.module_count} modules of "
-        f"{arm.cable_count} cables"
+        f"driven by {arm.actuation}, {counted(arm.module_count, 'module')} of "
+        f"{counted(arm.cable_count, 'cable')}"
     )
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.errors import counted
 from s2c2a.lab.tracking.tags.camera import DISTORTIONS, Board, CameraError, CameraModel
 from s2c2a.lab.tracking.tags.opencv import cv2
 
@@ -153,9 +154,9 @@ def calibrate(images: Sequence[np.ndarray], board: Board | None = None) -> Camer
     shown = sum(view is not None for view in found)
     if len(views) < MIN_VIEWS:
         raise CameraError(
-            f"{len(images)} pictures: {shown} show the board, {len(views)} of them in "
-            f"different places; take at least {MIN_VIEWS}: near, far, tilted, in the "
-            "corners of the picture"
+            f"{counted(len(images), 'picture')}: {shown} show the board, {len(views)} "
+            f"of them in different places; take at least {MIN_VIEWS}: near, far, "
+            "tilted, in the corners of the picture"
         )
     return calibrate_views(views, width, height, board)
 

@@ -135,7 +135,7 @@ def _load_yaml(path: str | os.PathLike) -> CameraModel:
     try:
         return CameraModel.model_validate(yaml_cameras.camera_values(text))
     except ValidationError as error:
-        heading = f"{path}: {{count}} fault(s) in the calibration; {ADVICE}"
+        heading = f"{path}: {{faults}} in the calibration; {ADVICE}"
         raise CameraError(
             explained(error, heading, CameraModel.model_fields)
         ) from error

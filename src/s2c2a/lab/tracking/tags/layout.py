@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from s2c2a.errors import did_you_mean
+from s2c2a.errors import counted, did_you_mean
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
 
@@ -130,7 +130,7 @@ class TagLayout(BaseModel):
         """
         if not 1 <= modules <= MAX_MODULES:
             raise LayoutError(
-                f"{modules} modules; collars have ids for 1 to {MAX_MODULES}"
+                f"{counted(modules, 'module')}; collars have ids for 1 to {MAX_MODULES}"
             )
         if not SHEET * size <= 2 * half_width * (1 + 1e-9):
             raise LayoutError(

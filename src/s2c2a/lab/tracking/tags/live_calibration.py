@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from s2c2a.errors import counted
 from s2c2a.execution.progress import Progress
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.tags.calibration import (
@@ -41,8 +42,8 @@ def calibrate_folder(folder: Path, board: Board) -> CameraModel:
     )
     if not paths or len(paths) > MAX_PICTURES:
         raise CameraError(
-            f"{folder} has {len(paths)} pictures ({', '.join(_PICTURES)}); give "
-            f"{MIN_VIEWS} to {MAX_PICTURES}"
+            f"{folder} has {counted(len(paths), 'picture')} ({', '.join(_PICTURES)}); "
+            f"give {MIN_VIEWS} to {MAX_PICTURES}"
         )
     return calibrate(read_pictures(paths), board)
 
@@ -103,7 +104,7 @@ def calibrate_source(
             camera is lost, or the views do not determine the camera.
     """
     if not MIN_VIEWS <= count <= MAX_VIEWS:
-        raise CameraError(f"{count} views; take {MIN_VIEWS} to {MAX_VIEWS}")
+        raise CameraError(f"{counted(count, 'view')}; take {MIN_VIEWS} to {MAX_VIEWS}")
     source = open_device(device, *resolution)
     try:
         views, (height, width) = take_views(source, board, count, progress)
