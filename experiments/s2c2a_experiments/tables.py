@@ -67,7 +67,7 @@ class Block:
     arm: Callable[[], ArmSpec]
     tasks: tuple[str, ...]
     strategies: tuple[str, ...] = ("s2c2a",)
-    conditions: jobs.Conditions = jobs.SIMULATED_FAST
+    conditions: jobs.Conditions = jobs.Conditions()  # noqa: RUF009  # frozen
     label: str = ""
 
     def make_jobs(self, seeds: Sequence[int], recipe: Recipe) -> list[jobs.Job]:

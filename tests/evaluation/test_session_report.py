@@ -9,10 +9,7 @@ from s2c2a.episodes import Episode
 from s2c2a.evaluation import (
     DisagreementWatch,
     describe_disagreement,
-    describe_session,
 )
-from s2c2a.models.session import DayChange
-from s2c2a.models.session_fit import DayPosterior, SessionFit
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
 
@@ -106,13 +103,3 @@ def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
     assert describe_disagreement(Episode(arm, columns)) == ""
     columns["sensor.camera_positions"] = pictures + 2.0 * STD
     assert "`s2c2a session`" in describe_disagreement(Episode(arm, columns))
-
-
-@pytest.mark.parametrize(("after", "is_said"), [(0.004, False), (0.006, True)])
-def test_the_report_says_if_the_larger_part_of_an_error_is_unexplained(after, is_said):
-    change = DayChange.none(3)
-    covariance = 1e-6 * np.eye(18)
-    explained = {"frame": 0.004, "homing": 0.0, "stiffness": 0.0}
-    fit = SessionFit(DayPosterior(change, covariance), 0.01, after, explained)
-    text = "\n".join(describe_session(fit, TWIN))
-    assert ("the larger part is none of these" in text) == is_said

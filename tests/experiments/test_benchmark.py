@@ -296,7 +296,7 @@ def test_results_count_for_the_same_options_arm_task_and_group_alone(tmp_path):
     ):
         assert load_results(kept, [other], (0,)) == ([], 1)
     save_results([replace(FAILED, cell=replace(cell, task=other.task))], (0,), kept)
-    with pytest.raises(S2C2AError, match=r"1 runs of pcc .* 3 a seed"):
+    with pytest.raises(S2C2AError, match=r"1 run of pcc .* 3 a seed"):
         load_results(kept, [other], (0,))
 
 

@@ -158,7 +158,7 @@ def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
     if is_enough:
         expected = nullcontext()
     else:
-        expected = pytest.raises(RecordingError, match=f"seen in {samples} samples")
+        expected = pytest.raises(RecordingError, match=f"seen in {samples} sample")
     with expected:
         fit = fit_session(MODEL, few)
         assert np.isfinite([fit.before, fit.after]).all()

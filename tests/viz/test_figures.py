@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -174,10 +176,19 @@ def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
         learning_curves(curves, tmp_path / "curves.png")
 
 
-def test_the_title_of_a_view_says_which_axes_run_backward():
-    assert charts.title_of_view("from above", (0, 1), (False, False)) == "from above"
-    mirrored = charts.title_of_view("from above", (0, 1), (True, False))
-    assert mirrored == "from above; x runs to the left"
+@pytest.mark.parametrize(
+    ("backward", "title"),
+    [
+        ((False, False), "from above"),
+        ((True, False), "from above; x runs to the left"),
+    ],
+)
+def test_the_title_of_a_view_says_which_axes_run_backward(backward, title):
+    figure = charts.new_figure(3.0, 3.0)
+    mounting = SimpleNamespace(flat=lambda view: (view, backward))
+    place = figure.add_gridspec(1, 1)[0]
+    axes, _ = charts.titled_view(figure, place, mounting, (0, 1), "from above")
+    assert axes.get_title("left") == title
 
 
 def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(

@@ -146,8 +146,10 @@ def run_directory(
     from s2c2a.jobs.run_folder import open_run_directory
 
     limit_jax_to_one_thread()
-    is_serial = alone and work.jobs != 0  # which processes refuse
-    opened = Serial() if is_serial else make_executor(work.jobs, work.cluster)
+    # no jobs are refused, also where none is started
+    opened = (
+        Serial() if alone and work.jobs != 0 else make_executor(work.jobs, work.cluster)
+    )
     with opened as executor:
         directory = open_run_directory(work.out, label, options, work.overwrite, resume)
         data = directory / "data" if own_data else cache_folder()

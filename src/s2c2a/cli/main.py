@@ -27,7 +27,7 @@ from s2c2a.cli import (
 )
 from s2c2a.cli.interrupts import INTERRUPTED, interrupts_as_exceptions
 from s2c2a.errors import S2C2AError, did_you_mean, nearest_name
-from s2c2a.files.text import LARGEST, MAX_COUNT, MAX_SEED, manifests_of_one_command
+from s2c2a.files.text import LARGEST, MAX_SEED, manifests_of_one_command
 from s2c2a.plugins.discovery import installed, trust_code, trust_of_one_command
 
 FAULT = 2  # exit code, as of argparse
@@ -241,9 +241,7 @@ def _check_number(option: str, kind: str, value: str | None) -> None:
         number = (int if is_whole else float)(value or "")
     except ValueError:  # none is given, or tyro names the fault
         return
-    low, high = -LARGEST, LARGEST
-    if is_whole:
-        low, high = 0, MAX_SEED if option == "--seed" else MAX_COUNT
+    low, high = (0, MAX_SEED) if is_whole else (-LARGEST, LARGEST)
     if not (low <= number <= high or number == math.inf):
         raise S2C2AError(
             f"{option} {value} is out of range; give a number from {low:.0f} to {high:.0f}"

@@ -47,14 +47,9 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         ),
     }
     for cause, text in causes.items():
-        explained = fit.explained[cause]
-        share = 100 * explained / fit.before
-        lines.append(f"{text}; explains {1000 * explained:.1f} mm ({share:.0f} %)")
-    if fit.after > fit.before / 2.0:
-        lines.append(
-            "the larger part is none of these: errors of the model itself, or a frame "
-            "that is far off; `s2c2a tracking frames` calibrates it"
-        )
+        share = fit.explained[cause] / fit.before
+        explained = f"{1000 * fit.explained[cause]:.1f} mm ({100 * share:.0f} %)"
+        lines.append(f"{text}; explains {explained}")
     return lines
 
 

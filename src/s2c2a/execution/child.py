@@ -24,7 +24,7 @@ SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that keeps the current folder and that of the program off Python's path."""
 _OURS = "of s2c2a"  # any text but an empty one means yes
 _LOCK = threading.Lock()
-_blocks = 0
+_open_blocks: set[object] = set()  # of all threads, as the environment
 PATIENCE = 600.0  # s; the largest bag takes some minutes
 
 
@@ -47,16 +47,16 @@ def safe_path() -> Iterator[None]:
     It starts them by `-c`, which puts the current folder first: a file `signal.py` there
     would run in place of that of Python.
     """
-    global _blocks  # of all threads, as the environment
+    block = object()
     with _LOCK:
-        _blocks += 1
+        _open_blocks.add(block)
         os.environ.setdefault(SAFE_PATH, _OURS)
     try:
         yield
     finally:
         with _LOCK:
-            _blocks -= 1
-            if not _blocks and os.environ.get(SAFE_PATH) == _OURS:
+            _open_blocks.discard(block)
+            if not _open_blocks and os.environ.get(SAFE_PATH) == _OURS:
                 del os.environ[SAFE_PATH]
 
 

@@ -26,6 +26,7 @@ KNOWN = set(PACKAGES)
 """Packages that are known by their versions."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
+FOR_TYPES = "TYPE_CHECKING", "typing.TYPE_CHECKING"
 BLOCKS = ast.Module, ast.stmt, ast.excepthandler, ast.match_case
 """What statements stand in."""
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -229,11 +230,6 @@ def _outermost(folder: Path) -> Path:
     return _outermost(folder.parent) if is_package else folder
 
 
-def _is_for_types(test: ast.expr) -> bool:
-    name = test.attr if isinstance(test, ast.Attribute) else getattr(test, "id", "")
-    return name == "TYPE_CHECKING"
-
-
 @cache
 def _imports(source: bytes) -> tuple[_Import, ...]:
     """All that a source may import when it runs."""
@@ -252,7 +248,7 @@ def _imports(source: bytes) -> tuple[_Import, ...]:
                 bound = alias.asname or alias.name
                 module = node.module or ""
                 found.append(_Import(node.level, module, alias.name, bound))
-        elif isinstance(node, ast.If) and _is_for_types(node.test):
+        elif isinstance(node, ast.If) and ast.unparse(node.test) in FOR_TYPES:
             waiting += node.orelse
         elif isinstance(node, BLOCKS):
             waiting += ast.iter_child_nodes(node)

@@ -59,10 +59,6 @@ class Conditions:
         return str(dict(self.robot.options).get("fidelity", self.robot.name))
 
 
-SIMULATED_FAST = Conditions()
-"""The fast simulation, without payload."""
-
-
 @dataclass(frozen=True)
 class Run:
     """A finished job.
@@ -112,7 +108,7 @@ class Job(Artifact[Run]):
     strategy: str
     recipe: Recipe
     seed: int = 0
-    conditions: Conditions = SIMULATED_FAST
+    conditions: Conditions = Conditions()  # frozen
     weights: Networks | None = None
     repetitions: int = 1
     on_step: OnStep = field(default=ignore_step, compare=False, repr=False)
@@ -337,7 +333,7 @@ def jobs_for(
     strategies: Sequence[str],
     seeds: Sequence[int],
     recipe: Recipe,
-    conditions: Conditions = SIMULATED_FAST,
+    conditions: Conditions = Conditions(),
     weights: Networks | None = None,
     repetitions: int = 1,
 ) -> list[Job]:

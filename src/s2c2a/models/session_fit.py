@@ -124,6 +124,9 @@ class _Residuals:
     """Residuals of a model on a recording, and their derivatives by the change.
 
     An end may show its position, its axis, or both.
+
+    Attributes:
+        seen_tip: samples that show the position of the tip.
     """
 
     def __init__(self, model: ForwardModel, data: TrainingData):
@@ -131,9 +134,10 @@ class _Residuals:
         self._states = np.array(data.states, np.float32)
         for episode, length in enumerate(data.lengths or ()):
             self._states[episode, length:] = np.nan
-        parts = (self._states[..., part] for part in (POSITION, AXIS))
-        self._known = [np.isfinite(part).all(axis=-1) for part in parts]
-        is_used = self._known[0].any(axis=-1) | self._known[1].any(axis=-1)
+        is_finite = np.asarray(np.isfinite(self._states))
+        self._known = [is_finite[..., part].all(axis=-1) for part in (POSITION, AXIS)]
+        self.seen_tip = self._known[0][..., -1]
+        is_used = np.any(self._known, axis=(0, -1))
         if not np.isfinite(data.sensed[is_used]).all():
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
@@ -151,11 +155,6 @@ class _Residuals:
 
         self._predict = partial(predict, model, sensed=self._sensed)
         self._slopes = partial(slopes, model, sensed=self._sensed)
-
-    @property
-    def seen_tip(self) -> Bool[np.ndarray, "episodes samples"]:
-        """Samples that show the position of the tip."""
-        return self._known[0][..., -1]
 
     def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
         """The change that fits some samples, and its covariance."""

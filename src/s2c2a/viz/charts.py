@@ -230,23 +230,18 @@ def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
 def titled_view(
     figure: Figure, place: SubplotSpec, mounting: Mounting, view: View, title: str
 ) -> tuple[Axes, View]:
-    """Axes of a view of the world with their title, and the base's axes in it."""
+    """Axes of a view of the world, and the base's axes in it; those that run backward are named."""
     nearest, backward = mounting.flat(view)
     axes = view_axes(figure, place, nearest, backward)
-    headline(axes, title_of_view(title, nearest, backward))
-    return axes, nearest
-
-
-def title_of_view(title: str, view: View, backward: tuple[bool, bool]) -> str:
-    """Title of a view that says which axes of the base run backward in it."""
     notes = [
         f"{'xyz'[axis]} runs {direction}"
         for axis, direction, runs in zip(
-            view, ("to the left", "downward"), backward, strict=True
+            nearest, ("to the left", "downward"), backward, strict=True
         )
         if runs
     ]
-    return f"{title}; {', '.join(notes)}" if notes else title
+    headline(axes, f"{title}; {', '.join(notes)}" if notes else title)
+    return axes, nearest
 
 
 def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
