@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from itertools import permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -135,7 +135,9 @@ class _Residuals:
         for episode, length in enumerate(data.lengths or ()):
             self._states[episode, length:] = np.nan
         is_finite = np.asarray(np.isfinite(self._states))
-        self._known = [is_finite[..., part].all(axis=-1) for part in (POSITION, AXIS)]
+        self._known: list[Any] = [
+            is_finite[..., part].all(axis=-1) for part in (POSITION, AXIS)
+        ]
         self.seen_tip = self._known[0][..., -1]
         is_used = np.any(self._known, axis=(0, -1))
         if not np.isfinite(data.sensed[is_used]).all():
