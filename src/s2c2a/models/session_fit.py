@@ -134,10 +134,8 @@ class _Residuals:
         self._states = np.array(data.states, np.float32)
         for episode, length in enumerate(data.lengths or ()):
             self._states[episode, length:] = np.nan
-        is_finite = np.asarray(np.isfinite(self._states))
-        self._known: list[Any] = [
-            is_finite[..., part].all(axis=-1) for part in (POSITION, AXIS)
-        ]
+        known = np.isfinite(self._states)
+        self._known: list[Any] = [known[..., part].all(-1) for part in (POSITION, AXIS)]
         self.seen_tip = self._known[0][..., -1]
         is_used = np.any(self._known, axis=(0, -1))
         if not np.isfinite(data.sensed[is_used]).all():

@@ -28,7 +28,7 @@ from s2c2a.strategies.trained import TrainedNetworks
 ENDING = ".session.json"
 NO_SESSION = "none"
 MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run --session none`"
-Length = Annotated[float, Field(ge=-1.0, le=1.0)]  # m; a frame moves by less
+Length = Annotated[float, Field(ge=-100.0, le=100.0)]  # m; of a room with a tracking
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]  # rad; of a rotation vector
 Gain = Annotated[float, Field(ge=-0.5, le=0.5)]  # 1; five times what arms change by
 Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
