@@ -40,6 +40,7 @@ TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
     "pretrain": "; finished recordings are kept: repeat the command to continue",
+    "tracking": "; `tracking frames` keeps held bends: repeat it to continue",
     "run": "; finished runs are kept: continue with --out and the run directory",
 }
 """How to continue an interrupted command, by command."""
