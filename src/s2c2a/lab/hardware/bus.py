@@ -251,8 +251,8 @@ class ServoBus(ABC):
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions in one packet, without an answer.
 
-        A servo that has restarted gets none, nor does one that did not answer last,
-        which may be restarting.
+        A servo that has restarted gets none, nor does one that may be restarting, if a
+        goal would switch it on.
 
         Args:
             goals: position by id [ticks].

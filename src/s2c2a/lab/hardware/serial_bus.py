@@ -86,7 +86,6 @@ class SerialBus(ServoBus):
         self._max_current = min(max_current or largest, largest)
         self._stored_limits: dict[int, int] = {}
         self.restarted: set[int] = set()
-        self._silent: set[int] = set()
         self._line = line or SerialLine(port, baud_rate)
 
     @property
@@ -113,10 +112,6 @@ class SerialBus(ServoBus):
     @abstractmethod
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         """States of the servos that answer; None of one that lost its settings."""
-
-    @abstractmethod
-    def _send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goals to servos that kept their settings."""
 
     @abstractmethod
     def _prepare_one(
@@ -164,29 +159,26 @@ class SerialBus(ServoBus):
         for info in infos:
             self._prepare_one(info, accepted.get(info.id, ()), current, speed)
 
-    def send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goals to servos that are known to be prepared; see `ServoBus`."""
-        barred = self._silent | self.restarted
-        allowed = {id: goal for id, goal in goals.items() if id not in barred}
-        if allowed:
-            self._send_goals(allowed)
-
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos, and switch off those that restarted.
 
         See `ServoBus`.
         """
-        ids = tuple(ids)
-        answers = self._read_states(ids)
-        self._silent = (self._silent | set(ids)) - answers.keys()
-        self.restarted |= {id for id, state in answers.items() if state is None}
+        answers = self._read_states(tuple(ids))
+        suspects = [
+            id
+            for id, state in answers.items()
+            if state is None and id not in self.restarted
+        ]
+        # one damaged answer can look like that of a servo that has restarted
+        again = self._read_states(suspects)
+        self.restarted |= {id for id, state in again.items() if state is None}
         lost = self.restarted & answers.keys()
-        if lost:
-            # some have torque at their start, without the limits of `prepare`
-            self._sync_write("torque", dict.fromkeys(sorted(lost), 0))
+        # some have torque at their start, without the limits of `prepare`
+        self._sync_write("torque", dict.fromkeys(sorted(lost), 0))
         return {
             id: state
-            for id, state in answers.items()
+            for id, state in (answers | again).items()
             if state is not None and id not in lost
         }
 
@@ -248,8 +240,9 @@ class SerialBus(ServoBus):
         return self._ask(id, packet, register.size, "reading").data
 
     def _sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of many servos in one packet, without confirmation."""
-        self._line.write(self.packets.sync_write(values, self.registers[name]))
+        """Write a register of servos in one packet, if any, without confirmation."""
+        if values:
+            self._line.write(self.packets.sync_write(values, self.registers[name]))
 
     def _write_values(self, name: str, values: Mapping[int, int]) -> None:
         """Write a register of all servos, also after one of them failed.

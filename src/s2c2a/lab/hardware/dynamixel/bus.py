@@ -195,13 +195,18 @@ class DynamixelBus(SerialBus):
             )
         self._write_values("watchdog", dict.fromkeys(ids, units))
 
-    def _send_goals(self, goals: Mapping[int, int]) -> None:
+    def send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goals in one packet, also to a silent servo; see `ServoBus`.
+
+        One that restarts has no torque, and its goal does not move it.
+        """
         limited = {
             id: min(max(ticks, -tables.MAX_POSITION), tables.MAX_POSITION)
             for id, ticks in goals.items()
         }
         self._goals |= limited
-        self._sync_write("goal_position", limited)
+        sent = {id: goal for id, goal in limited.items() if id not in self.restarted}
+        self._sync_write("goal_position", sent)
 
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         """Read the states of servos.
