@@ -23,6 +23,7 @@ from s2c2a.lab.hardware.timing import measure_timing
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 
 PROTOCOLS = ("dynamixel", "feetech")
+PING_ANSWER = 14  # bytes
 TICK = 2 * 3.14159 * 0.01 / 4096  # m
 WRONG_MODELS = {"dynamixel": 1020, "feetech": 1029}
 STATED = {
@@ -312,6 +313,34 @@ def test_what_a_servo_must_not_store_is_changed_if_the_operator_agrees(
     bench.run("jog")
     assert bench.port[id][name] == {"secondary_id": 255}.get(name, 0)
     assert bench.port[4].state.ticks == START
+
+
+@pytest.mark.parametrize(("id", "ids"), [(2, [2]), (4, [2]), (4, [2, 4])])
+def test_each_id_is_that_of_one_servo_after_noise_and_a_killed_program(
+    make_bench, monkeypatch, id, ids
+):
+    bench = make_bench()
+    bench.port[id]["secondary_id"] = 99 if id == 2 else 2
+    bench.port[id]["torque_enable"] = 1
+    bench.port[2]["current_limit"] = 1750
+    bench.port[4]["current_limit"] = 300
+    pings = []
+    receive = bench.port._receive
+
+    def lose_one_answer(data):
+        pings.append(len(data) == 9 * PING_ANSWER)
+        receive(
+            data[: (id - 1) * PING_ANSWER] if pings[-1] and sum(pings) == 1 else data
+        )
+
+    monkeypatch.setattr(bench.port, "_receive", lose_one_answer)
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        bus.accept_stored = lambda changes: True
+        bus.prepare(ids, 0.6, 1.0)
+    assert any(pings)
+    assert bench.port[4]["current_limit"] == 300
+    assert bench.port[id]["secondary_id"] == 255
+    assert not bench.port[id].torque
 
 
 def test_a_scan_tells_which_servo_obeys_another_id(make_bench, capsys):

@@ -28,6 +28,7 @@ CYCLE_MARGIN = 0.02
 bytes for up to 16 ms and do not say so."""
 EXCHANGE_MARGIN = 0.2  # s; the same, outside of a cycle
 LISTEN_MARGIN = 0.05  # s; the same, to find out whether a servo is there
+ALIAS = "secondary_id"  # register of another id that a servo obeys
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 
 
@@ -105,8 +106,10 @@ class SerialBus(ServoBus):
     def _stored_changes(self, id: int) -> list[StoredChange]:
         """Changes of stored settings; only what differs is written."""
 
-    def _aliases(self, ids: Collection[int]) -> dict[int, StoredChange]:
-        """Changes of servos of the line, so that each id is that of one servo."""
+    def _changes_of_others(
+        self, ids: Collection[int]
+    ) -> dict[int, Sequence[StoredChange]]:
+        """Changes of all other servos that obey one of these ids, too."""
         return {}
 
     @abstractmethod
@@ -148,13 +151,14 @@ class SerialBus(ServoBus):
         for info in infos:
             self.check_model(info, self._model_name, self.model.number)
         changes = {id: self._stored_changes(id) for id in ids}
-        aliases = self._aliases(ids)
-        for id, alias in aliases.items():
-            changes.setdefault(id, []).append(alias)
-        accepted = self.confirm_stored(changes)
-        for id in aliases.keys() - set(ids):
-            self.write(id, aliases[id].name, aliases[id].new)
+        accepted = self.confirm_stored({**changes, **self._changes_of_others(ids)})
+        # others obey this, too, and store nothing before
         self.set_torque(ids, on=False)
+        # no servo shall store what another one is told
+        for id, row in accepted.items():
+            for change in row:
+                if change.name == ALIAS:
+                    self.write(id, change.name, change.new)
         self.restarted -= set(ids)
         for info in infos:
             self._prepare_one(info, accepted.get(info.id, ()), current, speed)
