@@ -254,7 +254,7 @@ def test_interrupted_frames_are_continued(monkeypatch, tmp_path):
         file = tracking.CalibrationFile(one, path, [setup])
         with pytest.raises(TrackingError, match="begin again with --overwrite"):
             file.held()
-        file.forget_held()
+        file.store_held(())
         assert file.held() == []
 
 

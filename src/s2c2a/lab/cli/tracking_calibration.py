@@ -74,8 +74,8 @@ def frames(
     factory = robot_factory_for(robot, robot_option, tracking=NO_TRACKING)
     homed = factory.make(spec).last_calibration()
     file = CalibrationFile(spec, out, (factory, source, homed))
-    if overwrite:
-        file.forget_held()
+    if overwrite and file.last_held:
+        file.store_held(())
     if before := file.held():
         print(
             f"{counted(len(before), 'bend')} held until {file.last_held:%Y-%m-%d %H:%M} "

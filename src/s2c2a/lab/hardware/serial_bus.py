@@ -169,13 +169,9 @@ class SerialBus(ServoBus):
         See `ServoBus`.
         """
         answers = self._read_states(tuple(ids))
-        suspects = [
-            id
-            for id, state in answers.items()
-            if state is None and id not in self.restarted
-        ]
+        without = {id for id, state in answers.items() if state is None}
         # one damaged answer can look like that of a servo that has restarted
-        again = self._read_states(suspects)
+        again = self._read_states(sorted(without - self.restarted))
         self.restarted |= {id for id, state in again.items() if state is None}
         lost = self.restarted & answers.keys()
         # some have torque at their start, without the limits of `prepare`

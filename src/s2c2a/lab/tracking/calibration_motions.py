@@ -472,12 +472,8 @@ class CalibrationFile:
             )
         return held
 
-    def forget_held(self) -> None:
-        """Let the next result replace unfinished frames."""
-        self._calibration = self._calibration.with_unfinished(self._setup, ())
-
     def store_held(self, held: Sequence[HeldPoses]) -> None:
-        """Write the poses of unfinished frames."""
+        """Write the poses of unfinished frames; none forgets those before."""
         self._store(self._calibration.with_unfinished(self._setup, held))
 
     def store_latency(self, found: Latency) -> Path:
