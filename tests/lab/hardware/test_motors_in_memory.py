@@ -23,6 +23,7 @@ from s2c2a.lab.hardware.timing import measure_timing
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 
 PROTOCOLS = ("dynamixel", "feetech")
+PING_ANSWER = 14  # bytes
 TICK = 2 * 3.14159 * 0.01 / 4096  # m
 WRONG_MODELS = {"dynamixel": 1020, "feetech": 1029}
 STATED = {
@@ -314,6 +315,34 @@ def test_what_a_servo_must_not_store_is_changed_if_the_operator_agrees(
     assert bench.port[4].state.ticks == START
 
 
+@pytest.mark.parametrize(("id", "ids"), [(2, [2]), (4, [2]), (4, [2, 4])])
+def test_each_id_is_that_of_one_servo_after_noise_and_a_killed_program(
+    make_bench, monkeypatch, id, ids
+):
+    bench = make_bench()
+    bench.port[id]["secondary_id"] = 99 if id == 2 else 2
+    bench.port[id]["torque_enable"] = 1
+    bench.port[2]["current_limit"] = 1750
+    bench.port[4]["current_limit"] = 300
+    pings = []
+    receive = bench.port._receive
+
+    def lose_one_answer(data):
+        pings.append(len(data) == 9 * PING_ANSWER)
+        receive(
+            data[: (id - 1) * PING_ANSWER] if pings[-1] and sum(pings) == 1 else data
+        )
+
+    monkeypatch.setattr(bench.port, "_receive", lose_one_answer)
+    with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
+        bus.accept_stored = lambda changes: True
+        bus.prepare(ids, 0.6, 1.0)
+    assert any(pings)
+    assert bench.port[4]["current_limit"] == 300
+    assert bench.port[id]["secondary_id"] == 255
+    assert not bench.port[id].torque
+
+
 def test_a_scan_tells_which_servo_obeys_another_id(make_bench, capsys):
     bench = make_bench()
     bench.port[4]["secondary_id"] = 2
@@ -332,17 +361,55 @@ def test_a_servo_that_restarts_ends_every_verb_and_is_named(make_bench, verb, pr
     assert not bench.port[2].torque
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_a_servo_that_restarts_before_it_is_switched_on_stays_off(make_bench, protocol):
-    bench = make_bench(protocol)
+@pytest.fixture(params=PROTOCOLS)
+def prepared(request, make_bench):
+    """Bench and bus, after its second servo was prepared and sent a goal."""
+    bench = make_bench(request.param)
     with open_bus(servos_of(load_arm(bench.arm)), "fake") as bus:
         bus.accept_stored = lambda changes: True
         bus.prepare([2], 0.6, 1.0)
-        bus.send_goals({2: 5000})
-        bench.port[2].restart(bench.clock.now)
-        with pytest.raises(BusError, match="servo 2 has restarted"):
-            bus.set_torque([2], on=True)
-        assert not bench.port[2].torque
+        bus.send_goals({2: int(START) + 200})
+        yield bench, bus
+
+
+def test_a_servo_that_restarts_before_it_is_switched_on_stays_off(prepared):
+    bench, bus = prepared
+    bench.port[2].restart(bench.clock.now)
+    with pytest.raises(BusError, match="servo 2 has restarted"):
+        bus.set_torque([2], on=True)
+    assert not bench.port[2].torque
+
+
+def test_a_goal_counts_although_an_answer_before_it_was_lost(prepared, monkeypatch):
+    bench, bus = prepared
+
+    def lose_answer():
+        with monkeypatch.context() as line:
+            line.setattr(bench.port, "_receive", lambda data: None)
+            assert bus.read_states([2]) == {}
+
+    lose_answer()
+    bus.send_goals({2: int(START)})
+    bus.set_torque([2], on=True)
+    assert bench.port[2].command().goal == START
+    lose_answer()
+    bus.send_goals({2: int(START) + 100})
+    # a Feetech servo may be restarting, and a goal would switch it on
+    sent = {"dynamixel": START + 100, "feetech": START}
+    assert bench.port[2].command().goal == sent[bench.protocol]
+
+
+def test_one_answer_like_that_of_a_restarted_servo_switches_nothing_off(prepared):
+    bench, bus = prepared
+    bus.set_torque([2], on=True)
+    servo = bench.port[2]
+    name = {"dynamixel": "status_return_level", "feetech": "goal_speed"}[bench.protocol]
+    kept = servo[name]
+    servo[name] = 1
+    bench.port.watch = lambda: servo.__setitem__(name, kept)
+    assert bus.read_states([2]).keys() == {2}
+    assert servo.torque
+    assert not bus.restarted
 
 
 def test_a_declined_limit_stays_and_the_servo_moves(make_bench, monkeypatch):

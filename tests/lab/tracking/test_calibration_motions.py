@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -42,7 +43,7 @@ def test_the_latency_of_a_simulated_tracker_is_found():
 
 
 @pytest.mark.slow
-def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
+def test_the_frames_of_a_simulated_arm_are_found(monkeypatch, tmp_path):
     monkeypatch.setattr(tracking, "AVERAGING_TIME", 0.3)
     monkeypatch.setattr(tracking, "SETTLING_TIME", 0.8)
     base = Pose(
@@ -51,7 +52,8 @@ def test_the_frames_of_a_simulated_arm_are_found(monkeypatch):
     )
     robot = TrackedSimulation(ARM)
     tracker = SimulatedTracker(robot, noise=0.001, base=base)
-    found = tracking.measure_frames(robot, tracker)
+    file = tracking.CalibrationFile(ARM, tmp_path / "arm.tracking.json")
+    found = tracking.measure_frames(robot, tracker, file)
     for one, true in zip(
         (found.base_offset, *found.end_offsets),
         (base, *[Pose.identity()] * 3),
@@ -220,19 +222,10 @@ def test_interrupted_frames_are_continued(monkeypatch, tmp_path):
     whole = len(tracking.held_bends(arm))
 
     def measure(progress):
-        file = tracking.CalibrationFile(arm, path)
         robot = TrackedSimulation(arm)
-        tracker = SimulatedTracker(robot)
-        saved = []
-
-        def save(held):
-            saved.append(len(held))
-            file.store_held(held)
-
-        try:
-            return tracking.measure_frames(robot, tracker, progress, file.held, save)
-        finally:
-            counts.append(saved)
+        file = tracking.CalibrationFile(arm, path, ["this setup"])
+        counts.append(len(file.held()))
+        return tracking.measure_frames(robot, SimulatedTracker(robot), file, progress)
 
     def interrupt(done, total):
         if done == 4:
@@ -241,10 +234,43 @@ def test_interrupted_frames_are_continued(monkeypatch, tmp_path):
     counts = []
     with pytest.raises(KeyboardInterrupt):
         measure(interrupt)
+    written = path.read_text()
     held = measure(lambda done, total: None)
-    assert counts == [[1, 2, 3, 4], [*range(5, whole + 1), 0]]
+    assert counts == [0, 4]
     assert len(held) == whole
-    assert tracking.CalibrationFile(arm, path).held == []
+    assert tracking.CalibrationFile(arm, path).held() == []
+    # what was held of another setup, arm or bend is refused until it is forgotten
+    stored = json.loads(written)
+    bends = stored["unfinished"]["held"]
+    bends[1], bends[2] = bends[2], bends[1]
+    longer = arm.modules[0].model_copy(update={"length": 0.3})
+    longer_arm = arm.model_copy(update={"modules": (longer,)})
+    for one, setup, content in [
+        (arm, "another setup", written),
+        (longer_arm, "this setup", written),
+        (arm, "this setup", json.dumps(stored)),
+    ]:
+        path.write_text(content)
+        file = tracking.CalibrationFile(one, path, [setup])
+        with pytest.raises(TrackingError, match="begin again with --overwrite"):
+            file.held()
+        file.store_held(())
+        assert file.held() == []
+
+
+def test_frames_end_if_all_readings_are_late(monkeypatch):
+    monkeypatch.setattr(TrackedSimulation, "own_time", False)
+    clock = StepClock()
+    robot = TrackedSimulation(ARM)
+    read = robot.read
+
+    def read_late():
+        clock.wait_until(clock.now() + 0.03)
+        return replace(read(), time=clock.now())
+
+    monkeypatch.setattr(robot, "read", read_late)
+    with pytest.raises(RobotError, match=r"last one 30 ms.*`s2c2a motors timing`"):
+        play_in_real_time(robot, clock)
 
 
 def test_a_motion_does_not_go_on_after_a_standstill(monkeypatch):

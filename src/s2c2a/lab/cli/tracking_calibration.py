@@ -1,8 +1,7 @@
 """Commands `s2c2a tracking latency` and `frames`: calibration of a pose tracker."""
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +14,9 @@ from s2c2a.cli.execution import (
     TrackingSource,
     robot_factory_for,
 )
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.plugins.discovery import trust_code
-from s2c2a.robots.factory import NO_TRACKING
-
-if TYPE_CHECKING:
-    from s2c2a.lab.tracking.calibration_motions import CalibrationFile
+from s2c2a.robots.factory import NO_TRACKING, RobotFactory
 
 
 def latency(
@@ -38,13 +34,14 @@ def latency(
         out: file of the result; by default that of the arm file, or
             NAME.tracking.json.
     """
-    from s2c2a.lab.tracking.calibration_motions import measure_latency
+    from s2c2a.lab.tracking.calibration_motions import CalibrationFile, measure_latency
 
     spec = load_arm(arm)
-    file = _calibration_file(spec, out)
-    found = _measure(
-        measure_latency, spec, tracking, robot, robot_option, duration=duration
-    )
+    # refuse the file of another arm before the arm moves
+    file = CalibrationFile(spec, out)
+    source = _source_of(spec, tracking)
+    factory = robot_factory_for(robot, robot_option, tracking=NO_TRACKING)
+    found = _measure(measure_latency, spec, source, factory, duration=duration)
     path = file.store_latency(found)
     print(
         f"latency: {1000 * found.seconds:.1f} ms, standard deviation "
@@ -70,25 +67,21 @@ def frames(
             NAME.tracking.json.
         overwrite: begin again, as after a body was moved on the arm.
     """
-    from s2c2a.lab.tracking.calibration_motions import measure_frames
+    from s2c2a.lab.tracking.calibration_motions import CalibrationFile, measure_frames
 
     spec = load_arm(arm)
-    file = _calibration_file(spec, out)
-    before = [] if overwrite else file.held
-    if before:
+    source = _source_of(spec, tracking)
+    factory = robot_factory_for(robot, robot_option, tracking=NO_TRACKING)
+    homed = factory.make(spec).last_calibration()
+    file = CalibrationFile(spec, out, (factory, source, homed))
+    if overwrite and file.last_held:
+        file.store_held(())
+    if before := file.held():
         print(
-            f"{len(before)} bends were held before and are only passed; if a body was "
-            "moved since, begin again (--overwrite)"
+            f"{counted(len(before), 'bend')} held until {file.last_held:%Y-%m-%d %H:%M} "
+            "need no second time; if a body was moved since, begin again (--overwrite)"
         )
-    found = _measure(
-        measure_frames,
-        spec,
-        tracking,
-        robot,
-        robot_option,
-        before=before,
-        save=file.store_held,
-    )
+    found = _measure(measure_frames, spec, source, factory, file=file)
     path = file.store_frames(found)
     rotations = np.rad2deg(found.rotation_residuals)
     rows = [
@@ -101,26 +94,17 @@ def frames(
     print(f"frames: {path}")
 
 
-def _calibration_file(spec: ArmSpec, out: Path | None) -> "CalibrationFile":
-    """Refuse the file of another arm before the arm moves."""
-    from s2c2a.lab.tracking.calibration_motions import CalibrationFile
-
-    return CalibrationFile(spec, out)
-
-
 def _measure(
     procedure: Callable[..., Any],
     spec: ArmSpec,
     source: str,
-    robot: str,
-    options: tuple[str, ...],
+    factory: RobotFactory,
     **settings,
 ) -> Any:
     """Run a procedure on an arm, with the keys and signals of an emergency stop."""
     from s2c2a.lab.tracking import tracker_of
 
-    tracker = tracker_of(_source_of(spec, source))
-    factory = robot_factory_for(robot, options, tracking=NO_TRACKING)
+    tracker = tracker_of(source)
     with emergency_controls(factory), progress_bar() as progress:
         return procedure(
             factory.make(spec),

@@ -196,7 +196,8 @@ class ServoBus(ABC):
     def prepare(self, ids: Iterable[int], current: float, speed: float) -> None:
         """Set settings and limits of servos, and switch their torque off.
 
-        Other servos that obey one of these ids, too, are to obey their own alone.
+        Other servos that obey one of these ids, too, lose torque with them, and are to
+        obey their own id alone.
         Nothing is changed if a servo is of another model, or if it needs another stored
         setting that `accept_stored` declines. A stored limit is never raised.
 
@@ -251,8 +252,8 @@ class ServoBus(ABC):
     def send_goals(self, goals: Mapping[int, int]) -> None:
         """Send goal positions in one packet, without an answer.
 
-        A servo that has restarted gets none, nor does one that did not answer last,
-        which may be restarting.
+        A servo that has restarted gets none, nor does one that may be restarting, if a
+        goal would switch it on.
 
         Args:
             goals: position by id [ticks].

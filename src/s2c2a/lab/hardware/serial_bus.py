@@ -28,6 +28,7 @@ CYCLE_MARGIN = 0.02
 bytes for up to 16 ms and do not say so."""
 EXCHANGE_MARGIN = 0.2  # s; the same, outside of a cycle
 LISTEN_MARGIN = 0.05  # s; the same, to find out whether a servo is there
+ALIAS = "secondary_id"  # register of another id that a servo obeys
 QUIET_TIME = 0.02  # s without a byte, after which no late answer is on its way
 
 
@@ -86,7 +87,6 @@ class SerialBus(ServoBus):
         self._max_current = min(max_current or largest, largest)
         self._stored_limits: dict[int, int] = {}
         self.restarted: set[int] = set()
-        self._silent: set[int] = set()
         self._line = line or SerialLine(port, baud_rate)
 
     @property
@@ -106,17 +106,15 @@ class SerialBus(ServoBus):
     def _stored_changes(self, id: int) -> list[StoredChange]:
         """Changes of stored settings; only what differs is written."""
 
-    def _aliases(self, ids: Collection[int]) -> dict[int, StoredChange]:
-        """Changes of servos of the line, so that each id is that of one servo."""
+    def _changes_of_others(
+        self, ids: Collection[int]
+    ) -> dict[int, Sequence[StoredChange]]:
+        """Changes of all other servos that obey one of these ids, too."""
         return {}
 
     @abstractmethod
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         """States of the servos that answer; None of one that lost its settings."""
-
-    @abstractmethod
-    def _send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goals to servos that kept their settings."""
 
     @abstractmethod
     def _prepare_one(
@@ -153,40 +151,34 @@ class SerialBus(ServoBus):
         for info in infos:
             self.check_model(info, self._model_name, self.model.number)
         changes = {id: self._stored_changes(id) for id in ids}
-        aliases = self._aliases(ids)
-        for id, alias in aliases.items():
-            changes.setdefault(id, []).append(alias)
-        accepted = self.confirm_stored(changes)
-        for id in aliases.keys() - set(ids):
-            self.write(id, aliases[id].name, aliases[id].new)
+        accepted = self.confirm_stored({**changes, **self._changes_of_others(ids)})
+        # others obey this, too, and store nothing before
         self.set_torque(ids, on=False)
+        # no servo shall store what another one is told
+        for id, row in accepted.items():
+            for change in row:
+                if change.name == ALIAS:
+                    self.write(id, change.name, change.new)
         self.restarted -= set(ids)
         for info in infos:
             self._prepare_one(info, accepted.get(info.id, ()), current, speed)
-
-    def send_goals(self, goals: Mapping[int, int]) -> None:
-        """Send goals to servos that are known to be prepared; see `ServoBus`."""
-        barred = self._silent | self.restarted
-        allowed = {id: goal for id, goal in goals.items() if id not in barred}
-        if allowed:
-            self._send_goals(allowed)
 
     def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
         """Read the states of servos, and switch off those that restarted.
 
         See `ServoBus`.
         """
-        ids = tuple(ids)
-        answers = self._read_states(ids)
-        self._silent = (self._silent | set(ids)) - answers.keys()
-        self.restarted |= {id for id, state in answers.items() if state is None}
+        answers = self._read_states(tuple(ids))
+        without = {id for id, state in answers.items() if state is None}
+        # one damaged answer can look like that of a servo that has restarted
+        again = self._read_states(sorted(without - self.restarted))
+        self.restarted |= {id for id, state in again.items() if state is None}
         lost = self.restarted & answers.keys()
-        if lost:
-            # some have torque at their start, without the limits of `prepare`
-            self._sync_write("torque", dict.fromkeys(sorted(lost), 0))
+        # some have torque at their start, without the limits of `prepare`
+        self._sync_write("torque", dict.fromkeys(sorted(lost), 0))
         return {
             id: state
-            for id, state in answers.items()
+            for id, state in (answers | again).items()
             if state is not None and id not in lost
         }
 
@@ -248,8 +240,9 @@ class SerialBus(ServoBus):
         return self._ask(id, packet, register.size, "reading").data
 
     def _sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of many servos in one packet, without confirmation."""
-        self._line.write(self.packets.sync_write(values, self.registers[name]))
+        """Write a register of servos in one packet, if any, without confirmation."""
+        if values:
+            self._line.write(self.packets.sync_write(values, self.registers[name]))
 
     def _write_values(self, name: str, values: Mapping[int, int]) -> None:
         """Write a register of all servos, also after one of them failed.

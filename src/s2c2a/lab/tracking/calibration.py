@@ -72,13 +72,10 @@ class StoredHeldPoses(_Stored):
     @classmethod
     def of(cls, held: HeldPoses) -> Self:
         """Return poses as a file stores them."""
-        ends = tuple(StoredPose.of(end) for end in held.ends)
-        return cls.model_validate(
-            {
-                "bends": held.bends.tolist(),
-                "base": StoredPose.of(held.base),
-                "ends": ends,
-            }
+        return cls(
+            bends=held.bends.tolist(),
+            base=StoredPose.of(held.base),
+            ends=tuple(map(StoredPose.of, held.ends)),
         )
 
     @property
@@ -86,6 +83,20 @@ class StoredHeldPoses(_Stored):
         """The poses."""
         ends = tuple(end.pose for end in self.ends)
         return HeldPoses(np.array(self.bends), self.base.pose, ends)
+
+
+class UnfinishedFrames(_Stored):
+    """Poses of frames that are not all held yet.
+
+    Attributes:
+        setup: digest of what they were held with.
+        date: of the last one.
+        held: poses, bend by bend.
+    """
+
+    setup: str = Field(max_length=64)
+    date: AwareDatetime
+    held: tuple[StoredHeldPoses, ...] = Field(max_length=8 * MAX_BODIES + 2)
 
 
 class FrameResidual(_Stored):
@@ -111,7 +122,7 @@ class TrackingCalibration(_Stored):
         base_offset: `T_base_arm`, of the arm's base frame in the base body.
         end_offsets: `T_end_module` by body, of the module's end frame in the body.
         residuals: of the frame offsets, by body.
-        held: poses of frames that are not all held yet.
+        unfinished: frames that are not all held yet.
     """
 
     format: int = Field(default=FORMAT, ge=FORMAT, le=FORMAT)
@@ -127,7 +138,7 @@ class TrackingCalibration(_Stored):
     residuals: dict[BodyName, FrameResidual] | None = Field(
         default=None, max_length=MAX_BODIES
     )
-    held: tuple[StoredHeldPoses, ...] = Field(default=(), max_length=8 * MAX_BODIES + 2)
+    unfinished: UnfinishedFrames | None = None
 
     @classmethod
     def empty(cls, arm: ArmSpec) -> Self:
@@ -154,9 +165,11 @@ class TrackingCalibration(_Stored):
             }
         )
 
-    def with_held(self, held: Sequence[HeldPoses]) -> Self:
-        """Return the calibration with the poses of unfinished frames."""
-        return self._changed({"held": tuple(map(StoredHeldPoses.of, held))})
+    def with_unfinished(self, setup: str, held: Sequence[HeldPoses]) -> Self:
+        """Return the calibration with the poses of unfinished frames, if any."""
+        poses = tuple(map(StoredHeldPoses.of, held))
+        frames = UnfinishedFrames(setup=setup, date=datetime.now(UTC), held=poses)
+        return self._changed({"unfinished": frames if held else None})
 
     def _changed(self, values: dict[str, Any]) -> Self:
         fields = {name: getattr(self, name) for name in type(self).model_fields}
@@ -240,12 +253,6 @@ def load_tracking_calibration(
         raise TrackingCalibrationError(
             f"{path} is the tracking calibration of '{calibration.arm}', not of "
             f"'{arm.name}'; name another file, or calibrate the tracker of this arm"
-        )
-    counts = {len(part) for one in calibration.held for part in (one.bends, one.ends)}
-    if counts - {arm.module_count}:
-        raise TrackingCalibrationError(
-            f"{path} has unfinished frames of another number of modules than "
-            f"'{arm.name}'; begin again (`s2c2a tracking frames --overwrite`)"
         )
     # check that the offsets are of bodies that the arm file names
     try:

@@ -4,20 +4,24 @@ The control loop plays them, with more control steps a second than otherwise and
 largest speed and acceleration.
 """
 
+import hashlib
+import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm import ArmGeometry, ArmSpec, arm_to_toml
 from s2c2a.arm.spec import counts_of
 from s2c2a.errors import RobotError, counted
 from s2c2a.lab.tracking import ModuleEnds, Pose, PoseFrame, Tracker, TrackingError
 from s2c2a.lab.tracking.calibration import (
     FrameResidual,
     TrackingCalibration,
+    TrackingCalibrationError,
     calibration_path,
     load_or_empty,
     save_tracking_calibration,
@@ -43,6 +47,7 @@ OVERSHOOT = 1.3
 SETTLING_TIME = 2.0  # s; vibration decays
 AVERAGING_TIME = 1.0  # s
 MIN_HELD_FRAMES = 10
+LATE_PATIENCE = 5.0  # s; a computer that is busy for a moment recovers sooner
 MotionProgress = Callable[[int, int], None]
 
 
@@ -98,9 +103,13 @@ class TrackedPlayer(Player):
         cables: of the readings [m or N].
         late: readings that took longer than a control period: they are not logged,
             since nobody knows when they were measured.
+        late_since: time of the first one after the last that was not late [s].
+        duration: of the last reading [s].
     """
 
     late = 0
+    late_since = math.inf
+    duration = 0.0
 
     def __init__(self, arm: ArmSpec, clock: FrameClock):
         """A player without a motion (`play_motion`).
@@ -127,9 +136,12 @@ class TrackedPlayer(Player):
     def estimate(self, reading: Reading, last_command: Actions) -> Reading:
         """The reading itself, which is logged unless it is late."""
         now = self._clock.now()
-        if now - self._clock.woke > self.arm.control_period:
+        self.duration = now - self._clock.woke
+        if self.duration > self.arm.control_period:
             self.late += 1
+            self.late_since = min(self.late_since, now)
         else:
+            self.late_since = math.inf
             # servos are asked one by one
             self.times.append((self._clock.woke + now) / 2)
             self.cables.append(reading["cables"])
@@ -179,7 +191,8 @@ def play_motion(
 
     Raises:
         TrackingError: poses of a body do not arrive; the arm does not move.
-        RobotError: the robot has a lasting fault, or the program stood still.
+        RobotError: the robot has a lasting fault, all readings are late, or the program
+            stood still.
         EmergencyStopError: the emergency stop was triggered.
     """
     clock = clock or (StepClock() if robot.own_time else WallClock())
@@ -203,7 +216,13 @@ def play_motion(
             rate=COMMAND_RATE,
         ) as loop:
             for _ in play(loop, player):
-                pass
+                if clock.now() - player.late_since > LATE_PATIENCE:
+                    raise RobotError(
+                        f"for {LATE_PATIENCE:g} s all readings took more than "
+                        f"{1000 / COMMAND_RATE:g} ms (the last one "
+                        f"{1000 * player.duration:.0f} ms); check the bus (`s2c2a motors "
+                        "timing`) and the latency of its adapter, then start again"
+                    )
     if player.late:
         warnings.warn(
             f"{counted(player.late, 'reading')} of more than {1000 / COMMAND_RATE:g} ms "
@@ -328,26 +347,25 @@ def _single_bends(sizes: np.ndarray) -> Float[np.ndarray, "n modules 2"]:
 def measure_frames(
     robot: Robot,
     tracker: Tracker,
+    file: "CalibrationFile",
     progress: MotionProgress = lambda done, total: None,
-    before: Sequence[HeldPoses] = (),
-    save: Callable[[Sequence[HeldPoses]], None] = lambda held: None,
 ) -> Frames:
     """Hold bends of every module, and find the frames of the arm in tracked bodies.
 
     Args:
         robot: that moves.
         tracker: of its module ends.
+        file: that keeps every held bend until the end. Bends that were held before an
+            interruption are only passed, since friction remembers the way.
         progress: called after every held bend.
-        before: poses of an unfinished calibration; their bends are only passed, since
-            friction remembers the way.
-        save: called with all poses after every held bend, and with none at the end.
 
     Raises:
         TrackingError: bodies are missing, or their poses do not fit the arm.
         RobotError: the robot has a lasting fault; it goes to rest.
         EmergencyStopError: the emergency stop was triggered.
     """
-    held = list(before)
+    held = file.held()
+    before = len(held)
     ends = ModuleEnds.of_arm(robot.arm)
     if not all(ends.ends):
         raise TrackingError(
@@ -361,18 +379,18 @@ def measure_frames(
             target = player.action(bend)
             yield from player.approach(player.action(way_point))
             yield from player.approach(target)
-            if done > len(before):
+            if done > before:
                 yield from player.hold(target, SETTLING_TIME)
                 player.begin_log()
                 yield from player.hold(target, AVERAGING_TIME)
                 while not player.cables:
                     yield target  # all readings were late
                 held.append(_held_poses(robot.arm, player, ends))
-                save(held)
+                file.store_held(held)
             progress(done, len(targets))
 
     play_motion(robot, tracker, motion)
-    save(())
+    file.store_held(())
     return find_frames(robot.arm, held)
 
 
@@ -399,12 +417,15 @@ def _mean_of(name: str, frames: list[PoseFrame]) -> Pose:
 class CalibrationFile:
     """The calibration file of an arm, which each result changes in part."""
 
-    def __init__(self, arm: ArmSpec, path: Path | None = None):
+    def __init__(
+        self, arm: ArmSpec, path: Path | None = None, setup: Sequence[object] = ()
+    ):
         """Read the file, if it exists.
 
         Args:
             arm: that is calibrated.
             path: the file; by default `calibration_path`.
+            setup: all but the arm that must not change before its frames are held.
 
         Raises:
             TrackingError: the file is damaged, or belongs to another arm.
@@ -412,15 +433,48 @@ class CalibrationFile:
         self._arm = arm
         self._path = path or calibration_path(arm)
         self._calibration = load_or_empty(self._path, arm)
+        content = repr((arm_to_toml(arm), *map(str, setup)))
+        self._setup = hashlib.sha256(content.encode()).hexdigest()[:16]
 
     @property
+    def last_held(self) -> datetime | None:
+        """When the last bend of unfinished frames was held."""
+        unfinished = self._calibration.unfinished
+        return unfinished.date if unfinished else None
+
     def held(self) -> list[HeldPoses]:
-        """Poses of unfinished frames."""
-        return [one.held for one in self._calibration.held]
+        """Return the poses of unfinished frames, in the order of `held_bends`.
+
+        Raises:
+            TrackingError: they are of another arm or setup, or of other bends.
+        """
+        unfinished = self._calibration.unfinished
+        if unfinished is None:
+            return []
+        held = [one.held for one in unfinished.held]
+        targets = np.array([bend for bend, _ in held_bends(self._arm)])
+        # half way to a bend, it is that or none
+        room = np.abs(targets).max() / 2
+        if (
+            unfinished.setup != self._setup
+            or len(held) > len(targets)
+            or any(
+                one.bends.shape != target.shape
+                or len(one.ends) != len(target)
+                or np.abs(one.bends - target).max() > room
+                for one, target in zip(held, targets, strict=False)
+            )
+        ):
+            raise TrackingCalibrationError(
+                f"{self._path} has unfinished frames of {unfinished.date:%Y-%m-%d %H:%M} "
+                "that do not belong to this arm file, robot, homing and tracking source; "
+                "begin again with --overwrite"
+            )
+        return held
 
     def store_held(self, held: Sequence[HeldPoses]) -> None:
-        """Write the poses of unfinished frames."""
-        self._store(self._calibration.with_held(held))
+        """Write the poses of unfinished frames; none forgets those before."""
+        self._store(self._calibration.with_unfinished(self._setup, held))
 
     def store_latency(self, found: Latency) -> Path:
         """Write the latency, and return the path."""

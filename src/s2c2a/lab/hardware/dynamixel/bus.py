@@ -31,6 +31,7 @@ from s2c2a.lab.hardware.packets import (
     Register,
 )
 from s2c2a.lab.hardware.serial_bus import (
+    ALIAS,
     CYCLE_MARGIN,
     EXCHANGE_MARGIN,
     SerialBus,
@@ -41,6 +42,7 @@ from s2c2a.lab.hardware.serial_line import SerialLine
 CYCLE_QUIET_TIME = 0.001
 """Time without a byte, after which no late answer is on its way, in a cycle [s]."""
 SCAN_TIME = 0.003  # s for the answer of each possible id
+SCANS = 2  # for all servos of a line: noise spoils single answers
 ALERT = 0x80
 ANSWER_ALL = 2  # status return level
 PING_SIZE = 3  # bytes: model number, firmware
@@ -133,7 +135,7 @@ class DynamixelBus(SerialBus):
             info = self._info_of(packet)
             # two servos with one id are in the list, too
             with suppress(BusError):
-                secondary = self.read(info.id, "secondary_id")
+                secondary = self.read(info.id, ALIAS)
                 if secondary <= tables.MAX_ID:
                     info = replace(info, secondary_id=secondary)
             infos.append(info)
@@ -195,13 +197,18 @@ class DynamixelBus(SerialBus):
             )
         self._write_values("watchdog", dict.fromkeys(ids, units))
 
-    def _send_goals(self, goals: Mapping[int, int]) -> None:
+    def send_goals(self, goals: Mapping[int, int]) -> None:
+        """Send goals in one packet, also to a silent servo; see `ServoBus`.
+
+        One that restarts has no torque, and its goal does not move it.
+        """
         limited = {
             id: min(max(ticks, -tables.MAX_POSITION), tables.MAX_POSITION)
             for id, ticks in goals.items()
         }
         self._goals |= limited
-        self._sync_write("goal_position", limited)
+        sent = {id: goal for id, goal in limited.items() if id not in self.restarted}
+        self._sync_write("goal_position", sent)
 
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         """Read the states of servos.
@@ -268,23 +275,27 @@ class DynamixelBus(SerialBus):
             "operating_mode": self.model.operating_mode,
             "homing_offset": 0,
             "startup_configuration": 0,
+            ALIAS: tables.NO_SECONDARY_ID,
         }
         limit_name = self.model.stored_limit_register
         names = (*required, "return_delay", limit_name)
         stored = {name: self.read(id, name) for name in names}
+        if stored[ALIAS] > tables.MAX_ID:
+            required[ALIAS] = stored[ALIAS]
         allowed = self._current_units(self._max_current)
         wanted = {"return_delay": 0, limit_name: min(stored[limit_name], allowed)}
         return stored_changes(stored, required, wanted)
 
-    def _aliases(self, ids: Collection[int]) -> dict[int, StoredChange]:
+    def _changes_of_others(
+        self, ids: Collection[int]
+    ) -> dict[int, Sequence[StoredChange]]:
         """A servo obeys its secondary id, too, and does not answer it."""
+        found = [info for _ in range(SCANS) for info in self.scan()]
+        aliases = {info.id: info.secondary_id for info in found if info.id not in ids}
         return {
-            info.id: StoredChange(
-                "secondary_id", info.secondary_id, tables.NO_SECONDARY_ID
-            )
-            for info in self.scan()
-            if info.secondary_id is not None
-            if info.id in ids or info.secondary_id in ids
+            id: [StoredChange(ALIAS, alias, tables.NO_SECONDARY_ID)]
+            for id, alias in aliases.items()
+            if alias is not None and alias in ids
         }
 
     def _join_state(self, info: ServoInfo) -> None:

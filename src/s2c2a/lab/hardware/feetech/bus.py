@@ -40,7 +40,8 @@ class FeetechBus(SerialBus):
     switched on.
 
     Restart. A servo that restarts loses its limits, which come with every state. A goal
-    would switch it on and turn it by whole turns.
+    would switch it on and turn it by whole turns, so none is sent to a servo without a
+    sound answer to the last read, which may be restarting.
     """
 
     brand = "Feetech"
@@ -78,6 +79,7 @@ class FeetechBus(SerialBus):
         self._phases: dict[int, int] = {}
         self._kept_goals: dict[int, int | None] = {}
         self._speeds: dict[int, int] = {}
+        self._silent: set[int] = set()
 
     def scan(self, ids: Iterable[int] = ()) -> list[ServoInfo]:
         """See `ServoBus`; without ids it takes about six seconds."""
@@ -197,21 +199,21 @@ class FeetechBus(SerialBus):
         """
         # refuses an impossible goal of any servo
         self.packets.sync_write(goals, REGISTERS["goal_position"])
-        super().send_goals(goals)
-
-    def _send_goals(self, goals: Mapping[int, int]) -> None:
         kept = goals.keys() & self._kept_goals.keys()
         self._kept_goals |= {id: goals[id] for id in kept}
-        sent = {id: goal for id, goal in goals.items() if id not in kept}
-        if sent:
-            self._sync_write("goal_position", sent)
+        barred = kept | self._silent | self.restarted
+        sent = {id: goal for id, goal in goals.items() if id not in barred}
+        self._sync_write("goal_position", sent)
 
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:
         if not ids:
             return {}
         block = REGISTERS["state"]
         answers = self._answers(self.packets.sync_read(ids, block), ids, block)
-        return {id: self._state(answer) for id, answer in answers.items()}
+        states = {id: self._state(answer) for id, answer in answers.items()}
+        sound = {id for id, state in states.items() if state is not None}
+        self._silent = (self._silent | set(ids)) - sound
+        return states
 
     def reboot(self, id: int) -> None:
         """Switch the torque off, which clears an overload.
