@@ -16,6 +16,7 @@ from s2c2a.logs import (
     save_imported,
     summary,
 )
+from s2c2a.logs.cable_model import CableParameters, Wiring
 
 
 def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:
@@ -48,6 +49,46 @@ def recordings(tmp_path_factory):
         arm.name: record(folder / f"{arm.name}.episodes", arm, 200)
         for arm in (TWIN, OTHER)
     }
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_signs_that_all_drives_share_are_found(tmp_path, sign):
+    """Cables that are slack half of the time show the sign, whatever the noise."""
+    random = np.random.default_rng(5)
+    angles = np.deg2rad([0.0, 120.0, 240.0, 60.0, 180.0, 300.0])
+    module = np.repeat([0, 1], 3)
+    columns = random.uniform(-15.0, 15.0, (600, 6))  # mm
+    wiring = Wiring(np.eye(2)[module], np.arange(6), np.zeros(6), np.full(6, sign))
+    parameters = CableParameters(
+        angles,
+        np.log(0.05),
+        np.zeros(6),
+        np.zeros(6),
+        np.log([0.12, 0.12]),
+        np.log(0.2),
+        0.0,
+        np.zeros(2),
+        np.zeros(3),
+    )
+    _, states = model_fit.predict_states(parameters, wiring, columns, tension=False)
+    ends = states[..., :3].reshape(600, 6) + random.normal(0.0, 1e-3, (600, 6))
+    drives = [f"d{drive}" for drive in range(6)]
+    header = ",".join([*drives, "a", "b", "c", "x", "y", "z"])
+    path = tmp_path / "log.csv"
+    np.savetxt(
+        path, np.hstack([columns, ends]), "%.5f", ",", header=header, comments=""
+    )
+    text = (
+        '[rows]\nkind = "steps"\n[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
+    )
+    for drive in drives:
+        text += f'[[drives]]\ncommanded = "{drive}"\nunit = "mm"\n'
+    text += '[[ends]]\nmodule = 0\nposition = ["a", "b", "c"]\nunit = "m"\n'
+    text += '[[ends]]\nposition = ["x", "y", "z"]\nunit = "m"\n'
+    imported = import_logs([path], map_from_toml(text))
+    assert imported.assignment.signs.tolist() == [sign] * 6
+    assert imported.residual < 3e-3
+    assert not imported.ambiguities
 
 
 @pytest.mark.slow
