@@ -1,5 +1,7 @@
 """Cables of simulated arms are identified from logs with shuffled, reversed columns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
@@ -16,6 +18,9 @@ from s2c2a.logs import (
     save_imported,
     summary,
 )
+from s2c2a.logs.cable_model import CableParameters, Wiring
+from s2c2a.logs.rotation_changes import describe_rotations, other_readings
+from s2c2a.logs.take import LogTake
 
 
 def with_angles(arm: ArmSpec, name: str, angles) -> ArmSpec:
@@ -48,6 +53,79 @@ def recordings(tmp_path_factory):
         arm.name: record(folder / f"{arm.name}.episodes", arm, 200)
         for arm in (TWIN, OTHER)
     }
+
+
+DRIVES = [f"d{drive}" for drive in range(6)]
+QUATERNION = 'quaternion = ["q0", "q1", "q2", "q3"]\norder = "xyzw"\n'
+MODEL = CableParameters(
+    np.deg2rad([0.0, 120.0, 240.0, 60.0, 180.0, 300.0]),
+    np.log(0.05),
+    np.zeros(6),
+    np.zeros(6),
+    np.log([0.12, 0.12]),
+    np.log(0.2),
+    0.0,
+    np.zeros(2),
+    np.zeros(3),
+)
+
+
+def two_modules(tip="", drive=""):
+    """Map of six drives [mm] and both ends."""
+    text = (
+        '[rows]\nkind = "steps"\n[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
+    )
+    for name in DRIVES:
+        text += f'[[drives]]\ncommanded = "{name}"\nunit = "mm"\n{drive}'
+    text += '[[ends]]\nmodule = 0\nposition = ["a", "b", "c"]\nunit = "m"\n'
+    text += f'[[ends]]\nposition = ["x", "y", "z"]\nunit = "m"\n{tip}'
+    return map_from_toml(text)
+
+
+def simulate(sign):
+    """Wiring, drives [mm] and states of cables that are slack half of the time."""
+    columns = np.random.default_rng(5).uniform(-15.0, 15.0, (600, 6))
+    reach = np.eye(2).repeat(3, axis=0)
+    wiring = Wiring(reach, np.arange(6), np.zeros(6), np.full(6, sign))
+    states = model_fit.predict_states(MODEL, wiring, columns, tension=False)[1]
+    return wiring, columns, states
+
+
+def write_states(path, columns, states):
+    ends = states[..., :3].reshape(600, 6)
+    ends += np.random.default_rng(6).normal(0.0, 1e-3, ends.shape)
+    header = ",".join([*DRIVES, "a", "b", "c", "x", "y", "z"])
+    np.savetxt(
+        path, np.hstack([columns, ends]), "%.5f", ",", header=header, comments=""
+    )
+    return path
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_signs_that_all_drives_share_are_found(tmp_path, sign):
+    _, columns, states = simulate(sign)
+    path = write_states(tmp_path / "log.csv", columns, states)
+    imported = import_logs([path], two_modules())
+    assert imported.assignment.signs.tolist() == [sign] * 6
+    assert imported.residual < 3e-3
+    assert not imported.ambiguities
+
+
+def test_rotations_of_one_end_are_judged_without_those_of_the_other():
+    log_map = two_modules(QUATERNION)
+    wiring, columns, states = simulate(-1.0)
+    axes = states[..., 3:].copy()
+    axes[:, 0] = np.nan
+    zeros = np.zeros((600, 6))
+    right = LogTake(zeros[:, 0], columns, columns, states[..., :3], axes, zeros[:, 0])
+    wrong = replace(right, axes=-axes)
+    others = [
+        (clause, [right if clause == 'order = "wxyz"' else wrong])
+        for clause, _ in other_readings(log_map.ends)
+    ]
+    fit = model_fit.CableFit(MODEL, wiring, 0.0)
+    sentence = describe_rotations([wrong], others, log_map, np.eye(3), fit)
+    assert 'write order = "wxyz" for the ends' in sentence
 
 
 @pytest.mark.slow

@@ -131,8 +131,8 @@ def _first_trials(
         couplings = [log_map.arm.coupled_cables]
     tried = set()
     columns = observations.columns
-    for effects in _estimate_effects(observations, log_map):
-        ranked = rank_assignments(effects, columns, log_map, MAX_CANDIDATES)
+    for assumed, effects in _estimate_effects(observations, log_map):
+        ranked = rank_assignments(effects, columns, assumed, MAX_CANDIDATES)
         for modules, signs in ranked:
             key = (modules.tobytes(), signs.tobytes())
             if key in tried:
@@ -171,18 +171,38 @@ def _measured_ends(observations: Observations) -> np.ndarray:
 
 def _estimate_effects(
     observations: Observations, log_map: LogMap
-) -> Iterator[Float[np.ndarray, "drives ends 2"]]:
-    """Effects of pulling alone, since slack cables have none, and of all motion."""
+) -> Iterator[tuple[LogMap, Float[np.ndarray, "drives ends 2"]]]:
+    """Maps with assumed signs, and effects of pulling alone and of all motion.
+
+    Slack cables have no effect, so drives of unknown signs are assumed to pull, and
+    to release; all motion leaves their signs open.
+    """
     # range of column values for which the effect on the cable is clear
     goes_slack = [len(each.cables) == 1 and not each.pushes for each in log_map.drives]
-    signs = np.array([drive.sign for drive in log_map.drives]) * goes_slack
-    low = np.where(signs > 0, 0.0, -np.inf)
-    high = np.where(signs < 0, 0.0, np.inf)
-    pulling = replace(observations, columns=np.clip(observations.columns, low, high))
-    yield _regress(pulling, differences=False)
-    if (np.isfinite(low) | np.isfinite(high)).all():
-        yield _regress(pulling, differences=True)
-    yield _regress(observations, differences=False)
+    for assumed in _assumed_maps(log_map, goes_slack):
+        signs = np.array([drive.sign for drive in assumed.drives]) * goes_slack
+        low = np.where(signs > 0, 0.0, -np.inf)
+        high = np.where(signs < 0, 0.0, np.inf)
+        pulling = replace(
+            observations, columns=np.clip(observations.columns, low, high)
+        )
+        yield assumed, _regress(pulling, differences=False)
+        if (np.isfinite(low) | np.isfinite(high)).all():
+            yield assumed, _regress(pulling, differences=True)
+    yield log_map, _regress(observations, differences=False)
+
+
+def _assumed_maps(log_map: LogMap, goes_slack: list[bool]) -> list[LogMap]:
+    maps = []
+    for effect in ("pulls", "releases"):
+        drives = tuple(
+            drive.model_copy(update={"positive": effect})
+            if slack and drive.effect == "unknown"
+            else drive
+            for drive, slack in zip(log_map.drives, goes_slack, strict=True)
+        )
+        maps.append(log_map.model_copy(update={"drives": drives}))
+    return maps[:1] if maps[0] == maps[1] else maps
 
 
 def _regress(

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,13 +15,13 @@ from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
-from s2c2a.logs.cable_model import tilt_rotation
+from s2c2a.logs.cable_model import CableParameters, tilt_rotation
 from s2c2a.logs.cable_search import Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
-from s2c2a.logs.log_map import End, LogMap
+from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_diagnosis import Given, diagnose, diagnose_map
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
@@ -49,7 +49,7 @@ from s2c2a.logs.stated_values import (
     undetermined_numbers,
     unusual_numbers,
 )
-from s2c2a.logs.tables import ColumnRequest
+from s2c2a.logs.tables import ColumnRequest, Table
 from s2c2a.logs.take import LogTake, build_take, effective_drives
 from s2c2a.logs.take_change import TakeChange, find_change
 from s2c2a.spaces import POSITION
@@ -103,7 +103,6 @@ class Imported:
         contradictions: stated values that the log contradicts; empty if there is none.
         undetermined: numbers that neither the log nor the map determines.
         unusual: numbers that are far from what the ends show, or from stated ones.
-        registered_axes: axes of the untilted base frame as columns, frame of the log.
     """
 
     arm: ArmSpec
@@ -122,7 +121,6 @@ class Imported:
     contradictions: str
     undetermined: tuple[str, ...]
     unusual: tuple[str, ...]
-    registered_axes: np.ndarray
 
 
 def import_logs(
@@ -142,67 +140,92 @@ def import_logs(
     """
     if arm is not None:
         check_arm(arm, log_map)
-    read = _read_takes(paths, log_map)
-    imports = []
-    for rests in possible_rests(read, log_map):
-        takes = [from_rests(take, rests) for take in read]
-        try:
-            imports.append(_identify(takes, rests, log_map, arm))
-        except S2C2AError as error:
-            sentence = diagnose(takes, log_map, None)
-            values = [effective_drives(take, log_map) for take in takes]
-            if still := still_drives(np.concatenate(values), log_map):
-                sentence = (
-                    f"{', '.join(still)} hardly move: record motion of every drive"
-                )
-            failure = LogError(f"{error}\n{sentence}") if sentence else error
-    best = min(imports, key=lambda imported: imported.fit.cost, default=None)
-    if best is not None and not best.diagnosis and not best.poor_fit:
-        return best
-    sentence = _diagnose_rotations(paths, log_map, read)
-    if best is None:
-        raise LogError(f"{failure}\n{sentence}") if sentence else failure
-    return replace(best, diagnosis=sentence, poor_fit="") if sentence else best
+    tables = _read_tables(paths, log_map)
+    read = _build_takes(tables, log_map)
+    try:
+        imported = _describe(_fit(read, log_map), log_map, arm)
+    except S2C2AError as error:
+        sentence = _diagnose_rotations(tables, log_map, read)
+        if sentence:
+            raise LogError(f"{error}\n{sentence}") from None
+        raise
+    if not imported.diagnosis and not imported.poor_fit:
+        return imported
+    sentence = _diagnose_rotations(tables, log_map, read)
+    if not sentence:
+        return imported
+    return replace(imported, diagnosis=sentence, poor_fit="")
+
+
+class _Fitted(NamedTuple):
+    """Fit of the cable model, and what it was fitted to."""
+
+    takes: list[LogTake]
+    rests: np.ndarray
+    segments: Segments
+    observations: Observations
+    start: CableParameters
+    fit: CableFit
+    assignment: Assignment
+    ambiguities: list[str]
+    layout: CableLayout
 
 
 def _diagnose_rotations(
-    paths: Sequence[str | os.PathLike], log_map: LogMap, read: Sequence[LogTake]
+    tables: Sequence[Table], log_map: LogMap, read: Sequence[LogTake]
 ) -> str:
     """Sentence on another reading of the rotations; empty if they are not at fault."""
     plain = without_rotations(log_map)
     if plain == log_map or not all(np.isfinite(take.axes).any() for take in read):
         return ""
+    positions = [replace(take, axes=np.full_like(take.axes, np.nan)) for take in read]
     try:
-        imported = import_logs(paths, plain)
+        fitted = _fit(positions, plain)
+        imported = _describe(fitted, plain, None)
     except S2C2AError:
         return ""
     if imported.poor_fit or imported.diagnosis:
         return ""
-    changed: dict[str, list[End]] = {}
-    for end in log_map.ends:
-        for clause, other in other_readings(end):
-            changed.setdefault(clause, []).append(other)
     others = []
-    for clause, ends in changed.items():
-        if len(ends) < len(log_map.ends):
-            continue
-        other_map = log_map.model_copy(update={"ends": tuple(ends)})
+    for clause, ends in other_readings(log_map.ends):
+        other_map = log_map.model_copy(update={"ends": ends})
         try:
-            others.append((clause, _read_takes(paths, other_map)))
+            others.append((clause, _build_takes(tables, other_map)))
         except S2C2AError:
             continue
-    rests = np.array(imported.rig.rests)
-    stated = [from_rests(take, rests) for take in read]
+    stated = [from_rests(take, fitted.rests) for take in read]
     return describe_rotations(
-        stated, others, log_map, imported.registered_axes, imported.fit
+        stated, others, log_map, fitted.observations.axes, fitted.fit
     )
 
 
-def _identify(
-    read: list[LogTake], rests: np.ndarray, log_map: LogMap, arm: ArmSpec | None
-) -> Imported:
-    """Identify the arm from takes whose drives count from their rests."""
-    segments = _build_segments(read, log_map)
+def _fit(read: Sequence[LogTake], log_map: LogMap) -> _Fitted:
+    """Fit the cable model, with those of the possible rests that fit best."""
+    fits = []
+    for rests in possible_rests(read, log_map):
+        takes = [from_rests(take, rests) for take in read]
+        try:
+            fits.append(_fit_takes(takes, rests, log_map))
+        except S2C2AError as error:
+            failure = error
+            failed = takes
+    if fits:
+        return min(fits, key=lambda fitted: fitted.fit.cost)
+    values = [effective_drives(take, log_map) for take in failed]
+    if still := still_drives(np.concatenate(values), log_map):
+        names = ", ".join(still)
+        verb = "moves" if len(still) == 1 else "move"
+        raise LogError(
+            f"{names} hardly {verb}: record motion of every drive\n{failure}"
+        )
+    if sentence := diagnose(failed, log_map, None):
+        raise LogError(f"{failure}\n{sentence}")
+    raise failure
+
+
+def _fit_takes(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> _Fitted:
+    """Fit the cable model to takes whose drives count from their rests."""
+    segments = _build_segments(takes, log_map)
     positions = np.concatenate([take.positions for take in segments.takes])
     registration = estimate_registration(positions, log_map)
     length = float(registration.lengths.sum())
@@ -227,10 +250,18 @@ def _identify(
         stated_bounds(registration, log_map),
     )
     start = first_guess(registration, log_map)
-    fit, assignment, ambiguities = identify_cables(
-        observations, start, log_map, MAX_FITTED
-    )
-    layout = build_layout(fit, assignment, log_map)
+    found = identify_cables(observations, start, log_map, MAX_FITTED)
+    layout = build_layout(*found[:2], log_map)
+    return _Fitted(takes, rests, segments, observations, start, *found, layout)
+
+
+def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported:
+    """Arm, episodes, and what a fit says of the log and the map."""
+    segments = fitted.segments
+    observations = fitted.observations
+    fit = fitted.fit
+    assignment = fitted.assignment
+    layout = fitted.layout
     bends, states = predict_states(
         fit.parameters, fit.wiring, observations.columns, observations.tension
     )
@@ -250,12 +281,14 @@ def _identify(
         text = arm_to_toml(arm)
         layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
     axes = _rotation_about_z(layout.turn) @ axes
-    rig = Rig.identified(log_map, rests, layout.drive, layout.factor, base, axes)
+    rig = Rig.identified(log_map, fitted.rests, layout.drive, layout.factor, base, axes)
     given = Given(fit, assignment, observations, residual)
-    diagnosis = diagnose_map(read, log_map, given)
+    diagnosis = diagnose_map(fitted.takes, log_map, given)
     poor_fit = ""
     if not diagnosis:
-        poor_fit = describe_poor_fit(segments.takes, log_map, given, start, MAX_FITTED)
+        poor_fit = describe_poor_fit(
+            segments.takes, log_map, given, fitted.start, MAX_FITTED
+        )
     return Imported(
         arm,
         text,
@@ -266,14 +299,13 @@ def _identify(
         assignment,
         residual,
         log_map.rows.kind == "steps",
-        tuple(ambiguities),
+        tuple(fitted.ambiguities),
         segments,
         diagnosis,
         poor_fit,
         describe_contradictions(fit.parameters, observations),
         tuple(undetermined_numbers(fit, observations.columns, log_map)),
-        tuple(unusual_numbers(fit, start, log_map)),
-        registration.axes,
+        tuple(unusual_numbers(fit, fitted.start, log_map)),
     )
 
 
@@ -397,21 +429,33 @@ def _build_segments(read: list[LogTake], log_map: LogMap) -> Segments:
     return Segments(segments, rows, broken_rows, excluded, motions, clocks)
 
 
-def _read_takes(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[LogTake]:
-    count = log_map.join.files if log_map.join else 1
+def _files_of_take(log_map: LogMap) -> int:
+    return log_map.join.files if log_map.join else 1
+
+
+def _read_tables(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[Table]:
+    count = _files_of_take(log_map)
     if not paths or len(paths) % count:
         raise LogError(
             f"{counted(len(paths), 'file')} given, and the map joins {count} to a take; "
             "give a multiple of that"
         )
-    tables = [
+    return [
         read_table(path, _request(log_map, index % count))
         for index, path in enumerate(paths)
     ]
+
+
+def _build_takes(tables: Sequence[Table], log_map: LogMap) -> list[LogTake]:
+    count = _files_of_take(log_map)
     return [
         build_take(tables[begin : begin + count], log_map)
         for begin in range(0, len(tables), count)
     ]
+
+
+def _read_takes(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[LogTake]:
+    return _build_takes(_read_tables(paths, log_map), log_map)
 
 
 def _request(log_map: LogMap, place: int) -> ColumnRequest:

@@ -27,7 +27,26 @@ def without_rotations(log_map: LogMap) -> LogMap:
     return log_map.model_copy(update={"ends": ends})
 
 
-def other_readings(end: End) -> Iterator[tuple[str, End]]:
+def other_readings(ends: Sequence[End]) -> Iterator[tuple[str, tuple[End, ...]]]:
+    """Changes of how the map reads the rotations of all ends, and the changed ends."""
+    turned = [any(getattr(end, name) for name in ROTATIONS) for end in ends]
+    changes = [
+        _changes(end) if has_axes else {}
+        for end, has_axes in zip(ends, turned, strict=True)
+    ]
+    for clause in dict.fromkeys(clause for each in changes for clause in each):
+        applies = [clause in each for each in changes]
+        if applies == turned:
+            yield (
+                clause,
+                tuple(
+                    each.get(clause, end)
+                    for end, each in zip(ends, changes, strict=True)
+                ),
+            )
+
+
+def _changes(end: End) -> dict[str, End]:
     """Single changes of how the map reads an end's rotation, and the changed end."""
     changes: list[dict[str, object]] = []
     if end.quaternion:
@@ -43,10 +62,13 @@ def other_readings(end: End) -> Iterator[tuple[str, End]]:
         changes += [{"sequence": each.upper()} for each in orders]
     if not end.axis:
         changes += [{"along": axis} for axis in AXES]
+    changed = {}
     for change in changes:
         ((key, value),) = change.items()
         text = list(value) if isinstance(value, tuple) else value
-        yield f"{key} = {text!r}".replace("'", '"'), end.model_copy(update=change)
+        clause = f"{key} = {text!r}".replace("'", '"')
+        changed[clause] = end.model_copy(update=change)
+    return changed
 
 
 def describe_rotations(
@@ -74,7 +96,9 @@ def describe_rotations(
     def error_deg(takes: Sequence[LogTake]) -> float:
         measured = np.concatenate([take.axes for take in takes])
         squares = np.sum((measured - predicted) ** 2, axis=-1)
-        return float(np.rad2deg(np.sqrt(np.nanmean(squares, axis=0).max())))
+        has_axis = np.isfinite(squares).any(axis=0)
+        means = np.nanmean(squares[:, has_axis], axis=0)
+        return float(np.rad2deg(np.sqrt(means.max())))
 
     old = error_deg(stated)
     errors = [error_deg(takes) for _, takes in others]
