@@ -116,4 +116,4 @@ def test_vacuum_is_called_out_of_range(write):
     text = "\n".join(summary(imported))
     assert "vacuum is not supported" in text
     assert "larger pressure_limit" not in text
-    assert "below zero" in verdict(imported)
+    assert verdict(imported) == "not usable (pressures below zero are not supported)"

@@ -77,11 +77,16 @@ def verdict(imported: Imported) -> str:
         return f"not usable ({missed})"
     if any(text.startswith("angle") for text in imported.undetermined):
         return "not usable (the log does not determine the cables)"
-    actions = [each["actions"].min() for each in imported.episodes]
+    # the lowest pressure of every step; a zero that drifts is below in few
+    lowest = np.concatenate(
+        [each["actions"].min(axis=(1, 2)) for each in imported.episodes]
+    )
+    is_vacuum = imported.arm.actuation == "pressure" and lowest.min() < 0.0
+    unsupported = "pressures below zero are not supported"
+    if is_vacuum and np.median(lowest) < 0.0:
+        return f"not usable ({unsupported})"
     reasons = {
-        "pressures below zero are not supported": (
-            imported.arm.actuation == "pressure" and min(actions) < 0.0
-        ),
+        unsupported: is_vacuum,
         missed: imported.poor_fit,
         "stated values are contradicted": imported.contradictions,
         "numbers are not determined": imported.undetermined,
