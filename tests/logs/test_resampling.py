@@ -88,3 +88,8 @@ def test_short_segments_are_dropped_and_of_equal_times_the_first_counts():
 def test_decreasing_times_are_an_error():
     with pytest.raises(LogError, match="fall"):
         split_segments(take([0.0, 1.0, 0.5, 2.0]), STEPS, 1.0)
+
+
+def test_milliseconds_that_are_read_as_seconds_are_named():
+    with pytest.raises(LogError, match=r'100 s apart, 1000 control periods.*"ms"'):
+        split_segments(take(100.0 * np.arange(50)), TIMED, 0.1)

@@ -14,11 +14,17 @@ from s2c2a.logs.take import LogTake
 
 # default longest gap, in median row intervals or control periods
 DEFAULT_GAP = 4.0
+MOST_APART = 100.0
+"""Control periods between rows: with more, ten seconds at 10 Hz, the unit of time is another."""
 SIGNALS = ("commanded", "measured", "positions", "axes")
 
 
 def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
-    """Longest interval within a segment [s]: as stated, or a few row intervals."""
+    """Longest interval within a segment [s]: as stated, or a few row intervals.
+
+    Raises:
+        LogError: rows are too far apart to be interpolated.
+    """
     if rows.longest_gap is not None:
         return rows.longest_gap
     if rows.kind == "steps":
@@ -26,6 +32,11 @@ def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
     intervals = np.diff(take.time[np.isfinite(take.time)])
     intervals = intervals[intervals > 0]
     median = float(np.median(intervals)) if len(intervals) else period
+    if median > MOST_APART * period:
+        raise LogError(
+            f"rows are {median:g} s apart, {median / period:.0f} control periods; state "
+            'rows.unit, such as "ms", or a smaller arm.control_rate'
+        )
     return DEFAULT_GAP * max(median, period)
 
 
