@@ -12,7 +12,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
-from s2c2a.errors import S2C2AError, counted
+from s2c2a.errors import ArmError, S2C2AError, counted
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import CableParameters, tilt_rotation
@@ -143,7 +143,12 @@ def import_logs(
     tables = _read_tables(paths, log_map)
     read = _build_takes(tables, log_map)
     try:
-        imported = _describe(_fit(read, log_map), log_map, arm)
+        fitted = _fit(read, log_map)
+        try:
+            imported = _describe(fitted, log_map, arm)
+        except ArmError as error:  # no arm is like it: the map is wrong
+            sentence = diagnose(fitted.takes, log_map, None)
+            raise LogError(f"{error}\n{sentence}".strip()) from error
     except S2C2AError as error:
         sentence = _diagnose_rotations(tables, log_map, read)
         if sentence:
