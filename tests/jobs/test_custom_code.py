@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -278,6 +279,15 @@ def test_an_edit_of_any_file_that_an_import_runs_counts(kind, tmp_path):
         after = code_digest(f"{tmp_path}/mine.py:Mine")
         assert after != before, name
         before = after
+
+
+def test_threads_may_ask_at_once(tmp_path):
+    deep = "x = " + "(" * 90 + "1" + ")" * 90 + "\n"
+    for number in range(40):
+        (tmp_path / f"part{number}.py").write_text(f"# {number}\n" + deep * 100)
+    names = [f"{tmp_path}/part{number}.py:Mine" for number in range(40)]
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(code_digest, names))) == len(names)
 
 
 def test_a_helper_that_is_written_later_counts(tmp_path):

@@ -15,6 +15,7 @@ from functools import cache
 from hashlib import blake2b
 from importlib.metadata import entry_points
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -26,6 +27,7 @@ KNOWN = set(PACKAGES)
 """Packages that are known by their versions."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
+PARSING = Lock()  # in several threads at once, Python 3.11 fails
 FOR_TYPES = "TYPE_CHECKING", "typing.TYPE_CHECKING"
 BLOCKS = ast.Module, ast.stmt, ast.excepthandler, ast.match_case
 """What statements stand in."""
@@ -45,9 +47,8 @@ def code_digest(*values: Any) -> str:
     digests: set[str] = set()
     for file in {file for value in values for file in _named_files(value)}:
         digests |= _digests(file)
-    if not digests:
-        return ""
-    return blake2b("".join(sorted(digests)).encode()).hexdigest()[:16]
+    joined = "".join(sorted(digests))
+    return blake2b(joined.encode()).hexdigest()[:16] if joined else ""
 
 
 def _named_files(value: Any) -> Iterator[Path]:
@@ -168,10 +169,8 @@ def _digests(file: Path) -> set[str]:
 def _read(file: Path) -> tuple[str, set[Path]]:
     """Digest of a file, and the files that it imports."""
     source = file.read_bytes()
-    found: set[Path] = set()
-    for each in _imports(source):
-        found.update(_files_of(file, each))
-    return blake2b(source).hexdigest(), found
+    found = (_files_of(file, each) for each in _imports(source))
+    return blake2b(source).hexdigest(), set[Path]().union(*found)
 
 
 _kept = cache(_read)
@@ -182,9 +181,9 @@ def _files_of(file: Path, wanted: _Import) -> set[Path]:
     """Files that an import of a file runs: the module, and the packages that it is in."""
     for folder in _folders(file, wanted):
         names = wanted.module.split(".")
-        outer = (".".join(names[:end]) for end in range(1, len(names)))
         module = _file_in(folder, wanted.module)
         inner = _file_in(folder, f"{wanted.module}.{wanted.name}".strip("."))
+        outer = (".".join(names[:end]) for end in range(1, len(names)))
         around = (_file_in(folder, name) for name in outer)
         files = {each for each in (module, inner, *around) if each is not None}
         if files:
@@ -234,7 +233,8 @@ def _outermost(folder: Path) -> Path:
 def _imports(source: bytes) -> tuple[_Import, ...]:
     """All that a source may import when it runs."""
     try:
-        waiting: list[ast.AST] = [ast.parse(source)]
+        with PARSING:
+            waiting: list[ast.AST] = [ast.parse(source)]
     # reported where it is imported; the last two: too many nested expressions
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return ()
