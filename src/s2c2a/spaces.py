@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.errors import ReadingError, did_you_mean
-from s2c2a.plugins.immutable import immutable_table, immutable_value, rebuilt
+from s2c2a.plugins.immutable import immutable, immutable_table, rebuilt
 
 POSITION = slice(0, 3)  # of a state, as above
 AXIS = slice(3, 6)  # likewise
@@ -112,7 +112,7 @@ class Sensor:
                     f"`{name}` of a sensor of shape {self.shape} is {limit!r}; give a "
                     "number, or an array of numbers of that shape"
                 )
-            object.__setattr__(self, name, immutable_value(limit))
+            object.__setattr__(self, name, immutable(limit))
 
 
 def _is_limit(limit: Any, shape: tuple[int, ...]) -> bool:
@@ -171,7 +171,7 @@ class Reading:
 
     def __post_init__(self):
         """Copy the values, and the time, which may be an array of no axes."""
-        object.__setattr__(self, "time", immutable_value(self.time))
+        object.__setattr__(self, "time", immutable(self.time))
         object.__setattr__(self, "sensors", immutable_table(self.sensors))
 
     def __reduce__(self):

@@ -10,32 +10,24 @@ from typing import Any
 import numpy as np
 
 
-def immutable(values: np.ndarray) -> np.ndarray:
+def immutable(value: Any) -> Any:
     """Return a copy of an array that NumPy does not change, not even by its flags.
 
     The memory belongs to Python bytes. Code in C can write there past NumPy, so an array
-    that is immutable already is copied, too: nobody else has the address of the copy.
+    that is immutable already is copied, too: nobody else has the address of the copy. A
+    robot may return anything where an array is due: what is none is copied only.
     """
-    if values.dtype.hasobject:
-        copied = deepcopy(values)
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return np.ndarray(value.shape, value.dtype, value.tobytes())
+    copied = deepcopy(value)
+    if isinstance(copied, np.ndarray):
         copied.setflags(write=False)
-        return copied
-    return np.ndarray(values.shape, values.dtype, values.tobytes())
+    return copied
 
 
 def immutable_table(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a copy of named values that nothing can change; see `immutable`."""
-    return MappingProxyType(
-        {name: immutable_value(value) for name, value in table.items()}
-    )
-
-
-def immutable_value(value: Any) -> Any:
-    """Return a copy of a value; what is no array or number is copied only.
-
-    A robot may return anything where an array or a number is due.
-    """
-    return immutable(value) if isinstance(value, np.ndarray) else deepcopy(value)
+    return MappingProxyType({name: immutable(value) for name, value in table.items()})
 
 
 def rebuilt(value: Any) -> tuple[Callable[[], Any], tuple[()]]:
