@@ -48,7 +48,7 @@ def test_the_warning_says_where_the_path_leaves_the_data_and_what_to_record():
     episode = run(far_in(5, 6, 7, 12), predicted=predicted)
     assert describe_extrapolation(episode) == (
         "the path lies outside the training data in 4 of 20 steps, first from 0.6 to "
-        "0.8 s; record more episodes, or choose a smaller path "
+        "0.8 s near (20, -10, 40) cm; record more episodes, or choose a smaller path "
         "(a slower pace does not help)"
     )
 

@@ -90,7 +90,7 @@ def test_a_file_that_ends_the_program_is_damaged(tmp_path):
     place = damaged.rindex(struct.pack("<II", 9, 24))
     damaged[place] = 0  # the type of the numbers
     (tmp_path / "log.mat").write_bytes(damaged)
-    with pytest.raises(LogError, match=r"log\.mat.*its reader crashed"):
+    with pytest.raises(LogError, match=r"log\.mat.*it is damaged"):
         read_table(tmp_path / "log.mat", ANY)
 
 
@@ -102,9 +102,7 @@ def test_a_small_file_cannot_fill_the_memory(tmp_path):
     content = zlib.compress(struct.pack("<II", 14, len(head) + size) + head + bytes(99))
     path = tmp_path / "log.mat"
     path.write_bytes(SMALL[:128] + struct.pack("<II", 15, len(content)) + content)
-    with pytest.raises(
-        LogError, match="it unpacks to more memory than a file may take"
-    ):
+    with pytest.raises(LogError, match="unpacks to more memory than a file may take"):
         read_table(path, ANY)
 
 

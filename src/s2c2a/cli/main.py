@@ -34,6 +34,7 @@ FAULT = 2  # exit code, as of argparse
 OPTION = "--[a-z][a-z0-9.-]*"
 NUMBER = rf"({OPTION}) (INT|FLOAT)\b"
 """An option of a help text that takes a number, and the kind of number."""
+RANGES = {"INT": (int, 0, MAX_SEED), "FLOAT": (float, -LARGEST, LARGEST)}
 CHOICES = rf"({OPTION}) {{([^}}\n]*)}}\s"
 """An option of a help text that has a closed list of values, and these."""
 TRUST = "--trust"
@@ -237,12 +238,11 @@ def _check_number(option: str, kind: str, value: str | None) -> None:
     Raises:
         S2C2AError: it is out of range.
     """
-    is_whole = kind == "INT"
+    convert, low, high = RANGES[kind]
     try:
-        number = (int if is_whole else float)(value or "")
+        number = convert(value or "")
     except ValueError:  # none is given, or tyro names the fault
         return
-    low, high = (0, MAX_SEED) if is_whole else (-LARGEST, LARGEST)
     if not (low <= number <= high or number == math.inf):
         raise S2C2AError(
             f"{option} {value} is out of range; give a number from {low:.0f} to {high:.0f}"
@@ -252,7 +252,7 @@ def _check_number(option: str, kind: str, value: str | None) -> None:
 @contextmanager
 def _at_least(columns: int) -> Iterator[None]:
     """Write at least that wide [characters], however narrow the terminal is."""
-    given = dict(os.environ)
+    given = {"COLUMNS": os.environ["COLUMNS"]} if "COLUMNS" in os.environ else {}
     if shutil.get_terminal_size().columns < columns:
         os.environ["COLUMNS"] = str(columns)
     try:

@@ -406,6 +406,8 @@ def _describe_unreachable(
     is_tip = track.module in (-1, spec.module_count - 1)
     end = "the tip" if is_tip else f"the end of module {track.module} (counted from 0)"
     gap = f"{100 * max(point.gap for point in far):.1f} cm"
+    if len(far) == 1:
+        return f"out of reach by {gap}: waypoint at {far[0].time:g} s of {end}"
     spans = _time_spans([point.time for point in far], track.times.tolist())
     return (
         f"{len(far)} of {len(track.times)} waypoints of {end} are out of reach, by up "

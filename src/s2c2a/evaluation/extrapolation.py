@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.episodes import Episode
+from s2c2a.spaces import POSITION
 
 TOLERATED = 0.1  # of the steps; a model is outside at the border of its data, too
 
@@ -32,7 +33,7 @@ def describe_extrapolation(episode: Episode) -> str:
     """Describe where the plans of a run lie outside the training data.
 
     Returns:
-        Number of these steps, with the time of the first stretch; empty if they
+        Number of these steps, with time and place of the first stretch; empty if they
         are at most a tenth of the steps, or if the model has no uncertainty.
     """
     if not {"predictive_std", "extrapolation"} <= episode.columns.keys():
@@ -47,6 +48,10 @@ def describe_extrapolation(episode: Episode) -> str:
     count = int(inside_again[0]) if len(inside_again) else len(outside) - begin
     times = episode.times()
     first = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
+    if "predicted" in episode.columns:
+        tip = 100.0 * episode.ran("predicted")[begin + count // 2, -1, POSITION]
+        place = ", ".join(f"{coordinate:.0f}" for coordinate in tip)
+        first += f" near ({place}) cm"
     return (
         f"the path lies outside the training data in {outside.sum()} of "
         f"{len(outside)} steps, first {first}; record more "

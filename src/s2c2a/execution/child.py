@@ -26,8 +26,6 @@ _OURS = "of s2c2a"  # any text but an empty one means yes
 _LOCK = threading.Lock()
 _open_blocks: set[object] = set()  # of all threads, as the environment
 PATIENCE = 600.0  # s; the largest bag takes some minutes
-
-
 MAX_SAID = 2000  # bytes of an error's text
 
 
@@ -50,7 +48,7 @@ def safe_path() -> Iterator[None]:
     block = object()
     with _LOCK:
         _open_blocks.add(block)
-        os.environ.setdefault(SAFE_PATH, _OURS)
+        os.environ[SAFE_PATH] = os.environ.get(SAFE_PATH) or _OURS  # empty means no
     try:
         yield
     finally:
@@ -123,13 +121,10 @@ def arrays_of_child(file: str, *arguments: str, request: str = "") -> list[np.nd
         said.seek(max(0, said.seek(0, os.SEEK_END) - MAX_SAID))
         text = said.read().decode(errors="backslashreplace")
     reasons = ["".join(filter(str.isprintable, line)) for line in text.splitlines()]
-    if done.returncode <= 0 or not reasons:
+    if done.returncode <= 0 or not reasons or "MemoryError" in reasons[-1]:
         raise ChildError(
-            "its reader crashed: it is damaged, or unpacks to too much; make it anew"
-        )
-    if "MemoryError" in reasons[-1]:
-        raise ChildError(
-            "it unpacks to more memory than a file may take; give a smaller one"
+            "it is damaged, or unpacks to more memory than a file may take; make it "
+            "anew, or smaller"
         )
     raise ChildError(reasons[-1])
 

@@ -144,9 +144,10 @@ def list_in_manifest(path: Path, content: Path | None = None) -> None:
         digest = digest_of(content) if content else ""
         root.mkdir(parents=True, exist_ok=True)
         with open(root / MANIFEST, "a+b") as manifest:
-            manifest.seek(0)
-            # without the part of a line that a killed process left
-            manifest.truncate(manifest.read().rfind(b"\n") + 1)
+            manifest.seek(max(0, manifest.tell() - 1))
+            if manifest.read() not in (b"", b"\n"):  # of a line of a killed process
+                manifest.seek(0)
+                manifest.truncate(manifest.read().rfind(b"\n") + 1)
             manifest.write(f"{json.dumps([name, digest])}\n".encode())
 
 

@@ -192,9 +192,7 @@ def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, An
     if arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name)):
         return {}
     with PRINTED.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            names = row["task"], row["arm"], row["strategy"], row["metric"]
-            if names == (task, arm.name, strategy, metric):
-                mean, std = float(row["mean"]), float(row["std"])
-                return {"paper_mean": mean, "paper_std": std}
+        for *names, mean, std in csv.reader(file):
+            if names == [task, arm.name, strategy, metric]:
+                return {"paper_mean": float(mean), "paper_std": float(std)}
     return {}

@@ -45,6 +45,10 @@ class TrainingData:
     displacements: Float[np.ndarray, "episodes samples modules cables"] | None = None
 
 
+NO_EPOCHS = np.zeros((1, 3), np.float32)
+"""Curve of what is fitted without epochs."""
+
+
 @dataclass(frozen=True)
 class Trained(Generic[ModelType]):
     """Trained model, its learning curve, and its test error.
@@ -61,9 +65,7 @@ class Trained(Generic[ModelType]):
     """
 
     network: ModelType
-    curve: Float[np.ndarray, "epochs 3"] = field(
-        default_factory=lambda: np.zeros((1, 3), np.float32)  # without epochs
-    )
+    curve: Float[np.ndarray, "epochs 3"] = field(default_factory=NO_EPOCHS.copy)
     percent: tuple[float, float] = (0.0, 0.0)
     errors: Mapping[str, float] = field(default_factory=dict)
     spread: Any = None
