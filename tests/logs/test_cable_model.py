@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.logs import model_fit
 from s2c2a.logs.cable_model import (
     CableParameters,
     Wiring,
@@ -78,3 +79,12 @@ def test_parameters_survive_flattening():
     back = unflatten(flatten(PARAMETERS), PARAMETERS)
     for value, original in zip(back, PARAMETERS, strict=True):
         np.testing.assert_array_equal(value, original)
+
+
+def test_a_long_log_is_predicted_in_parts(monkeypatch):
+    columns = np.random.default_rng(0).uniform(-0.3, 0.3, (23, 3))
+    whole = model_fit.predict_states(PARAMETERS, WIRING, columns, False)
+    monkeypatch.setattr(model_fit, "PART", 7)
+    parts = model_fit.predict_states(PARAMETERS, WIRING, columns, False)
+    for name, expected, found in zip(("bends", "states"), whole, parts, strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=name)

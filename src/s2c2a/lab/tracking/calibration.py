@@ -169,7 +169,10 @@ class TrackingCalibration(_Stored):
         """Return the calibration with the poses of unfinished frames, if any."""
         poses = tuple(map(StoredHeldPoses.of, held))
         frames = UnfinishedFrames(setup=setup, date=datetime.now(UTC), held=poses)
-        return self._changed({"unfinished": frames if held else None})
+        # what runs use is as old as before
+        return self._changed(
+            {"unfinished": frames if held else None, "date": self.date}
+        )
 
     def _changed(self, values: dict[str, Any]) -> Self:
         fields = {name: getattr(self, name) for name in type(self).model_fields}
