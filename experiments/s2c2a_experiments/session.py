@@ -21,12 +21,12 @@ from s2c2a_experiments.run_rows import labeled
 
 EXPERIMENT = "session"
 SECONDS = 50.0  # of a session
-SHIFT = 5e-3  # m
+SHIFT = 8e-3  # m
 TURN = np.deg2rad(3.0)
 HOMING = 1e-3  # m, of every cable
-OTHER = 0.1  # share by which stiffness and backlash differ
+SOFTER = 0.15  # share by which the stiffness falls
 TESTED = 3  # episodes that a session is judged on
-CHANGES = ("none", "frame", "homing", "stiffness")
+CHANGES = ("none", "frame", "homing", "stiffness", "all")
 
 
 class OtherDay(SimulatedRobot):
@@ -164,22 +164,18 @@ def _job(
 def _robot(study: SessionStudy, arm: ArmSpec, change: str) -> RobotFactory:
     """The arm on the day of a change."""
     options: dict[str, object] = {"day": study.seed + CHANGES.index(change)}
-    if change == "frame":
+    if change in ("frame", "all"):
         options |= {"shift": SHIFT, "turn": TURN}
-    if change == "homing":
+    if change in ("homing", "all"):
         options |= {"homing": HOMING}
-    if change == "stiffness":
+    if change in ("stiffness", "all"):
         twin = study.folder / f"{arm.name}.toml"
-        # an arm with more stiffness and more backlash
         described = arm.model_dump()
         for module in described["modules"]:
             mismatch = module["mismatch"]
             stiffness = 1.0 + mismatch["stiffness_error"]
-            mismatch["stiffness_error"] = stiffness * (1.0 + OTHER) - 1.0
-            backlash = np.asarray(module["cable"]["backlash"]) * (1.0 + OTHER)
-            module["cable"]["backlash"] = backlash.tolist()
-        stiffer = ArmSpec.model_validate(described)
-        save_arm(stiffer, twin)
+            mismatch["stiffness_error"] = stiffness * (1.0 - SOFTER) - 1.0
+        save_arm(ArmSpec.model_validate(described), twin, overwrite=True)
         options |= {"twin": str(twin)}
     return RobotFactory("s2c2a_experiments.session:OtherDay", tuple(options.items()))
 

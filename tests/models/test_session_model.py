@@ -22,7 +22,6 @@ MODEL = PCCForwardModel.of(ARM)
 TRANSLATION = np.array([3e-3, -2e-3, 3.5e-3])
 ROTATION = np.deg2rad([1.0, -2.0, 2.0])
 OFFSETS = np.array([[0.03, -0.02], [-0.01, 0.035], [0.02, 0.01]])
-GAINS = np.array([0.05, -0.06, 0.04])
 
 
 def change(**parts) -> DayChange:
@@ -76,41 +75,26 @@ def test_the_frame_turns_axes_and_leaves_their_length():
     )
 
 
-def test_offsets_and_gains_act_on_the_bends():
-    moved = change(offsets=OFFSETS, gains=GAINS)
+def test_offsets_act_on_the_bends():
     sensed = motion(3)
-    bends = bends_from_configurations(moved.moved(jnp.asarray(sensed)))
-    expected = (np.asarray(bends_from_configurations(sensed)) + OFFSETS) * (
-        1.0 + GAINS[:, None]
-    )
-    np.testing.assert_allclose(bends, expected, atol=1e-5)
+    moved = SessionC2S.of(MODEL, change(offsets=OFFSETS)).moved(jnp.asarray(sensed))
+    expected = np.asarray(bends_from_configurations(sensed)) + OFFSETS
+    np.testing.assert_allclose(bends_from_configurations(moved), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("tip_only", slow_after(1, [True, False]))
 @pytest.mark.parametrize(
-    ("parts", "cause"),
-    [
-        ({"translation": TRANSLATION, "rotation": ROTATION}, "frame"),
-        ({"offsets": OFFSETS}, "homing"),
-        ({"gains": GAINS}, "stiffness"),
-    ],
+    "parts",
+    [{"translation": TRANSLATION, "rotation": ROTATION}, {"offsets": OFFSETS}],
 )
-def test_a_session_finds_each_cause(parts, cause, tip_only):
+def test_a_session_finds_each_cause(parts, tip_only):
     fit = fit_session(MODEL, data(change(**parts), tip_only=tip_only))
+    assert fit.improves
     assert fit.after < 0.2 * fit.before
-    assert max(fit.explained, key=fit.explained.__getitem__) == cause
     std = vars(fit.posterior.std)
     for name, value in vars(change(**parts)).items():
         found = np.asarray(getattr(fit.posterior.change, name))
         assert (np.abs(found - value) < 4.0 * np.asarray(std[name]) + 1e-5).all(), name
-
-
-@pytest.mark.slow
-def test_causes_add_up_to_the_whole_reduction():
-    true = change(translation=TRANSLATION, offsets=OFFSETS, gains=GAINS)
-    fit = fit_session(MODEL, data(true))
-    total = sum(fit.explained.values())
-    assert total == pytest.approx(fit.before - fit.after, abs=0.05 * fit.before)
 
 
 @pytest.mark.slow
@@ -120,7 +104,7 @@ def test_what_the_motion_does_not_show_keeps_its_prior():
     states = np.repeat(still.states[:, :1], still.sensed.shape[1], axis=1)
     noise = np.random.default_rng(1).normal(scale=1e-3, size=states.shape)
     fit = fit_session(MODEL, TrainingData(ARM, at_rest, still.actions, states + noise))
-    assert np.max(np.asarray(fit.posterior.std.gains)) > 0.08
+    assert np.max(np.asarray(fit.posterior.std.offsets)) > 0.02
 
 
 @pytest.mark.parametrize("noise", [5e-4, 5e-3])
@@ -137,21 +121,20 @@ def test_a_tracking_that_was_put_up_anew_is_found_from_positions_of_the_tip(nois
     for name in ("translation", "rotation"):
         error = np.abs(getattr(fit.posterior.change, name) - vars(moved)[name])
         assert (error < 4.0 * getattr(fit.posterior.std, name)).all()
-    assert fit.explained["frame"] > 0.9 * fit.before
 
 
 @pytest.mark.slow
 def test_axes_alone_tell_of_ends_whose_positions_are_unknown():
-    seen = data(change(gains=GAINS))
+    seen = data(change(offsets=OFFSETS))
     seen.states[..., :-1, POSITION] = np.nan
-    both = fit_session(MODEL, seen).posterior.std.gains
+    both = fit_session(MODEL, seen).posterior.std.offsets
     seen.states[..., :-1, AXIS] = np.nan
-    tip = fit_session(MODEL, seen).posterior.std.gains
+    tip = fit_session(MODEL, seen).posterior.std.offsets
     assert (both[:-1] < tip[:-1]).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("samples", "is_enough"), [(1, False), (2, False), (4, True)])
+@pytest.mark.parametrize(("samples", "is_enough"), [(1, False), (3, False), (4, True)])
 def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
     few = data(change(offsets=OFFSETS))
     few.states[0, : few.states.shape[1] - samples, -1] = np.nan

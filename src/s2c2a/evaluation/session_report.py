@@ -1,6 +1,7 @@
 """What a session shows: how far an arm is from its model, and why."""
 
 from collections.abc import Iterable
+from itertools import chain
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,11 @@ from scipy.special import chdtri
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
-from s2c2a.models.session_fit import SessionFit, samples_per_independent_one
+from s2c2a.models.session_fit import (
+    DayPosterior,
+    SessionFit,
+    samples_per_independent_one,
+)
 from s2c2a.runtime import StepRecord, build_episode
 from s2c2a.spaces import POSITION
 
@@ -20,36 +25,42 @@ WATCHED = 30.0  # s, of a stretch; errors of soft arms correlate over a few seco
 
 
 def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
-    """Describe the error, and every cause with its size and its share, in sentences."""
+    """Describe the error, and every cause with its size, in sentences.
+
+    Causes that are distinguishable from none only together are said together.
+    """
     lines = [
         f"the tip is {1000 * fit.before:.1f} mm from where the model expects it; with "
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
-    if fit.after >= fit.before:
-        return [*lines, "no change of the arm explains it: the session changes nothing"]
+    if not fit.improves:
+        told = "no change of the arm explains it: the session changes nothing"
+        return [*lines, f"{told}; check homing and tracking, or train anew"]
     radii = 1000 * ArmGeometry.of(arm).cable_radii
-    part = fit.posterior.part
-    homings = []
-    stiffnesses = []
-    for module, radius in enumerate(radii):
-        homing = _size(*part("offsets", module), radius, "mm off")
-        slack = _size(*part("slack", module), radius, "mm slack")
-        homings.append(f"module {module + 1} {homing}, {slack}")
-        gain = _size(*part("gains", module), 100, "%")
-        stiffnesses.append(f"module {module + 1} {gain}")
-    shift = _size(*part("translation"), 1000, "mm")
-    turn = _size(*part("rotation"), np.rad2deg(1.0), "deg")
-    causes = {
-        "frame": f"frame of the tracking: moved by {shift}, turned by {turn}",
-        "homing": f"homing or pretension of the cables: {'; '.join(homings)}",
-        "stiffness": (
-            f"stiffness or backlash, as change of the bends: {'; '.join(stiffnesses)}"
-        ),
+    causes: dict[str, list[tuple]] = {
+        "frame of the tracking": [
+            ("translation", None, 1000, "mm moved"),
+            ("rotation", None, np.rad2deg(1.0), "deg turned"),
+        ],
+        "homing or pretension of the cables": [
+            (name, module, radius, unit)
+            for module, radius in enumerate(radii)
+            for name, unit in (("offsets", "mm off"), ("slack", "mm slack"))
+        ],
+        "softness": [("softness", module, 100, "%") for module in range(len(radii))],
     }
-    for cause, text in causes.items():
-        share = fit.explained[cause] / fit.before
-        explained = f"{1000 * fit.explained[cause]:.1f} mm ({100 * share:.0f} %)"
-        lines.append(f"{text}; explains {explained}")
+    unclear: dict[str, list[str]] = {}
+    for cause, numbers in causes.items():
+        names = list(dict.fromkeys(name for name, *_ in numbers))
+        if _is_distinct(*fit.posterior.part(*names)):
+            sizes = (_size(fit.posterior, *each) for each in numbers)
+            lines.append(f"{cause}: {', '.join(filter(None, sizes))}")
+        else:
+            unclear[cause] = names
+    if unclear:
+        is_changed = _is_distinct(*fit.posterior.part(*chain(*unclear.values())))
+        told = "one of them changed" if is_changed else "not distinguishable from none"
+        lines.append(f"{' or '.join(unclear)}: {told}")
     return lines
 
 
@@ -142,15 +153,24 @@ def _ages(episode: Episode, seen: str) -> Float[np.ndarray, " rows"]:
     return ages / episode.arm.control_period
 
 
-def _size(value: np.ndarray, covariance: np.ndarray, factor: float, unit: str) -> str:
-    """Size of some numbers as text, with its standard deviation; one keeps its sign."""
+def _size(
+    posterior: DayPosterior, part: str, module: int | None, factor: float, unit: str
+) -> str:
+    """Size of some numbers as text, with its standard deviation; one keeps its sign.
+
+    Empty where it is not distinguishable from none.
+    """
+    value, covariance = posterior.part(part, module=module)
+    if not _is_distinct(value, covariance):
+        return ""
     size = float(np.linalg.norm(value))
-    direction = value / max(size, np.finfo(float).tiny)
+    direction = value / size
     std = float(np.sqrt(direction @ covariance @ direction))
-    shown = f"{factor * size:.1f}"
-    if len(value) == 1:
-        shown = f"{factor * value[0]:+.1f}"
-    text = f"{shown} ± {factor * std:.1f} {unit}"
-    if value @ np.linalg.solve(covariance, value) < chdtri(len(value), UNLIKELY):
-        text += " (not distinguishable from none)"
-    return text
+    shown = f"{factor * value[0]:+.1f}" if len(value) == 1 else f"{factor * size:.1f}"
+    of_module = "" if module is None else f" in module {module + 1}"
+    return f"{shown} ± {factor * std:.1f} {unit}{of_module}"
+
+
+def _is_distinct(value: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether some numbers are not none, by a chi-square test."""
+    return value @ np.linalg.solve(covariance, value) > chdtri(len(value), UNLIKELY)

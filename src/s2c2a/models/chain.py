@@ -249,6 +249,7 @@ class ChainC2S(ForwardModel):
         if not self.statics:
             return self._linear_rest(transmitted, moments)
         relaxation = self._relaxation(inputs)
+        softness = self.body.softness[:, None]
 
         def sweep(state: tuple[StaticState, Array], number: Array):
             rest, corrections = state
@@ -256,8 +257,9 @@ class ChainC2S(ForwardModel):
             load = corrections[..., :2] + jnp.where(is_loaded, moments, 0.0)
             rest = self.equilibrium.sweep(
                 transmitted,
-                relaxation + load,
+                softness * (relaxation + load),
                 self.body.matrices,
+                softness,
                 rest,
                 self.engaged,
                 is_first=number == 0,
@@ -287,7 +289,7 @@ class ChainC2S(ForwardModel):
         own = self.body.bends(transmitted)
         mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
         compliance = (self.body.taut_compliances / self.body.compliances)[:, None]
-        bends = mixed + compliance * moments
+        bends = self.body.softness[:, None] * (mixed + compliance * moments)
         zeros = jnp.zeros_like(bends)
         no_pulls = jnp.zeros_like(transmitted)
         rest = StaticState(bends, zeros[..., 0], zeros[..., :1], zeros, zeros, no_pulls)

@@ -181,7 +181,7 @@ def _judged(
     The process has the samples of training and of the other of these two.
 
     Returns:
-        Whether the process reduces the squared error (`_is_smaller`); the standard
+        Whether the process reduces the squared error (`is_smaller`); the standard
         deviation of each output, per deviation of the process; and the mean error of the
         tip [m], empty if it is unknown.
     """
@@ -199,7 +199,7 @@ def _judged(
         deviations.append(process.deviations(features))
     without, remaining = np.concatenate(chain_errors), np.concatenate(errors)
     relative = remaining / np.concatenate(deviations)[:, None]
-    is_better = bool(model.process.is_fitted) and _is_smaller(remaining, without)
+    is_better = bool(model.process.is_fitted) and is_smaller(remaining, without)
     if not is_better:
         remaining = relative = without
     known = np.isfinite(relative)
@@ -218,15 +218,15 @@ def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
     return replace(model, process=process)
 
 
-def _is_smaller(
-    errors: Float[np.ndarray, "samples outputs"],
-    others: Float[np.ndarray, "samples outputs"],
+def is_smaller(
+    errors: Float[np.ndarray, "samples *outputs"],
+    others: Float[np.ndarray, "samples *outputs"],
 ) -> bool:
     """Whether errors are surely smaller than others: by two standard errors.
 
     Blocks of samples count once, since neighbors in time are alike.
     """
-    gains = np.nansum(others**2 - errors**2, axis=1)
+    gains = np.nansum((others**2 - errors**2).reshape(len(errors), -1), axis=1)
     blocks = np.array_split(gains, max(2, len(gains) // GAP))
     means = [block.mean() for block in blocks]
     standard_error = np.std(means, ddof=1) / np.sqrt(len(means))

@@ -1,8 +1,8 @@
 """A forward model on another day: the same arm, placed, homed or tensioned otherwise.
 
 A change of day acts on a few physical quantities: the frame of the tracking; the offsets
-of the sensed bends and the slack of the cables (homing, pretension); and the gains of
-the bends (stiffness). `SessionC2S` wraps the model of the training with them.
+of the sensed bends and the slack of the cables (homing, pretension); and the softness
+of the modules. `SessionC2S` wraps the model of the training with them.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from s2c2a.kinematics.bends import (
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, WrappedModel
-from s2c2a.models.trunk import slackened
+from s2c2a.models.trunk import on_another_day
 from s2c2a.spaces import AXIS, POSITION
 
 
@@ -31,15 +31,16 @@ class DayChange(eqx.Module):
         rotation: of the tracking's frame, a rotation vector [rad], shape (3,).
         offsets: added to the sensed bends [rad], shape (modules, 2).
         slack: length by which all cables of a module are longer, over their radius
-            [rad], shape (modules,); only models of cables use it.
-        gains: relative change of the bends, shape (modules,).
+            [rad], shape (modules,).
+        softness: logarithm of the bending compliance over that of the training, shape
+            (modules,). Only chain models use it, and the slack.
     """
 
     translation: Float[Array, "3"]
     rotation: Float[Array, "3"]
     offsets: Float[Array, "modules 2"]
     slack: Float[Array, " modules"]
-    gains: Float[Array, " modules"]
+    softness: Float[Array, " modules"]
 
     @classmethod
     def none(cls, modules: int) -> "DayChange":
@@ -47,21 +48,6 @@ class DayChange(eqx.Module):
         nothing = jnp.zeros(modules)
         offsets = jnp.zeros((modules, 2))
         return cls(jnp.zeros(3), jnp.zeros(3), offsets, nothing, nothing)
-
-    def moved(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch modules 3"]:
-        """Configurations that the arm had on the day of the training."""
-        bends = bends_from_configurations(configurations) + self.offsets
-        return configurations_from_bends(bends * (1.0 + self.gains[:, None]))
-
-    def seen(
-        self, states: Float[Array, "*batch modules 6"]
-    ) -> Float[Array, "*batch modules 6"]:
-        """States [m, 1] in the present frame of the tracking."""
-        positions = rotated(states[..., POSITION], self.rotation) + self.translation
-        axes = rotated(states[..., AXIS], self.rotation)
-        return jnp.concatenate([positions, axes], axis=-1)
 
 
 def rotated(
@@ -91,7 +77,7 @@ class SessionC2S(WrappedModel):
     @classmethod
     def of(cls, model: ForwardModel, change: DayChange) -> "SessionC2S":
         """A model after a change."""
-        return cls(slackened(model, change.slack), change)
+        return cls(on_another_day(model, change.slack, change.softness), change)
 
     @property
     def inner(self) -> ForwardModel:
@@ -102,7 +88,8 @@ class SessionC2S(WrappedModel):
         self, configurations: Float[Array, "*batch modules 3"]
     ) -> Float[Array, "*batch modules 3"]:
         """See `WrappedModel`: those that the arm had on the day of the training."""
-        return self.change.moved(configurations)
+        bends = bends_from_configurations(configurations)
+        return configurations_from_bends(bends + self.change.offsets)
 
     def predict(
         self,
@@ -111,7 +98,12 @@ class SessionC2S(WrappedModel):
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
         moved = self.moved(configurations)
-        return self.change.seen(self.inner.predict(moved, memory, disturbances))
+        states = self.inner.predict(moved, memory, disturbances)
+        # in the present frame of the tracking
+        turn = self.change.rotation
+        positions = rotated(states[..., POSITION], turn) + self.change.translation
+        axes = rotated(states[..., AXIS], turn)
+        return jnp.concatenate([positions, axes], axis=-1)
 
     def for_planning(self) -> "SessionC2S":
         return replace(self, trained=self.trained.for_planning())

@@ -1,15 +1,13 @@
 """The change of an arm since its training, from a short motion with the tip seen.
 
 Maximum a posteriori estimate through the differentiable model, by Gauss-Newton. Priors
-are normal, with the scales on which arms change between days. The variance of the noise,
-which contains the errors of the model itself, is that of the residuals; since these are
-correlated in time, so many samples count as one as their correlation lasts.
+are normal, with the scales on which arms change between days. Most of the noise is errors
+of the model itself. They are common to all ends, and last: so many samples count as one
+as their correlation lasts, and all ends together count as one. Their variance is that on
+stretches that were not fitted, since a change can imitate a part of them.
 """
 
-from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
-from itertools import permutations
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RecordingError, counted
 from s2c2a.models.forward_model import ForwardModel, along_episode
+from s2c2a.models.local_training import is_smaller
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
@@ -30,20 +29,14 @@ from s2c2a.training import TrainingData
 TRANSLATION = 5e-3  # m; of a tracking that stays where it is, unless more is seen
 ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
-GAIN = 0.1  # spread of the stiffness of silicone and foam between batches and days
+SOFTNESS = 0.2  # spread of the stiffness of silicone and foam between batches and days
 ITERATIONS = 8
 """Of Gauss-Newton, and of the registration before; more change no digit that is shown."""
 STILL = 1e-4 * np.eye(3)
 """Vectors [m] that do not turn, shorter than any motion that is seen."""
-FITTED = 0.475
-"""Share of a session that is fitted where another one is judged: half of it, with the
-gap of `data.windows.PARTS` between them."""
-GROUPS = {
-    "frame": ("translation", "rotation"),
-    "homing": ("offsets", "slack"),
-    "stiffness": ("gains",),
-}
-"""Causes of a change, and the parts of a `DayChange` that they are."""
+FOLDS = 4
+"""Parts of a session, of which each is judged by a fit of the others."""
+APART = 0.05  # of a session, between what is fitted and what is judged
 
 
 class DayPosterior(NamedTuple):
@@ -58,12 +51,15 @@ class DayPosterior(NamedTuple):
     covariance: Float[np.ndarray, "numbers numbers"]
 
     def part(
-        self, name: str, module: int | None = None
+        self, *names: str, module: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of a part of the change, or those of a module, and their covariance."""
+        """Numbers of parts of the change, or those of a module, and their covariance."""
         values, as_change = ravel_pytree(self.change)
-        places = getattr(as_change(jnp.arange(len(values), dtype=jnp.float32)), name)
-        rows = np.asarray(places if module is None else places[module], int).ravel()
+        places = as_change(jnp.arange(len(values), dtype=jnp.float32))
+        parts = [np.asarray(getattr(places, name), int) for name in names]
+        if module is not None:
+            parts = [part[module] for part in parts]
+        rows = np.concatenate([part.ravel() for part in parts])
         return np.asarray(values, float)[rows], self.covariance[np.ix_(rows, rows)]
 
     @property
@@ -81,13 +77,13 @@ class SessionFit(NamedTuple):
         posterior: of the change.
         before: mean error of the tip without it [m].
         after: the same with it, on stretches that it was not fitted to [m].
-        explained: part of the error that each cause explains [m] (`GROUPS`).
+        improves: whether it surely lowers the squared error there.
     """
 
     posterior: DayPosterior
     before: float
     after: float
-    explained: dict[str, float]
+    improves: bool
 
 
 def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
@@ -103,21 +99,41 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     """
     fit = _Residuals(model, data)
     seen = fit.seen_tip
-    order = np.cumsum(seen).reshape(seen.shape) / max(seen.sum(), 1)
-    first = (order <= FITTED)[..., None]
-    last = (order > 1.0 - FITTED)[..., None]
-    if not (seen[first[..., 0]].any() and seen[last[..., 0]].any()):
+    if seen.sum() < FOLDS:
         raise RecordingError(
             f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, "
             "too few to fit and to judge; turn on the tracking (--tracking), and move for 50 s"
         )
-    none = DayChange.none(data.arm.module_count)
-    before = fit.tip_error(none, first | last)
-    crossed = [(fit.posterior(first), last), (fit.posterior(last), first)]
-    after = [fit.tip_error(fitted.change, judged) for fitted, judged in crossed]
-    posterior = fit.posterior(np.ones_like(first))
-    explained = _explained(fit, posterior.change)
-    return SessionFit(posterior, before, float(np.mean(after)), explained)
+    without = fit.tip_errors(DayChange.none(data.arm.module_count))
+    _, inflation = _judged(fit, 1.0)
+    errors, _ = _judged(fit, inflation)
+    return SessionFit(
+        fit.posterior(np.ones_like(seen), inflation),
+        before=float(np.nanmean(without)),
+        after=float(np.nanmean(errors)),
+        improves=is_smaller(errors[seen], without[seen]),
+    )
+
+
+def _judged(
+    fit: "_Residuals", inflation: float
+) -> tuple[Float[np.ndarray, "episodes samples"], float]:
+    """Errors of the tip where it was not fitted [m], and their square over that where it was.
+
+    Args:
+        fit: residuals of all samples.
+        inflation: see `_Residuals.posterior`.
+    """
+    seen = fit.seen_tip
+    order = np.cumsum(seen).reshape(seen.shape) / seen.sum()
+    errors = np.full(seen.shape, np.nan)
+    fitted_squares = []
+    for middle in (np.arange(FOLDS) + 0.5) / FOLDS:
+        away = np.abs(order - middle) - 0.5 / FOLDS
+        found = fit.tip_errors(fit.posterior(away > APART, inflation).change)
+        errors[away <= 0.0] = found[away <= 0.0]
+        fitted_squares.append(np.nanmean(found[away > APART] ** 2))
+    return errors, float(np.nanmean(errors**2) / np.mean(fitted_squares))
 
 
 class _Residuals:
@@ -142,24 +158,26 @@ class _Residuals:
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
         self._scales = np.asarray(flat)
+        self._predict = partial(_predict, model, sensed=self._sensed)
+        self._slopes = partial(_slopes, model, sensed=self._sensed)
 
-        @eqx.filter_jit
-        def predict(model: ForwardModel, numbers: Array, sensed: Array) -> Array:
-            change = self._as_change(numbers)
-            simulate = partial(along_episode, SessionC2S.of(model, change))
-            return jax.vmap(simulate)(sensed)
+    def posterior(
+        self, fitted: Bool[np.ndarray, "episodes samples"], inflation: float
+    ) -> DayPosterior:
+        """The change that fits some samples, and its covariance.
 
-        @eqx.filter_jit
-        def slopes(model: ForwardModel, numbers: Array, sensed: Array) -> Array:
-            return jax.jacfwd(lambda at: predict(model, at, sensed))(numbers)
-
-        self._predict = partial(predict, model, sensed=self._sensed)
-        self._slopes = partial(slopes, model, sensed=self._sensed)
-
-    def posterior(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> DayPosterior:
-        """The change that fits some samples, and its covariance."""
+        Args:
+            fitted: the samples.
+            inflation: variance of the noise over that of the residuals.
+        """
         numbers = np.zeros(len(self._scales))
         numbers[:6] = self._registered(fitted)
+        measured = [
+            (module, part, seen)
+            for part, known in zip((POSITION, AXIS), self._known, strict=True)
+            for module, seen in enumerate(np.moveaxis(known & fitted[..., None], -1, 0))
+            if seen.any()
+        ]
         for _ in range(ITERATIONS):
             # a tracking that was put up anew is anywhere: its prior grows with the move
             moved = np.sqrt(np.mean(numbers[:6].reshape(2, 3) ** 2, axis=1))
@@ -170,23 +188,21 @@ class _Residuals:
             slopes = np.asarray(self._slopes(at)) * scales
             precision = np.eye(len(numbers))
             gradient = -numbers / scales
-            for part, known in zip((POSITION, AXIS), self._known, strict=True):
-                for module in range(known.shape[-1]):
-                    seen = (known & fitted)[..., module]
-                    error = errors[..., module, part][seen].astype(float)
-                    slope = slopes[..., module, part, :][seen].astype(float)
-                    weight = _weight(error)
-                    precision += weight * np.einsum("tki,tkj->ij", slope, slope)
-                    gradient += weight * np.einsum("tki,tk->i", slope, error)
+            for module, part, seen in measured:
+                error = errors[..., module, part][seen].astype(float)
+                slope = slopes[..., module, part, :][seen].astype(float)
+                weight = _weight(error) / (inflation * len(measured))
+                precision += weight * np.einsum("tki,tkj->ij", slope, slope)
+                gradient += weight * np.einsum("tki,tk->i", slope, error)
             numbers += scales * np.linalg.solve(precision, gradient)
         covariance = np.linalg.inv(precision) * np.outer(scales, scales)
         change = self._as_change(jnp.asarray(numbers, jnp.float32))
         return DayPosterior(change, covariance)
 
-    def _registered(self, fitted: Bool[np.ndarray, "episodes samples 1"]) -> np.ndarray:
+    def _registered(self, fitted: Bool[np.ndarray, "episodes samples"]) -> np.ndarray:
         """Translation and rotation of the frame that bring most ends to those predicted."""
         expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
-        is_seen = self._known[0] & fitted
+        is_seen = self._known[0] & fitted[..., None]
         places = expected[is_seen][:, POSITION]
         seen = self._states[is_seen][:, POSITION]
         weights = np.ones(len(places))
@@ -205,14 +221,26 @@ class _Residuals:
             weights = 1.0 / np.maximum(errors, max(float(np.median(errors)), 1e-9))
         return np.concatenate([shift, turn.as_rotvec()])
 
-    def tip_error(
-        self, change: DayChange, judged: Bool[np.ndarray, "episodes samples 1"] | bool
-    ) -> float:
-        """Mean distance of the seen tip from the model's, after a change [m]."""
+    def tip_errors(self, change: DayChange) -> Float[np.ndarray, "episodes samples"]:
+        """Distances of the seen tip from the model's after a change [m]; NaN: unseen."""
         predicted = np.asarray(self._predict(ravel_pytree(change)[0]))
         errors = (self._states - predicted)[..., -1, POSITION]
-        seen = (self._known[0] & judged)[..., -1]
-        return float(np.linalg.norm(errors[seen], axis=-1).mean())
+        return np.where(self.seen_tip, np.linalg.norm(errors, axis=-1), np.nan)
+
+
+@eqx.filter_jit
+def _predict(
+    model: ForwardModel,
+    numbers: Array,
+    sensed: Float[Array, "episodes samples modules 3"],
+) -> Float[Array, "episodes samples modules 6"]:
+    """States of every sample after a change, given as its numbers."""
+    as_change = ravel_pytree(DayChange.none(sensed.shape[-2]))[1]
+    changed = SessionC2S.of(model, as_change(numbers))
+    return jax.vmap(partial(along_episode, changed))(sensed)
+
+
+_slopes = eqx.filter_jit(jax.jacfwd(_predict, argnums=1))
 
 
 def _scales(arm: ArmSpec) -> DayChange:
@@ -223,7 +251,7 @@ def _scales(arm: ArmSpec) -> DayChange:
         jnp.full(3, ROTATION),
         jnp.repeat(CABLE / radii[:, None], 2, axis=1),
         CABLE / radii,
-        jnp.full(len(radii), GAIN),
+        jnp.full(len(radii), SOFTNESS),
     )
 
 
@@ -248,28 +276,3 @@ def samples_per_independent_one(errors: Float[np.ndarray, "samples 3"]) -> float
             break
         time += 2.0 * product / power
     return time
-
-
-def _explained(fit: _Residuals, change: DayChange) -> dict[str, float]:
-    """Reduction of the tip's error by each cause [m], mean over the orders of causes.
-
-    Shapley values: they add up to the reduction by all causes.
-    """
-    errors: dict[frozenset[str], float] = {}
-    none = DayChange.none(len(change.gains))
-
-    def error(causes: Iterable[str]) -> float:
-        chosen = frozenset(causes)
-        if chosen not in errors:
-            kept = [name for cause in chosen for name in GROUPS[cause]]
-            parts = {name: getattr(change, name) for name in kept}
-            errors[chosen] = fit.tip_error(replace(none, **parts), True)
-        return errors[chosen]
-
-    orders = list(permutations(GROUPS))
-    gained = dict.fromkeys(GROUPS, 0.0)
-    for order in orders:
-        for count, cause in enumerate(order):
-            gain = error(order[:count]) - error(order[: count + 1])
-            gained[cause] += gain / len(orders)
-    return gained

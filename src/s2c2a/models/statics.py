@@ -112,6 +112,7 @@ class Equilibrium(eqx.Module):
         transmitted: Float[Array, "*batch modules cables"],
         moments: Float[Array, "*batch modules 2"],
         matrices: Float[Array, "modules cables 2"],
+        softness: Float[Array, "modules 1"],
         rest: StaticState,
         engaged: bool,
         is_first: Bool[Array, ""] | bool,
@@ -122,12 +123,13 @@ class Equilibrium(eqx.Module):
             transmitted: displacements at the modules, over the cable radius [rad].
             moments: of everything else, over the bending stiffness [rad].
             matrices: B.
+            softness: bending compliance over that of the training.
             rest: the result of the last step.
             engaged: see `bend_at_rest`. The couplings then have no gradient: together
                 with gradients that are not the true ones, it would have the wrong sign.
             is_first: whether there was none, so that its bends are no start.
         """
-        stiffness = jnp.exp(self.log_stiffness)
+        stiffness = jnp.exp(self.log_stiffness) * softness[:, 0]
         compliance = jnp.exp(self.log_axial_compliance * AXIAL_COMPLIANCE_UNIT)
         path_change = jnp.einsum("mnk,...mk->...mn", matrices, rest.inner_bends)
         displacements = transmitted + rest.slack - path_change

@@ -36,6 +36,7 @@ class Trunk(FromArm):
         gravity: [m/s2], base frame.
         slack: length by which all cables of a module are longer than at the training,
             over their radius [rad], shape (modules,).
+        softness: bending compliance over that at the training, shape (modules,).
     """
 
     lengths: Float[Array, " modules"]
@@ -49,6 +50,7 @@ class Trunk(FromArm):
     lateral_compliances: Float[Array, " modules"]
     gravity: Float[Array, "3"]
     slack: Float[Array, " modules"]
+    softness: Float[Array, " modules"]
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Trunk":
@@ -70,6 +72,7 @@ class Trunk(FromArm):
             compliances * geometry.lengths**2 / 12.0,
             np.asarray(arm.gravity),
             np.zeros(arm.module_count),
+            np.ones(arm.module_count),
         )
         return cls(*(jax.device_put(np.asarray(array, np.float32)) for array in arrays))
 
@@ -87,16 +90,20 @@ class Trunk(FromArm):
         return bends_from_cables(self.inverses, displacements)
 
 
-def slackened(model: Model, slack: Float[Array, " modules"]) -> Model:
-    """A model with so much more slack of its cables [rad]; one without cables stays as it is."""
+def on_another_day(
+    model: Model, slack: Float[Array, " modules"], softness: Float[Array, " modules"]
+) -> Model:
+    """A model with so much slack of its cables [rad], of modules so much softer.
 
-    def is_trunk(part) -> bool:
-        return isinstance(part, Trunk)
+    Args:
+        model: of the training; one without a trunk stays as it is.
+        slack: see `Trunk`.
+        softness: logarithm of that of `Trunk`.
+    """
 
-    return jax.tree.map(
-        lambda part: (
-            replace(part, slack=part.slack + slack) if is_trunk(part) else part
-        ),
-        model,
-        is_leaf=is_trunk,
-    )
+    def on_the_day(part):
+        if not isinstance(part, Trunk):
+            return part
+        return replace(part, slack=slack, softness=jnp.exp(softness))
+
+    return jax.tree.map(on_the_day, model, is_leaf=lambda part: isinstance(part, Trunk))

@@ -30,7 +30,7 @@ NO_SESSION = "none"
 MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run --session none`"
 Length = Annotated[float, Field(ge=-100.0, le=100.0)]  # m; of a room with a tracking
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]  # rad; of a rotation vector
-Gain = Annotated[float, Field(ge=-0.5, le=0.5)]  # 1; five times what arms change by
+Softness = Annotated[float, Field(ge=-1.0, le=1.0)]  # five times what arms change by
 Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
@@ -43,7 +43,7 @@ class Numbers(BaseModel):
     rotation: tuple[Angle, Angle, Angle]
     offsets: tuple[tuple[Angle, Angle], ...]
     slack: tuple[Angle, ...]
-    gains: tuple[Gain, ...]
+    softness: tuple[Softness, ...]
 
     @classmethod
     def of(cls, change: DayChange) -> "Numbers":
@@ -69,12 +69,12 @@ class Session(BaseModel):
         std: standard deviations of the change.
         before: mean error of the tip without the change [m].
         after: the same with it, on stretches that it was not fitted to [m].
-        explained: part of the error that each cause explains [m].
+        improves: whether it surely lowers the squared error there.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     weights: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     arm: Annotated[str, Field(max_length=64)]
     date: AwareDatetime
@@ -82,12 +82,7 @@ class Session(BaseModel):
     std: Numbers
     before: Error
     after: Error
-    explained: dict[str, float]
-
-    @property
-    def improves(self) -> bool:
-        """Whether it lowers the error where it was not fitted."""
-        return self.after < self.before
+    improves: bool
 
 
 def session_path(weights: str | os.PathLike) -> Path:
@@ -131,7 +126,7 @@ def measured_session(
             std=Numbers.of(fit.posterior.std),
             before=fit.before,
             after=fit.after,
-            explained=fit.explained,
+            improves=fit.improves,
         )
     except ValidationError as error:
         found = [f"{each['loc'][0]} {each['input']:.2g}" for each in error.errors()]
@@ -196,7 +191,7 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
         return networks
     modules = networks.arm.module_count
     change = session.change
-    if {len(change.offsets), len(change.slack), len(change.gains)} != {modules}:
+    if {len(change.offsets), len(change.slack), len(change.softness)} != {modules}:
         raise StrategyError(
             f"the session has not the {counted(modules, 'module')} of "
             f"'{networks.arm.name}'; {MAKE_ONE}"
