@@ -47,6 +47,18 @@ def test_a_moved_camera_is_reported(hanging, axis, tip_only):
         assert "without --like" in describe_change(change)
 
 
+def test_cameras_that_were_put_up_anew_are_named_with_what_they_moved_by(hanging):
+    cables, positions = take(hanging, 1)
+    turn = Rotation.from_rotvec(np.deg2rad([10.0, 35.0, -15.0]))
+    shift = np.array([0.4, -0.3, 0.3])
+    moved = turn.apply(positions.reshape(-1, 3)).reshape(positions.shape) + shift
+    change = find_change(cables, moved, *take(hanging, 0), hanging)
+    assert change.is_moved
+    assert not change.may_be_homing
+    np.testing.assert_allclose(change.shift, shift, atol=5e-3)
+    np.testing.assert_allclose(change.rotation, turn.as_rotvec(), atol=0.02)
+
+
 def test_a_payload_is_no_moved_camera(hanging):
     loaded = take(hanging, 1, payload=0.25)
     change = find_change(*loaded, *take(hanging, 0), hanging)

@@ -4,7 +4,8 @@ In rows with similar cables, the displacement of an end at p is fitted as
 
 $$ t + w \times p + c_k (p_x, p_y, 0) + e_k (0, 0, p_x^2 + p_y^2) / L. $$
 
-A moved camera shifts (t) and rotates (w) all ends, also near rest. A payload leaves the
+A moved camera shifts (t) and rotates (w) all ends, also near rest; a large motion is
+registered first, and t and w are what is left of it. A payload leaves the
 straight arm where it is, bends it further or less (c, of each end k), and moves bent
 ends along gravity (e).
 
@@ -20,9 +21,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
 from s2c2a.logs.frame_motion import quadratic_terms
+from s2c2a.models.session_fit import register
 
 COMPARED_SHARE = 0.5  # of the rows: those with the most similar cables
 MIN_ROWS = 20
@@ -45,7 +48,7 @@ class TakeChange(NamedTuple):
 
     Attributes:
         shift: of all ends [m], shape (3,).
-        rotation: vector of a small rotation of all ends [rad], shape (3,).
+        rotation: rotation vector of all ends [rad], shape (3,).
         sag: coefficient e of the outermost end, positive along gravity; zero if gravity
             is across the straight arm.
         extrapolated: share of the steps with cables unlike any of the first take.
@@ -133,16 +136,12 @@ def find_change(
     if np.isfinite(displacements).all(axis=-1).any(axis=1).sum() < MIN_ROWS:
         return None
     return _explain(
-        _features(np.nan_to_num(places), arm.length),
-        derivatives(flat[similar]),
-        displacements,
-        extrapolated,
-        arm,
+        places, derivatives(flat[similar]), displacements, extrapolated, arm
     )
 
 
 def _explain(
-    features: Float[np.ndarray, "rows modules 3 features"],
+    places: Float[np.ndarray, "rows modules 3"],
     derivatives: Float[np.ndarray, "rows modules 3 drives"],
     displacements: Float[np.ndarray, "rows modules 3"],
     extrapolated: float,
@@ -151,15 +150,20 @@ def _explain(
     """Fit a moved camera, and offsets of the cables, each beside a payload."""
     known = np.isfinite(displacements).all(axis=-1)
     drives = derivatives.shape[-1]
-    beside = features[..., _RIGID:]
-    weights, rigid_error = _fit(features[known], displacements[known])
-    with_offsets = np.concatenate([derivatives, beside], axis=-1)
+    features = _features(np.nan_to_num(places), arm.length)
+    shift, rotation = register(places[known], (places + displacements)[known])
+    turn = Rotation.from_rotvec(rotation)
+    registered = turn.apply(places[known]) + shift
+    weights, rigid_error = _fit(
+        features[known], turn.inv().apply((places + displacements)[known] - registered)
+    )
+    with_offsets = np.concatenate([derivatives, features[..., _RIGID:]], axis=-1)
     offsets, offset_error = _fit(with_offsets[known], displacements[known])
     motions = np.linalg.norm(derivatives @ offsets[:drives], axis=-1)
     motion = np.sqrt((np.where(known, motions, 0.0) ** 2).mean(axis=0)).max()
     return TakeChange(
-        weights[:3],
-        weights[3:_RIGID],
+        shift + turn.apply(weights[:3]),
+        (turn * Rotation.from_rotvec(weights[3:_RIGID])).as_rotvec(),
         float(np.sign(arm.gravity_direction[2]) * weights[-1]),
         extrapolated,
         arm.length,

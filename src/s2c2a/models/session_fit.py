@@ -170,8 +170,10 @@ class _Residuals:
             fitted: the samples.
             inflation: variance of the noise over that of the residuals.
         """
-        numbers = np.zeros(len(self._scales))
-        numbers[:6] = self._registered(fitted)
+        is_seen = self._known[0] & fitted[..., None]
+        expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
+        moved = register(expected[is_seen, POSITION], self._states[is_seen, POSITION])
+        numbers = np.concatenate([*moved, np.zeros(len(self._scales) - 6)])
         measured = [
             (module, part, seen)
             for part, known in zip((POSITION, AXIS), self._known, strict=True)
@@ -180,9 +182,9 @@ class _Residuals:
         ]
         for _ in range(ITERATIONS):
             # a tracking that was put up anew is anywhere: its prior grows with the move
-            moved = np.sqrt(np.mean(numbers[:6].reshape(2, 3) ** 2, axis=1))
+            sizes = np.sqrt(np.mean(numbers[:6].reshape(2, 3) ** 2, axis=1))
             scales = self._scales.copy()
-            scales[:6] = np.maximum(scales[:6], np.repeat(moved, 3))
+            scales[:6] = np.maximum(scales[:6], np.repeat(sizes, 3))
             at = jnp.asarray(numbers, jnp.float32)
             errors = self._states - np.asarray(self._predict(at))
             slopes = np.asarray(self._slopes(at)) * scales
@@ -199,33 +201,37 @@ class _Residuals:
         change = self._as_change(jnp.asarray(numbers, jnp.float32))
         return DayPosterior(change, covariance)
 
-    def _registered(self, fitted: Bool[np.ndarray, "episodes samples"]) -> np.ndarray:
-        """Translation and rotation of the frame that bring most ends to those predicted."""
-        expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
-        is_seen = self._known[0] & fitted[..., None]
-        places = expected[is_seen][:, POSITION]
-        seen = self._states[is_seen][:, POSITION]
-        weights = np.ones(len(places))
-        for _ in range(ITERATIONS):
-            weights /= weights.sum()
-            middles = weights @ places, weights @ seen
-            # what a motion does not show does not turn
-            turn, _ = Rotation.align_vectors(
-                np.concatenate([seen - middles[1], STILL]),
-                np.concatenate([places - middles[0], STILL]),
-                np.concatenate([weights, np.ones(3)]),
-            )
-            shift = middles[1] - turn.apply(middles[0])
-            errors = np.linalg.norm(seen - turn.apply(places) - shift, axis=-1)
-            # as the least sum of distances, with the median in place of zeros
-            weights = 1.0 / np.maximum(errors, max(float(np.median(errors)), 1e-9))
-        return np.concatenate([shift, turn.as_rotvec()])
-
     def tip_errors(self, change: DayChange) -> Float[np.ndarray, "episodes samples"]:
         """Distances of the seen tip from the model's after a change [m]; NaN: unseen."""
         predicted = np.asarray(self._predict(ravel_pytree(change)[0]))
         errors = (self._states - predicted)[..., -1, POSITION]
         return np.where(self.seen_tip, np.linalg.norm(errors, axis=-1), np.nan)
+
+
+def register(
+    places: Float[np.ndarray, "points 3"], seen: Float[np.ndarray, "points 3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Translation [m] and rotation vector [rad] that bring most places to where they are seen.
+
+    Args:
+        places: [m].
+        seen: [m].
+    """
+    weights = np.ones(len(places))
+    for _ in range(ITERATIONS):
+        weights /= weights.sum()
+        middles = weights @ places, weights @ seen
+        # what a motion does not show does not turn
+        turn, _ = Rotation.align_vectors(
+            np.concatenate([seen - middles[1], STILL]),
+            np.concatenate([places - middles[0], STILL]),
+            np.concatenate([weights, np.ones(3)]),
+        )
+        shift = middles[1] - turn.apply(middles[0])
+        errors = np.linalg.norm(seen - turn.apply(places) - shift, axis=-1)
+        # as the least sum of distances, with the median in place of zeros
+        weights = 1.0 / np.maximum(errors, max(float(np.median(errors)), 1e-9))
+    return shift, turn.as_rotvec()
 
 
 @eqx.filter_jit
