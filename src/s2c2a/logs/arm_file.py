@@ -82,7 +82,7 @@ def build_layout(
         is_own = owners == module
         if not can_bend(angles[is_own]):
             raise LogError(
-                f"the cables of module {module} would be at "
+                f"the cables of module {module + 1} would be at "
                 f"{angles[is_own].round().tolist()} deg, where they cannot bend it; a "
                 "module needs two opposed cables, or more without a gap of half a turn"
             )

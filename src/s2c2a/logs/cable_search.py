@@ -361,7 +361,7 @@ def _choose_signs(
         ratio = _sign_cost(new, trial, module) / _sign_cost(fit, assignment, module)
         if AMBIGUOUS_RATIO < ratio < 1 / AMBIGUOUS_RATIO:
             ambiguities.append(
-                f"module {module}: whether larger numbers pull or release "
+                f"module {module + 1}: whether larger numbers pull or release "
                 "(both explain the log about equally well; state `positive` of its drives)"
             )
         if ratio < 1:
