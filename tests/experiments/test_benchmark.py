@@ -14,13 +14,20 @@ from s2c2a.cli.execution import ALL_CORES
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.execution.progress import quiet
 from s2c2a.goals import Goal
+from s2c2a.integrations.environments.policy import observation_size, save_policy
+from s2c2a.integrations.environments.spaces import Controls
 from s2c2a.jobs import Cache
 from s2c2a.strategies import strategy_named
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark import command, protocol, tune
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells, run_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
-from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
+from s2c2a_experiments.benchmark.entrants import (
+    entrant_of,
+    entrants,
+    untuned,
+    with_weights,
+)
 from s2c2a_experiments.benchmark.result_files import load_results, save_results
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -107,6 +114,29 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
         ("pcc", "obstacles", "1"),
         ("mine", "path", "1"),
     ]
+
+
+def test_an_entry_brings_its_networks_for_the_arm_of_their_file(tmp_path):
+    file = tmp_path / "mine.safetensors"
+    controls = Controls.of(TWIN)
+    layer = np.zeros((controls.count, observation_size(controls)))
+    hidden = np.eye(layer.shape[1])
+    layers = [(hidden, hidden[0]), (hidden, hidden[0]), (layer, layer[:, 0])]
+    save_policy(file, TWIN, layers)
+    plain = entrant_of("policy")
+    (entrant,) = with_weights([plain], [file])
+    cell = Cell(entrant, protocol.TASKS["path"], TWIN_ARM)
+    (job,) = cell.make_jobs(["circle"], [0])
+    assert job.needs == (entrant.weights,)
+    other = protocol.BenchmarkArm(load_arm("simulated_arm"), "preset")
+    assert replace(cell, arm=other).dash == "was trained for twin_arm alone"
+    saved = tmp_path / "planners.json"
+    save_results([Result(cell, {"success": [1.0]}, (), None, {})], (0,), saved)
+    assert load_results(saved, [replace(cell, entrant=plain)], (0,)) == ([], 1)
+    with pytest.raises(
+        S2C2AError, match="holds networks of policy, and --entry is pcc"
+    ):
+        with_weights([PCC], [file])
 
 
 def test_the_smoke_version_has_one_entrant_of_each_file_and_the_users_own(own):
