@@ -499,6 +499,18 @@ def test_the_path_length_counts_from_where_the_tip_was():
     assert path_length_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
 
 
+def test_an_entrant_with_some_of_the_arms_is_no_part_of_the_line(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        planners, "save_figure", lambda figure, path: drawn.append(figure)
+    )
+    points = {"all": (2.0, 0.5), "one arm": (1.0, 0.9)}
+    errors = {name: np.ones(3) for name in points}
+    planners.planners_figure(errors, 3, points, tmp_path / "p.png", (), ["one arm"])
+    lines = {line.get_label(): line for line in drawn[0].axes[1].lines}
+    assert lines["beaten by none in both"].get_xydata().tolist() == [[2.0, 0.5]]
+
+
 def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():
     times = np.linspace(0.0, 1.0, 200)[:, None]
     smooth = 0.1 * (10 * times**3 - 15 * times**4 + 6 * times**5) * np.eye(3)[0]
