@@ -23,11 +23,13 @@ def show(sample):
     print("tip", pose.position.x, pose.position.y, pose.position.z, flush=True)
 
 
-types = STORE.types
-header = types["std_msgs/msg/Header"](
-    types["builtin_interfaces/msg/Time"](0, 0), "base"
-)
-target = types[POINT](header, types["geometry_msgs/msg/Point"](0.15, 0.05, 0.55))
+def new(kind, *fields):
+    build = STORE.types[kind]
+    return build(*fields)
+
+
+header = new("std_msgs/msg/Header", new("builtin_interfaces/msg/Time", 0, 0), "base")
+target = new(POINT, header, new("geometry_msgs/msg/Point", 0.15, 0.05, 0.55))
 message = bytes(STORE.serialize_cdr(target, POINT))
 endpoint = sys.argv[1] if sys.argv[1:] else "tcp/127.0.0.1:7447"
 config = zenoh.Config()
