@@ -281,3 +281,18 @@ def _instructions(name: str) -> list[list[str]]:
     """Instructions of the Dockerfile with this name, as words."""
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
     return [line.split() for line in lines if line.startswith(f"{name} ")]
+
+
+def test_the_page_of_the_installation_lists_every_extra():
+    page = (ROOT / "docs" / "get-started" / "installation.md").read_text("utf-8")
+    _, _, table = page.partition("\n## Extras\n")
+    rows = re.findall(r"^\| `(\w+)` \|", table.partition("\n## ")[0], re.MULTILINE)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert sorted(rows) == sorted(extras)
+    parts = map(Requirement, extras["dev"])
+    in_dev = {extra for part in parts if part.name == "s2c2a" for extra in part.extras}
+    (row,) = re.findall(
+        r"^\| `dev` \| all of these except (.*), and", table, re.MULTILINE
+    )
+    assert set(rows) - in_dev - {"dev"} == set(re.findall(r"`(\w+)`", row))

@@ -13,6 +13,7 @@ from s2c2a.errors import TargetError
 from s2c2a.files.text import LARGEST
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 from s2c2a.plugins.immutable import immutable
+from s2c2a.printing import short_text
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
@@ -61,6 +62,10 @@ class Goal(NamedTuple):
     beyond: Float[Numbers, "6"]
     shape: Float[Numbers, "modules 2"]
     shape_weight: Float[Numbers, ""]
+
+    def __repr__(self) -> str:
+        """Fields, and shapes of arrays."""
+        return short_text(self)
 
     @classmethod
     def of(cls, modules: int, change_weight: float = 0.5) -> "Goal":

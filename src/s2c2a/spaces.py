@@ -25,6 +25,7 @@ from jaxtyping import Float
 
 from s2c2a.errors import ReadingError, did_you_mean
 from s2c2a.plugins.immutable import immutable, immutable_table, rebuilt
+from s2c2a.printing import short_text
 
 POSITION = slice(0, 3)  # of a state, as above
 AXIS = slice(3, 6)  # likewise
@@ -168,6 +169,8 @@ class Reading:
     time: float
     sensors: Mapping[str, np.ndarray]
     fault: str = ""
+
+    __repr__ = short_text
 
     def __post_init__(self):
         """Copy the values, and the time, which may be an array of no axes."""

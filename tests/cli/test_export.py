@@ -55,6 +55,14 @@ def test_exported_episodes_read_back_equal(recording, tmp_path, ending):
         np.testing.assert_array_equal(array, values)
 
 
+def test_vectors_are_columns_in_matlab(recording, tmp_path):
+    export(recording, tmp_path / "two.mat")
+    first = loadmat(tmp_path / "two.mat")["episode1"]
+    steps = len(load_episodes(recording)[0][0])
+    vectors = [first[name][0, 0].shape for name in ("time", "stage")]
+    assert vectors == [(steps, 1)] * 2
+
+
 def check_table(columns, episodes):
     """Every number of the episodes is in the table, in full precision."""
     rows = np.cumsum([len(episode) for episode in episodes])

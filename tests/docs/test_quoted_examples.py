@@ -2,12 +2,21 @@
 
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_page_of_the_control_loop_quotes_the_example():
-    page = (ROOT / "docs" / "get-started" / "python.md").read_text(encoding="utf-8")
-    example = ROOT / "examples" / "03_a_target_that_moves.py"
+@pytest.mark.parametrize(
+    ("page", "example"),
+    [
+        ("get-started/python.md", "03_a_target_that_moves.py"),
+        ("guides/ros.md", "extending/ros_client.py"),
+    ],
+)
+def test_a_page_quotes_its_example(page, example):
+    page = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    example = ROOT / "examples" / example
     assert f"```python\n{example.read_text(encoding='utf-8')}```" in page
 
 

@@ -14,13 +14,20 @@ from s2c2a.cli.execution import ALL_CORES
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.execution.progress import quiet
 from s2c2a.goals import Goal
+from s2c2a.integrations.environments.policy import observation_size, save_policy
+from s2c2a.integrations.environments.spaces import Controls
 from s2c2a.jobs import Cache
 from s2c2a.strategies import strategy_named
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark import command, protocol, tune
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells, run_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
-from s2c2a_experiments.benchmark.entrants import entrant_of, entrants, untuned
+from s2c2a_experiments.benchmark.entrants import (
+    entrant_of,
+    entrants,
+    untuned,
+    with_weights,
+)
 from s2c2a_experiments.benchmark.result_files import load_results, save_results
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -107,6 +114,29 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
         ("pcc", "obstacles", "1"),
         ("mine", "path", "1"),
     ]
+
+
+def test_an_entry_brings_its_networks_for_the_arm_of_their_file(tmp_path):
+    file = tmp_path / "mine.safetensors"
+    controls = Controls.of(TWIN)
+    layer = np.zeros((controls.count, observation_size(controls)))
+    hidden = np.eye(layer.shape[1])
+    layers = [(hidden, hidden[0]), (hidden, hidden[0]), (layer, layer[:, 0])]
+    save_policy(file, TWIN, layers)
+    plain = entrant_of("policy")
+    (entrant,) = with_weights([plain], [file])
+    cell = Cell(entrant, protocol.TASKS["path"], TWIN_ARM)
+    (job,) = cell.make_jobs(["circle"], [0])
+    assert job.needs == (entrant.weights,)
+    other = protocol.BenchmarkArm(load_arm("simulated_arm"), "preset")
+    assert replace(cell, arm=other).dash == "was trained for twin_arm alone"
+    saved = tmp_path / "planners.json"
+    save_results([Result(cell, {"success": [1.0]}, (), None, {})], (0,), saved)
+    assert load_results(saved, [replace(cell, entrant=plain)], (0,)) == ([], 1)
+    with pytest.raises(
+        S2C2AError, match="holds networks of policy, and --entry is pcc"
+    ):
+        with_weights([PCC], [file])
 
 
 def test_the_smoke_version_has_one_entrant_of_each_file_and_the_users_own(own):
@@ -467,6 +497,18 @@ def test_the_path_length_counts_from_where_the_tip_was():
     assert path_length_ratio(start, straight, task) == pytest.approx(1.0)
     detour = np.array([[0.1, 0.1, 0.5], [0.2, 0.0, 0.5]])
     assert path_length_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
+
+
+def test_an_entrant_with_some_of_the_arms_is_no_part_of_the_line(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        planners, "save_figure", lambda figure, path: drawn.append(figure)
+    )
+    points = {"all": (2.0, 0.5), "one arm": (1.0, 0.9)}
+    errors = {name: np.ones(3) for name in points}
+    planners.planners_figure(errors, 3, points, tmp_path / "p.png", (), ["one arm"])
+    lines = {line.get_label(): line for line in drawn[0].axes[1].lines}
+    assert lines["beaten by none in both"].get_xydata().tolist() == [[2.0, 0.5]]
 
 
 def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():

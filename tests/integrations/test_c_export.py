@@ -1,5 +1,7 @@
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -37,6 +39,18 @@ def test_a_step_in_c_is_that_of_jax(tmp_path):
     result = compare(strategy, tmp_path, STEPS, flags=("-O1",))
     assert len(result.differences) == STEPS
     assert result.differences.max() < EQUAL
+
+
+@needs_compiler
+def test_the_line_of_the_page_compiles_it(tmp_path):
+    generated = c_of(pcc_strategy(load_arm("twin_arm")), "mine", "a test")
+    (tmp_path / "mine.h").write_text(generated.header)
+    (tmp_path / "mine.c").write_text(generated.source)
+    page = Path(__file__).parents[2] / "docs" / "guides" / "export.md"
+    (line,) = re.findall(r"^gcc -std.* -c mine.c .*$", page.read_text(), re.MULTILINE)
+    command = line.replace("gcc", str(COMPILER), 1)
+    subprocess.run(command, shell=True, check=True, cwd=tmp_path)
+    assert (tmp_path / "mine.o").exists()
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import pytest
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import S2C2AError
+from s2c2a.integrations.environments import simulation
 from s2c2a.integrations.environments.jacobian_policy import JacobianPolicy
 from s2c2a.integrations.environments.simulation import DIVERGED, SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls, observation_parts
@@ -227,6 +228,13 @@ def test_forces_push_an_arm_that_holds_still():
 def test_wrong_options_are_explained(options, message):
     with pytest.raises(S2C2AError, match=message):
         begun(**options)
+
+
+def test_a_fork_of_a_process_that_used_environments_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(simulation, "USED_BY", {1})
+    environment = gymnasium.make("S2C2A/Reach-v0", arm=FINGER)
+    with pytest.raises(S2C2AError, match=r'vector_kwargs=\{"context": "spawn"\}'):
+        environment.reset()
 
 
 def test_a_picture_shows_the_arm():

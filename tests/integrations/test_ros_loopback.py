@@ -24,6 +24,7 @@ from s2c2a.strategies.pcc import PlainPCC
 
 pytest.importorskip("zenoh")
 PATIENCE = 300.0  # s
+ROOT = Path(__file__).parents[2]
 
 
 def free_port():
@@ -138,6 +139,14 @@ def test_the_arm_follows_stops_resumes_and_returns_without_the_ros_side(
     until(lambda: control.latest.stage is Stage.HOLD)
     assert "no target or task for 0.5 s; the arm holds" in log
     until(lambda: control.latest.stage is Stage.IDLE)
+
+
+def test_the_client_of_the_page_moves_the_arm_without_an_sdk(port):
+    script = ROOT / "examples" / "extending" / "ros_client.py"
+    command = [sys.executable, script, f"tcp/127.0.0.1:{port}"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    tips = [[float(word) for word in line.split()[1:]] for line in printed.splitlines()]
+    assert np.linalg.norm(np.subtract(tips[-1], [0.15, 0.05, 0.55])) < 0.05
 
 
 def test_a_target_in_another_frame_does_not_move_the_arm(ros, control, log):

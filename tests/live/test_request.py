@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from s2c2a.live.goals import goal_of
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Request, RequestLimits
-from s2c2a.tasks.scenes import HalfSpace, solid_of
+from s2c2a.live.scene_files import solid_of
+from s2c2a.tasks.scenes import HalfSpace
 
 LIMITS = RequestLimits(
     reach=1.2, payload=0.24, force=2.0, noise=0.1, tasks=("circle",), modules=3

@@ -19,6 +19,8 @@ from s2c2a.logs import (
     summary,
 )
 from s2c2a.logs.cable_model import CableParameters, Wiring
+from s2c2a.logs.cable_search import FITTING, PARTS
+from s2c2a.logs.pipeline import COMPARING, READING
 from s2c2a.logs.rotation_changes import describe_rotations, other_readings
 from s2c2a.logs.take import LogTake
 
@@ -105,7 +107,15 @@ def write_states(path, columns, states):
 def test_signs_that_all_drives_share_are_found(tmp_path, sign):
     _, columns, states = simulate(sign)
     path = write_states(tmp_path / "log.csv", columns, states)
-    imported = import_logs([path], two_modules())
+    shown = []
+    imported = import_logs(
+        [path], two_modules(), progress=lambda *state: shown.append(state)
+    )
+    works = dict.fromkeys(work for work, _, _ in shown)
+    assert list(works) == [READING, FITTING, COMPARING]
+    parts = [done for work, done, _ in shown if work == FITTING]
+    assert parts == sorted(set(parts))
+    assert parts[-1] == PARTS
     assert imported.assignment.signs.tolist() == [sign] * 6
     assert imported.residual < 3e-3
     assert not imported.ambiguities

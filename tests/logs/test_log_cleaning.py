@@ -74,7 +74,7 @@ def test_too_many_outliers_are_refused_unless_the_map_keeps_them(
     damaged = with_jumps(log.path, [12, 40, 77, 300], 2)
     log_map = map_from_toml(log.map)
     takes = _read_takes([damaged], log_map)
-    with pytest.raises(LogError, match=r"1 % of the poses .* module 2 .*keep"):
+    with pytest.raises(LogError, match=r"1 % of the poses .* module 3 .*keep"):
         exclude_outliers(takes, log_map)
     keep = map_from_toml(log.map.replace("[rows]", '[rows]\noutliers = "keep"'))
     kept, excluded = exclude_outliers(takes, keep)

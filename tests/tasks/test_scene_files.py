@@ -8,11 +8,12 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.goals import MAX_OBSTACLES, Goal
+from s2c2a.live.scene_files import save_scene, solid_of
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import Task
 from s2c2a.tasks.meshes import covering_spheres
-from s2c2a.tasks.scenes import Scene, Sphere, load_scene, save_scene, solid_of
+from s2c2a.tasks.scenes import Scene, Sphere, load_scene
 
 SOLIDS = {
     "sphere": ("center = [0.1, 0, 0.5]\nradius = 0.05", [0.1, 0.0, 0.55]),

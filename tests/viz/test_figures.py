@@ -10,6 +10,7 @@ from s2c2a.viz import (
     recording_figure,
     run_figure,
 )
+from s2c2a.viz.mounting import ABOVE, SIDE
 
 PNG = b"\x89PNG\r\n"
 ROWS = [
@@ -177,17 +178,22 @@ def test_learning_curves_without_rows_or_numbers_are_refused(curves, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("backward", "title"),
+    ("view", "backward", "title", "drawn"),
     [
-        ((False, False), "from above"),
-        ((True, False), "from above; x runs to the left"),
+        (ABOVE, (False, False), "from above", (False, False)),
+        (ABOVE, (True, True), "from above", (False, False)),
+        (ABOVE, (False, True), "from below", (False, False)),
+        (SIDE, (True, False), "side; x runs to the left", (True, False)),
     ],
 )
-def test_the_title_of_a_view_says_which_axes_run_backward(backward, title):
+def test_a_plan_is_as_on_paper_and_a_side_says_what_runs_backward(
+    view, backward, title, drawn
+):
     figure = charts.new_figure(3.0, 3.0)
     mounting = SimpleNamespace(flat=lambda view: (view, backward))
     place = figure.add_gridspec(1, 1)[0]
-    axes, _ = charts.titled_view(figure, place, mounting, (0, 1), "from above")
+    axes, _ = charts.titled_view(figure, place, mounting, view, "side")
+    assert (axes.xaxis_inverted(), axes.yaxis_inverted()) == drawn
     assert axes.get_title("left") == title
 
 

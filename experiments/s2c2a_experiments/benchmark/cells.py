@@ -88,6 +88,7 @@ class Cell:
             seeds,
             self.entrant.recipe,
             jobs.Conditions(conditions.robot, run, may_end_early=True),
+            self.entrant.weights,
         )
 
 

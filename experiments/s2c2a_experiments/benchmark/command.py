@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 Arms = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
 Entries = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE.py:Class ...")]
+WeightFiles = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
 Files = Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")]
 SEEDS = 3
 SMOKE_SEEDS = 1
@@ -33,6 +34,7 @@ MAX_TASKS = 2  # that a table in the terminal has columns for
 
 def benchmark(
     entry: Entries = (),
+    weights: WeightFiles = (),
     only: Names = (),
     task: Names = (),
     arm: Arms = (),
@@ -50,6 +52,8 @@ def benchmark(
 
     Args:
         entry: your own strategies, by name or file.py:Class, with options behind commas.
+        weights: files of networks of the entries, for the arm of each file; without, an
+            entry is trained as its recipe says.
         only: these of the project's entrants; "none" for your entries alone.
         task: these tasks of the protocol alone.
         arm: these arms of the protocol alone, or of yours, by file or preset.
@@ -63,16 +67,16 @@ def benchmark(
         work: run directory (runs/benchmark by default) and parallel execution.
     """
     if tune:
-        if entry or task or arm or seeds is not None or smoke or results:
+        if entry or weights or task or arm or seeds is not None or smoke or results:
             raise S2C2AError(
                 "--tune tunes the project's entrants by its own tasks, arm and seed; "
-                "leave out --entry, --task, --arm, --seeds, --smoke and --results"
+                "leave out --entry, --weights, --task, --arm, --seeds, --smoke and --results"
             )
-        _tune(_entrants((), only), work)
+        _tune(_entrants((), (), only), work)
         return
     if smoke and results:
         raise S2C2AError("--smoke has shorter tasks than other results; leave out one")
-    chosen = _choice(entry, only, task, arm, seeds, smoke)
+    chosen = _choice(entry, weights, only, task, arm, seeds, smoke)
     _show(*_compare(chosen, results, work))
 
 
@@ -102,6 +106,7 @@ class _Choice:
 
 def _choice(
     entry: "Sequence[str]",
+    weights: "Sequence[Path]",
     only: "Sequence[str]",
     task: "Sequence[str]",
     arm: "Sequence[str]",
@@ -116,7 +121,7 @@ def _choice(
     from s2c2a import jobs
     from s2c2a_experiments.benchmark import protocol
 
-    entrants = _entrants(entry, only)
+    entrants = _entrants(entry, weights, only)
     tasks = _chosen(task, protocol.TASKS, "task")
     arms = chosen_arms(arm, smoke)
     count = seeds
@@ -245,12 +250,18 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
     print(f"figure: {figure}\npage: {page}")
 
 
-def _entrants(entry: "Sequence[str]", only: "Sequence[str]") -> "list[Entrant]":
-    from s2c2a_experiments.benchmark.entrants import entrant_of, entrants
+def _entrants(
+    entry: "Sequence[str]", weights: "Sequence[Path]", only: "Sequence[str]"
+) -> "list[Entrant]":
+    from s2c2a_experiments.benchmark.entrants import (
+        entrant_of,
+        entrants,
+        with_weights,
+    )
 
     known = {each.name: each for each in entrants()}
     chosen = [] if only == ("none",) else _chosen(only, known, "entrant")
-    own = [entrant_of(text) for text in entry]
+    own = with_weights([entrant_of(text) for text in entry], weights)
     names = [each.name for each in [*chosen, *own]]
     if not names:
         raise S2C2AError("no entrant; give --entry file.py:Class")

@@ -5,10 +5,11 @@ Every strategy can take part, also one in a file of its own: `--entry my.py:Mine
 
 import inspect
 import re
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
+from pathlib import Path
 from types import ModuleType
 from typing import get_args
 
@@ -18,11 +19,14 @@ from pydantic import TypeAdapter
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
-from s2c2a.errors import StrategyError
+from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.files.text import parse_toml
+from s2c2a.jobs import GivenNetworks
 from s2c2a.strategies import (
+    STRATEGIES,
     Recipe,
     StrategyOptions,
+    load_networks,
     recipe_named,
     shown_name,
     strategy_named,
@@ -90,6 +94,7 @@ class Entrant:
         is_own: whether the user has entered it.
         arms: that it is trained for, where that takes long; all if empty.
         simulated: control steps of the simulation that it learns from.
+        weights: networks of the user's file; trained anew if None.
     """
 
     name: str
@@ -101,6 +106,7 @@ class Entrant:
     is_own: bool = False
     arms: tuple[str, ...] = ()
     simulated: int = 0
+    weights: GivenNetworks | None = None
 
     @cached_property
     def options(self) -> StrategyOptions:
@@ -184,6 +190,30 @@ def entrant_of(strategy: str) -> Entrant:
             f"{', '.join(sorted(parts))}"
         )
     return Entrant(name, "yours", strategy, recipe_named("best"), is_own=True)
+
+
+def with_weights(entries: Sequence[Entrant], files: Sequence[Path]) -> list[Entrant]:
+    """Entries with the networks of files, each for the arm of its file alone.
+
+    Raises:
+        S2C2AError: a file cannot be read, or belongs to none of them.
+    """
+    entries = list(entries)
+    for file in files:
+        arm = load_networks(file).arm
+        given = GivenNetworks.read(file, arm)
+        names = [STRATEGIES.name_of(type(each.options)) for each in entries]
+        if given.strategy not in names:
+            raise S2C2AError(
+                f"{file} holds networks of {given.strategy}, and --entry is "
+                f"{', '.join(names) or 'not given'}; add --entry {given.strategy}, or "
+                "leave out the file"
+            )
+        number = names.index(given.strategy)
+        entries[number] = replace(
+            entries[number], recipe=given.recipe, arms=(arm.name,), weights=given
+        )
+    return entries
 
 
 def tuned_values() -> dict[str, dict[str, Value]]:

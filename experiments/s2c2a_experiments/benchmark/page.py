@@ -55,8 +55,8 @@ def write_page(comparison: PlannerComparison, figure: Path, path: Path) -> Path:
         f"<p>Protocol version {VERSION}; seeds {seeds}. Arms: {_names(comparison)}. "
         f"Tasks: {', '.join(comparison.tasks)}.</p>",
         _table(header(comparison), lines(comparison)),
-        f'<img alt="Shares of runs below every error, and success over time of a step" '
-        f'src="data:image/png;base64,{picture}">',
+        f'<figure><img alt="Shares of runs below every error, and success over time of a '
+        f'step" src="data:image/png;base64,{picture}"></figure>',
         "<h2>Success by arm</h2>",
         _table(*arm_table(comparison)),
         "<h2>Columns</h2>",

@@ -130,9 +130,10 @@ def save_results(results: Sequence[Result], seeds: Sequence[int], path: Path) ->
 
 
 def _digest(cell: Cell) -> str:
-    """Of options, task, arm and the user's code; that of the project has a version."""
+    """Of options, task, arm and the user's code and weights."""
     entrant = cell.entrant
     code = code_digest(entrant.strategy) if entrant.is_own else ""
+    code += entrant.weights.file if entrant.weights else ""
     arm = arm_to_toml(entrant.sensed(cell.arm.arm))
     # tasks follow from group and pace
     tasks = cell.task.scenes, cell.arm.group, cell.arm.pace

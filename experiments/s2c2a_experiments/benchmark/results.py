@@ -319,4 +319,9 @@ def draw(comparison: PlannerComparison, path: Path) -> Path:
     runs = max(
         len(comparison.values(name, comparison.tasks, "success")) for name in names
     )
-    return planners_figure(errors, runs, points, path, own)
+    partial = [
+        entrant.name
+        for entrant in comparison.entrants
+        if entrant.arms and not set(comparison.main_arms) <= set(entrant.arms)
+    ]
+    return planners_figure(errors, runs, points, path, own, partial)

@@ -1,6 +1,6 @@
 """Figures of the benchmark of planners: profiles of errors, and success over time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ def planners_figure(
     points: Mapping[str, tuple[float, float]],
     path: str | Path,
     own: Sequence[str] = (),
+    partial: Collection[str] = (),
 ) -> Path:
     """Draw the shares of runs below every error, and success over time of a step.
 
@@ -46,6 +47,8 @@ def planners_figure(
         points: time of a step [ms] and success, by entrant.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
         own: names of the user's entrants, which have colors like the best.
+        partial: names of entrants that do not run on all arms, whose times are of other
+            runs: no line compares them.
     """
     figure = new_figure(11.0, 4.6)
     grid = figure.add_gridspec(1, 2)
@@ -54,9 +57,11 @@ def planners_figure(
     _draw_profiles(profiles, errors, runs, colored)
     time = "time of a control step, median [ms]"
     pareto_axes = new_axes(figure, grid[0, 1], time, "success")
-    _draw_pareto(pareto_axes, points)
+    comparable = {name: points[name] for name in points if name not in partial}
+    front = pareto(comparable)
+    _draw_pareto(pareto_axes, points, front)
     legend(figure)
-    _label(figure, pareto_axes, points)
+    _label(figure, pareto_axes, points, front)
     return save_figure(figure, path)
 
 
@@ -82,11 +87,13 @@ def _draw_profiles(
     headline(axes, "How many runs stay below an error")
 
 
-def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+def _draw_pareto(
+    axes: Axes, points: Mapping[str, tuple[float, float]], front: Collection[str]
+) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
     for name, (time, share) in points.items():
-        axes.plot(time, share, "o", color=_color(name, points), markersize=5)
-    line = np.array(sorted(points[name] for name in pareto(points))).reshape(-1, 2)
+        axes.plot(time, share, "o", color=_color(name, front), markersize=5)
+    line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
     axes.step(
         line[:, 0],
         line[:, 1],
@@ -102,12 +109,15 @@ def _draw_pareto(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     headline(axes, "Success and time")
 
 
-def _color(name: str, points: Mapping[str, tuple[float, float]]) -> str:
-    return DESIRED if name in pareto(points) else INK
+def _color(name: str, front: Collection[str]) -> str:
+    return DESIRED if name in front else INK
 
 
 def _label(
-    figure: Figure, axes: Axes, points: Mapping[str, tuple[float, float]]
+    figure: Figure,
+    axes: Axes,
+    points: Mapping[str, tuple[float, float]],
+    front: Collection[str],
 ) -> None:
     """Write the names beside the points, if possible where no point or name is."""
     figure.draw_without_rendering()  # the layout decides what overlaps
@@ -120,7 +130,7 @@ def _label(
             point,
             xytext=(0, 0),
             textcoords="offset points",
-            color=_color(name, points),
+            color=_color(name, front),
             fontsize=7,
             va="center",
         )

@@ -46,7 +46,8 @@ def export(
             if out
             else "neither --to nor --out was given"
         )
-        raise S2C2AError(f"{given}; add --to with one of {', '.join(known_forms())}")
+        known = ", ".join([*FORMS, *installed("export")])
+        raise S2C2AError(f"{given}; add --to with one of {known}")
     trust_code(form)
     write: ExportForm = resolve("export", form, FORMS)
     target = out or Path(f"{file.stem}.{form}")
@@ -151,8 +152,10 @@ def _export_mat(file: Path, out: Path) -> str:
 
     episodes, options = load_episodes(file)
     content = _arrays(episodes, options)
-    with atomic_write(out) as part, open(part, "wb") as archive:
-        savemat(archive, content, long_field_names=True, do_compression=True)
+    with atomic_write(out) as part, open(part, "wb") as mat:
+        savemat(
+            mat, content, long_field_names=True, do_compression=True, oned_as="column"
+        )
     return counted(len(episodes), "episode")
 
 
@@ -163,8 +166,3 @@ FORMS: dict[str, ExportForm] = {
     "mat": _export_mat,
 }
 """Forms of the core; others are entry points of `s2c2a.exports`."""
-
-
-def known_forms() -> list[str]:
-    """Names of all forms."""
-    return [*FORMS, *installed("export")]

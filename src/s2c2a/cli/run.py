@@ -404,7 +404,7 @@ def _describe_unreachable(
 ) -> str:
     """One sentence on all waypoints of a module that the arm cannot reach."""
     is_tip = track.module in (-1, spec.module_count - 1)
-    end = "the tip" if is_tip else f"the end of module {track.module} (counted from 0)"
+    end = "the tip" if is_tip else f"the end of module {track.module + 1}"
     gap = f"{100 * max(point.gap for point in far):.1f} cm"
     if len(far) == 1:
         return f"out of reach by {gap}: waypoint at {far[0].time:g} s of {end}"

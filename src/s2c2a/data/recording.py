@@ -13,7 +13,7 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.episodes.episode import SENSOR, stacked
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.files.text import LARGEST
 from s2c2a.spaces import Reading
 
@@ -32,6 +32,15 @@ class Recording:
     arm: ArmSpec
     options: Mapping[str, Any]
     episodes: tuple[Episode, ...]
+
+    def __repr__(self) -> str:
+        """Size and sensors, whose values are too many to read."""
+        steps = sum(self.lengths)
+        return (
+            f"<Recording of {self.arm.name}: {counted(len(self.episodes), 'episode')}, "
+            f"{counted(steps, 'step')}, {steps * self.arm.control_period:.1f} s; "
+            f"sensors {', '.join(self.sensors)}>"
+        )
 
     @property
     def lengths(self) -> tuple[int, ...]:

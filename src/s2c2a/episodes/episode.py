@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, counted
 from s2c2a.goals import PREVIEW
 from s2c2a.obstacles import CORE, ROW
 from s2c2a.spaces import Stage
@@ -94,6 +94,14 @@ class Episode:
                 )
         if (np.diff(columns["time"]) <= 0).any():
             raise RecordingError("the times of an episode must rise from step to step")
+
+    def __repr__(self) -> str:
+        """Task, size and columns, whose values are too many to read."""
+        return (
+            f"<Episode of {self.options.get('task', 'motion')} on {self.arm.name}: "
+            f"{counted(len(self), 'step')}, {np.diff(self['time']).sum():.1f} s; "
+            f"columns {', '.join(self.columns)}>"
+        )
 
     def __len__(self) -> int:
         """Return the number of steps."""

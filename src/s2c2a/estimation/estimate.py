@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory
+from s2c2a.printing import short_text
 
 
 class Estimate(NamedTuple):
@@ -33,6 +34,10 @@ class Estimate(NamedTuple):
     rejected: Mapping[str, Array] = {}
     hysteresis: Memory = None
     memory: Any = ()
+
+    def __repr__(self) -> str:
+        """Fields, and shapes of arrays."""
+        return short_text(self)
 
     @classmethod
     def of(

@@ -4,7 +4,7 @@ docs/results/protocol.md defines the metrics, the steps that count, and their su
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -242,7 +242,7 @@ class ScoreResult:
 
     score: Score
     unit: str
-    values: PerStep
+    values: PerStep = field(repr=False)
     value: float
     averaged: bool
 

@@ -90,12 +90,6 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise S2C2AError(f"not valid TOML: {error}") from error
 
 
-def toml_comment(text: str) -> str:
-    """One line of TOML that is a comment, whatever the text holds, such as line feeds."""
-    printable = (char if char.isprintable() else " " for char in text)
-    return f"# {''.join(printable)}"
-
-
 MANIFEST = "manifest.jsonl"
 """List of the files of a folder that this package wrote: name and digest, one a line."""
 _PART = re.compile(r"\.(.+)\.\d+\.part")

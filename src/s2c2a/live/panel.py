@@ -36,10 +36,11 @@ from s2c2a.live.request import (
     fault_sliders,
     point,
 )
+from s2c2a.live.scene_files import save_scene, solid_of
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.live.window import across_the_screen, checked_value
 from s2c2a.spaces import AXIS, POSITION
-from s2c2a.tasks.scenes import SOLID, AnySolid, Scene, save_scene, solid_of
+from s2c2a.tasks.scenes import SOLID, AnySolid, Scene
 
 DRAG = "drag the target"
 NEW_THRESHOLD = 0.1  # in arm lengths

@@ -10,7 +10,6 @@ from scipy.optimize import linear_sum_assignment
 
 from s2c2a.arm import ArmSpec, arm_from_toml
 from s2c2a.arm.geometry import per_cable
-from s2c2a.files.text import toml_comment
 from s2c2a.logs.assignment import can_bend
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
@@ -83,7 +82,7 @@ def build_layout(
         is_own = owners == module
         if not can_bend(angles[is_own]):
             raise LogError(
-                f"the cables of module {module} would be at "
+                f"the cables of module {module + 1} would be at "
                 f"{angles[is_own].round().tolist()} deg, where they cannot bend it; a "
                 "module needs two opposed cables, or more without a gap of half a turn"
             )
@@ -325,3 +324,9 @@ def _length_origin(module: int, std: float, length: float, log_map: LogMap) -> s
 
 def _origin(std: float, stated: object) -> str:
     return f"+- {std:.5f}" if stated is None else "stated"
+
+
+def toml_comment(text: str) -> str:
+    """One line of TOML that is a comment, whatever the text holds, such as line feeds."""
+    printable = (char if char.isprintable() else " " for char in text)
+    return f"# {''.join(printable)}"

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from s2c2a.arm.spec import MAX_GAP_DEG, largest_gap_deg
 from s2c2a.errors import counted
+from s2c2a.execution.progress import Progress, quiet
 from s2c2a.logs.assignment import can_bend, rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
@@ -22,6 +23,8 @@ from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 from s2c2a.logs.priors import with_stated_angles
 
 MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
+PARTS = MAX_CANDIDATES + 3  # of a search: trials, fits, exchanges, the last fit
+FITTING = "fitting modules, signs and angles of the cables"
 # a trial with more than this ratio of costs after the first iterations is dropped
 DROP_RATIO = 1.3
 UNEVEN_DEG = 60.0  # a gap this much above an even one doubles the cost
@@ -70,7 +73,11 @@ def build_wiring(assignment: Assignment, log_map: LogMap) -> Wiring:
 
 
 def identify_cables(
-    observations: Observations, start: CableParameters, log_map: LogMap, max_rows: int
+    observations: Observations,
+    start: CableParameters,
+    log_map: LogMap,
+    max_rows: int,
+    progress: Progress = quiet,
 ) -> tuple[CableFit, Assignment, list[str]]:
     """Fit the cable model, and find the modules, signs, and coupling not in the map.
 
@@ -79,6 +86,7 @@ def identify_cables(
         start: registered frame and lengths; its angles and gains are not used.
         log_map: the map.
         max_rows: number of rows that are fitted, evenly spread.
+        progress: called before each part of the search.
 
     Returns:
         The fit with standard deviations, its assignment, and what is ambiguous.
@@ -93,6 +101,7 @@ def identify_cables(
         columns=observations.columns[rows],
         states=observations.states[rows],
     )
+    progress(FITTING, 0, PARTS)
     trials = list(_first_trials(observations, subset, start, log_map))
     if not trials:
         raise LogError(
@@ -103,11 +112,17 @@ def identify_cables(
             "then differ)"
         )
     trials.sort(key=lambda trial: trial[0].cost)
-    fits = [_refit(subset, fit, TRIAL_ITERATIONS) for fit, _ in trials[:MAX_CANDIDATES]]
+    fits = []
+    for number, (fit, _) in enumerate(trials[:MAX_CANDIDATES], 1):
+        progress(FITTING, number, PARTS)
+        fits.append(_refit(subset, fit, TRIAL_ITERATIONS))
     best = int(np.argmin([fit.cost for fit in fits]))
+    progress(FITTING, PARTS - 2, PARTS)
     fit, assignment = _exchange_motors(subset, fits[best], trials[best][1], log_map)
     fit, assignment, ambiguities = _choose_signs(subset, fit, assignment, log_map)
+    progress(FITTING, PARTS - 1, PARTS)
     fit = fit_parameters(subset, fit.parameters, fit.wiring, with_std=True)
+    progress(FITTING, PARTS, PARTS)
     return fit, assignment, ambiguities
 
 
@@ -361,7 +376,7 @@ def _choose_signs(
         ratio = _sign_cost(new, trial, module) / _sign_cost(fit, assignment, module)
         if AMBIGUOUS_RATIO < ratio < 1 / AMBIGUOUS_RATIO:
             ambiguities.append(
-                f"module {module}: whether larger numbers pull or release "
+                f"module {module + 1}: whether larger numbers pull or release "
                 "(both explain the log about equally well; state `positive` of its drives)"
             )
         if ratio < 1:

@@ -226,7 +226,7 @@ def _module_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
     wrong = sorted(old for old, new in order.items() if old != new)
     if wrong and _agrees(found, changed):
         yield "write " + ", ".join(
-            f"module = {order[old]} for the drives of module {old}" for old in wrong
+            f"module = {order[old]} for the drives with module = {old}" for old in wrong
         )
 
 

@@ -13,6 +13,7 @@ from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode, save_episodes
 from s2c2a.errors import ArmError, S2C2AError, counted
+from s2c2a.execution.progress import Progress, quiet
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import CableParameters, tilt_rotation
@@ -57,6 +58,8 @@ from s2c2a.spaces import POSITION
 MAX_FITTED = 200  # rows that are fitted, evenly spread
 # largest distance of an end from the base, in arm lengths, even if a camera has moved
 MAX_REACH = 10.0
+READING = "reading the logs"
+COMPARING = "comparing the fit with the map"
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,10 @@ class Imported:
 
 
 def import_logs(
-    paths: Sequence[str | os.PathLike], log_map: LogMap, arm: ArmSpec | None = None
+    paths: Sequence[str | os.PathLike],
+    log_map: LogMap,
+    arm: ArmSpec | None = None,
+    progress: Progress = quiet,
 ) -> Imported:
     """Read logs and identify the base frame and the cables.
 
@@ -133,6 +139,7 @@ def import_logs(
         log_map: the map.
         arm: arm to use instead of the identified one; its cables are matched with the
             identified ones.
+        progress: see `Progress`.
 
     Raises:
         LogError: a file cannot be used or has too little data, or the map describes
@@ -140,10 +147,13 @@ def import_logs(
     """
     if arm is not None:
         check_arm(arm, log_map)
+    progress(READING, 0, 1)
     tables = _read_tables(paths, log_map)
     read = _build_takes(tables, log_map)
+    progress(READING, 1, 1)
     try:
-        fitted = _fit(read, log_map)
+        fitted = _fit(read, log_map, progress)
+        progress(COMPARING, 0, 1)
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
@@ -154,12 +164,11 @@ def import_logs(
         if sentence:
             raise LogError(f"{error}\n{sentence}") from None
         raise
-    if not imported.diagnosis and not imported.poor_fit:
-        return imported
-    sentence = _diagnose_rotations(tables, log_map, read)
-    if not sentence:
-        return imported
-    return replace(imported, diagnosis=sentence, poor_fit="")
+    is_poor = imported.diagnosis or imported.poor_fit
+    if is_poor and (sentence := _diagnose_rotations(tables, log_map, read)):
+        imported = replace(imported, diagnosis=sentence, poor_fit="")
+    progress(COMPARING, 1, 1)
+    return imported
 
 
 class _Fitted(NamedTuple):
@@ -204,13 +213,15 @@ def _diagnose_rotations(
     )
 
 
-def _fit(read: Sequence[LogTake], log_map: LogMap) -> _Fitted:
+def _fit(
+    read: Sequence[LogTake], log_map: LogMap, progress: Progress = quiet
+) -> _Fitted:
     """Fit the cable model, with those of the possible rests that fit best."""
     fits = []
     for rests in possible_rests(read, log_map):
         takes = [from_rests(take, rests) for take in read]
         try:
-            fits.append(_fit_takes(takes, rests, log_map))
+            fits.append(_fit_takes(takes, rests, log_map, progress))
         except S2C2AError as error:
             failure = error
             failed = takes
@@ -228,7 +239,9 @@ def _fit(read: Sequence[LogTake], log_map: LogMap) -> _Fitted:
     raise failure
 
 
-def _fit_takes(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> _Fitted:
+def _fit_takes(
+    takes: list[LogTake], rests: np.ndarray, log_map: LogMap, progress: Progress
+) -> _Fitted:
     """Fit the cable model to takes whose drives count from their rests."""
     segments = _build_segments(takes, log_map)
     positions = np.concatenate([take.positions for take in segments.takes])
@@ -255,7 +268,7 @@ def _fit_takes(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> _Fit
         stated_bounds(registration, log_map),
     )
     start = first_guess(registration, log_map)
-    found = identify_cables(observations, start, log_map, MAX_FITTED)
+    found = identify_cables(observations, start, log_map, MAX_FITTED, progress)
     layout = build_layout(*found[:2], log_map)
     return _Fitted(takes, rests, segments, observations, start, *found, layout)
 

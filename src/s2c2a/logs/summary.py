@@ -32,7 +32,7 @@ def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
         pulls = is_tension or layout.factor[module, cable] < 0
         yield (
             imported.rig.names[drive],
-            str(module),
+            str(module + 1),
             f"{layout.angles_deg[module, cable]:.1f} +- {angle_std:.1f}",
             "pull" if pulls else "release",
             f"{layout.gains[module, cable]:.3f} +- {gain_std:.3f}",
@@ -147,7 +147,7 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
         axis = known[:, module, 3:].all(axis=-1).mean()
         if position:
             ends.append(
-                f"end of module {module} in {100 * position:.1f} % of steps, "
+                f"end of module {module + 1} in {100 * position:.1f} % of steps, "
                 f"its axis in {100 * axis:.1f} %"
             )
     lines = [

@@ -46,6 +46,7 @@ from s2c2a.planning.terms import (
     Term,
 )
 from s2c2a.plugins.components import CustomComponent, Options, Registry
+from s2c2a.printing import short_text
 from s2c2a.spaces import POSITION
 
 AXES_WEIGHT = 0.5
@@ -184,6 +185,10 @@ class Plan(NamedTuple):
     motion: GoalMotion
     judged: Int[Array, ""]
     expectation: Expectation
+
+    def __repr__(self) -> str:
+        """Fields, and shapes of arrays."""
+        return short_text(self)
 
     @property
     def outcome(self) -> Outcome:

@@ -29,6 +29,7 @@ from s2c2a.obstacles import distances
 from s2c2a.planning.outcomes import SIGNIFICANT
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.planning.terms import Guard, GuardedPoints
+from s2c2a.printing import short_text
 from s2c2a.spaces import AXIS, POSITION
 
 # chosen; tests/planning/test_reach.py compares them with a long search
@@ -72,6 +73,10 @@ class Reached(NamedTuple):
     clearances: Float[np.ndarray, " targets"]
     predictive_std: Float[np.ndarray, " targets"]
     agreeing: Float[np.ndarray, " targets"]
+
+    def __repr__(self) -> str:
+        """Fields, and shapes of arrays."""
+        return short_text(self)
 
     def within(self, length: float) -> Bool[np.ndarray, " targets"]:
         """Whether targets are missed by less than is significant (`SIGNIFICANT`).

@@ -14,6 +14,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.goals import Goal
 from s2c2a.obstacles import CORE
 from s2c2a.plugins.immutable import immutable, immutable_table, rebuilt
+from s2c2a.printing import short_text
 from s2c2a.runtime.alignment import align_states
 from s2c2a.spaces import Actions, Reading, Stage
 
@@ -56,6 +57,8 @@ class StepRecord:
     tick_time: float = 0.0
     late: float = 0.0
     fault: str = ""
+
+    __repr__ = short_text
 
     def __post_init__(self):
         """Copy what others may change later."""

@@ -8,10 +8,9 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-import tomli_w
 from jaxtyping import Float
 from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
@@ -19,12 +18,7 @@ from scipy.spatial.transform import Rotation
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between
 from s2c2a.errors import S2C2AError, TargetError, counted
-from s2c2a.files.text import (
-    check_replaceable,
-    parse_toml,
-    read_text,
-    write_atomically,
-)
+from s2c2a.files.text import parse_toml, read_text
 from s2c2a.files.validation import explained
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import (
@@ -37,14 +31,11 @@ from s2c2a.obstacles import (
     THRESHOLD,
     TURN,
     distances,
-    is_half_space,
-    normal_of,
     turns_to,
 )
 from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
 
-ENDING = ".toml"
 MESH_SIZES = (1e-3, 20.0)
 """Longest edges of meshes [m]: of a screw's head and of a room; else a unit is wrong."""
 CLEARANCES = Score("clearance"), Score("clearance of the arm")
@@ -370,48 +361,6 @@ def load_scene(path: str | os.PathLike) -> Scene:
                 "clear of it"
             )
     return scene
-
-
-def save_scene(scene: Scene, path: str | os.PathLike, overwrite: bool = False) -> None:
-    """Write a scene file; reading it back gives an equal scene.
-
-    Raises:
-        TargetError: the file exists and `overwrite` is false, or it cannot be written.
-    """
-    if Path(path).exists() and not overwrite:
-        raise TargetError(f"{path} exists; choose another name")
-    check_replaceable(path, ENDING, TargetError)
-    values = scene.model_dump(mode="json", exclude_none=True)
-    write_atomically(tomli_w.dumps(values), path, TargetError)
-
-
-def solid_of(row: Row) -> AnySolid:
-    """The solid of a row at rest, with lengths to a micrometer."""
-    threshold, core = float(row[THRESHOLD]), row[CORE]
-    half, disc = core[HALF_EDGES], float(core[DISC])
-    turn = Rotation.from_quat(core[TURN] if core[TURN].any() else [0, 0, 0, 1])
-    axis = turn.apply([0.0, 0.0, half[2]])
-    values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
-    if is_half_space(row):
-        normal = normal_of(row)
-        values |= {"kind": "half_space", "normal": normal}
-        values["point"] = row[CENTER] + HALF_SPACE * normal
-    elif half[:2].any():
-        angles = turn.as_euler("xyz", degrees=True)
-        values |= {"kind": "box", "size": 2.0 * half, "rotation_deg": angles}
-    elif half[2] > 0.0:
-        values |= {"start": row[CENTER] - axis, "end": row[CENTER] + axis}
-        round_ends = {"kind": "capsule", "radius": threshold, "clearance": 0.0}
-        values |= {"kind": "cylinder", "radius": disc} if disc else round_ends
-    else:
-        values = {"kind": "sphere", "radius": threshold}
-    if values["kind"] in ("box", "sphere"):
-        values["center"] = row[CENTER]
-    rounded = {
-        name: value if name == "kind" else (np.round(value, 6) + 0.0).tolist()
-        for name, value in values.items()  # plus zero: no negative zero
-    }
-    return SOLID.validate_python(rounded)
 
 
 def _row(center, threshold: float, turn=0.0, half_edges=0.0, disc=0.0) -> Row:

@@ -1,13 +1,13 @@
 """Task: one goal for every control step, and the scores of a run."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TargetError
+from s2c2a.errors import TargetError, counted
 from s2c2a.goals import Goal, preview_stride, previewed
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
@@ -27,7 +27,7 @@ class Score:
 
     metric: str
     module: int = -1
-    steps: Bool[np.ndarray, " steps"] | None = None
+    steps: Bool[np.ndarray, " steps"] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)  # == is ambiguous for arrays
@@ -58,6 +58,13 @@ class Task:
             raise TargetError(
                 f"the task '{self.name}' has no goals; give one for every control step"
             )
+
+    def __repr__(self) -> str:
+        """Name, size and metrics; the goals are too many to read."""
+        metrics = ", ".join(score.metric for score in self.scores)
+        return (
+            f"<Task {self.name}: {counted(len(self.goals), 'step')}; scores {metrics}>"
+        )
 
     @classmethod
     def along(cls, name: str, path: Path, goal: Goal, *scores: Score) -> "Task":

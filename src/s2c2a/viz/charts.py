@@ -27,7 +27,7 @@ from s2c2a.viz.colors import (
     UNCOUNTED,
     colors_by_label,
 )
-from s2c2a.viz.mounting import Mounting, View
+from s2c2a.viz.mounting import ABOVE, Mounting, View
 from s2c2a.viz.solids import outline, surface
 from s2c2a.viz.trace import Trace
 
@@ -228,16 +228,23 @@ def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
 
 
 def titled_view(
-    figure: Figure, place: SubplotSpec, mounting: Mounting, view: View, title: str
+    figure: Figure, place: SubplotSpec, mounting: Mounting, view: View, title: str = ""
 ) -> tuple[Axes, View]:
-    """Axes of a view of the world, and the base's axes in it; those that run backward are named."""
+    """Axes of a view of the world, and the base's axes in it.
+
+    From above, they run to the right and upward as on paper; what that would mirror is
+    seen from below. From the side, gravity acts downward, and axes that run backward are
+    named.
+    """
     nearest, backward = mounting.flat(view)
+    if view == ABOVE:
+        title = "from below" if backward[0] != backward[1] else "from above"
+        backward = (False, False)
     axes = view_axes(figure, place, nearest, backward)
+    directions = ("to the left", "downward")
     notes = [
         f"{'xyz'[axis]} runs {direction}"
-        for axis, direction, runs in zip(
-            nearest, ("to the left", "downward"), backward, strict=True
-        )
+        for axis, direction, runs in zip(nearest, directions, backward, strict=True)
         if runs
     ]
     headline(axes, f"{title}; {', '.join(notes)}" if notes else title)

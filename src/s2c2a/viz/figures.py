@@ -72,9 +72,7 @@ def run_figure(
     labels = ["x [m]", "y [m]", "z [m]", "error [cm]"]
     *coordinates, error = charts.new_time_axes(figure, grid, labels)
     place = grid[:, 1]
-    above, view = charts.titled_view(
-        figure, place, Mounting.of(arm), ABOVE, "from above"
-    )
+    above, view = charts.titled_view(figure, place, Mounting.of(arm), ABOVE)
     for axis, axes in enumerate(coordinates):
         draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
@@ -127,7 +125,7 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     shown = states[:: -(-len(states) // MAX_SAMPLES)]
     figure = new_figure(11.0, 5.6)
     grid = figure.add_gridspec(1, 2)
-    titles = {SIDE: f"from the side, samples: {len(states):,}", ABOVE: "from above"}
+    titles = {SIDE: f"from the side, samples: {len(states):,}", ABOVE: ""}
     for column, (view, title) in enumerate(titles.items()):
         place = grid[column]
         axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)

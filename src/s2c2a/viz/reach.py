@@ -49,7 +49,7 @@ def reach_figure(
     module = int(np.flatnonzero(goals.position_weights.any(axis=0))[-1])
     figure = charts.new_figure(11.0, 5.0)
     grid = figure.add_gridspec(1, 2)
-    titles = {SIDE: f"{arm.name}, from the side", ABOVE: "from above"}
+    titles = {SIDE: f"{arm.name}, from the side", ABOVE: ""}
     for column, (view, title) in enumerate(titles.items()):
         place = grid[column]
         axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)

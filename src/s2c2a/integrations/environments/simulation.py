@@ -24,6 +24,8 @@ from s2c2a.spaces import POSITION
 
 DIVERGED = -100.0  # reward of a simulation that diverges, worse than any other
 MAX_SEED = 2**31  # of robots and sampled arms
+USED_BY: set[int] = set()
+"""Processes that have begun episodes, this one and those that it was forked from."""
 MAX_STEPS = 100_000  # of an episode; goals are sampled when it begins
 
 
@@ -127,7 +129,18 @@ class SimulationBatch:
             numbers: of the arms.
             randoms: of these arms, from which everything is sampled.
             new_robots: whether earlier episodes have no influence, as after a seed.
+
+        Raises:
+            S2C2AError: this process is a fork of one that used environments, whose
+                threads it lacks: JAX would wait for them for ever.
         """
+        if USED_BY - {os.getpid()}:
+            raise S2C2AError(
+                "a fork of a process that used environments would hang; give "
+                'make_vec(..., vector_kwargs={"context": "spawn"}), or take '
+                'vectorization_mode="vector_entry_point", which is faster'
+            )
+        USED_BY.add(os.getpid())
         run = map if self._pool is None else self._pool.map
         begin = partial(self._reset_one, new_robots)
         list(run(begin, numbers, randoms))  # an error of one is raised here

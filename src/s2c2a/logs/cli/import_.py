@@ -13,7 +13,7 @@ from s2c2a.errors import S2C2AError
 if TYPE_CHECKING:
     from s2c2a.logs import Imported, ImportedTake
 
-READING = "reading the logs"
+LOADING = "loading the program"
 ArmFile = Annotated[str | None, tyro.conf.arg(metavar="PRESET|FILE")]
 
 
@@ -44,7 +44,7 @@ def import_(
         overwrite: replace the recording and the arm file if they exist.
     """
     with progress_bar() as progress:
-        progress(READING, 0, 1)  # before slow imports
+        progress(LOADING, 0, 1)
         from s2c2a.data import load_recording
         from s2c2a.logs import (
             import_logs,
@@ -54,13 +54,14 @@ def import_(
             summary,
         )
 
+        progress(LOADING, 1, 1)
         _check_arguments(logs, out, arm, like, overwrite)
         log_map = load_map(map)
         if like:
             repeated = import_take(logs, log_map, load_recording(like))
         else:
-            imported = import_logs(logs, log_map, load_arm(arm) if arm else None)
-        progress(READING, 1, 1)
+            known = load_arm(arm) if arm else None
+            imported = import_logs(logs, log_map, known, progress)
     options = {
         "map": map.name,
         "logs": [path.name for path in logs],

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.arm import arm_to_toml
 from s2c2a.episodes import Episode
-from s2c2a.files.text import toml_comment
+from s2c2a.logs.arm_file import toml_comment
 from s2c2a.logs.identification.fitting import Fit, Posterior
 from s2c2a.logs.identification.problem import FRAME_SPREAD, first_rows, held_out
 from s2c2a.spaces import POSITION, States

@@ -1,0 +1,63 @@
+"""What a user gets back prints as a short text, not as its arrays."""
+
+import numpy as np
+import pytest
+
+import s2c2a
+from s2c2a.estimation import EncoderEstimator, configuration_map_for
+from s2c2a.planning.reach import Reached
+from s2c2a.tasks import Score, Task
+
+LINES = 40
+
+
+@pytest.fixture(scope="module")
+def shown(twin):
+    """One value of each kind."""
+    goal = s2c2a.Goal.of(twin.module_count).with_position([0.1, 0.0, 0.55])
+    task = Task("short", (goal,) * 50, (Score("position"),))
+    robot = s2c2a.SimulatedRobot(twin)
+    strategy = s2c2a.pcc_strategy(twin)
+    run = s2c2a.run(robot, strategy, task)
+    with s2c2a.Loop(s2c2a.SimulatedRobot(twin), strategy) as loop:
+        step = loop.tick(s2c2a.StepRequest(goal))
+    estimate = EncoderEstimator(configuration_map_for(twin)).start(step.reading)
+    numbers = np.zeros(50)
+    return {
+        "run": run,
+        "task": task,
+        "recording": s2c2a.Recording(twin, {}, (run, run)),
+        "result": s2c2a.score_run(run, task)[0],
+        "step": step,
+        "reading": step.reading,
+        "goal": goal,
+        "estimate": estimate,
+        "plan": strategy.plan(estimate, goal),
+        "reached": Reached(*[numbers] * len(Reached._fields)),
+    }
+
+
+def test_nothing_prints_its_arrays(shown):
+    for name, value in shown.items():
+        text = str(value)
+        assert len(text.splitlines()) <= LINES, name
+        assert "array(" not in text, name
+
+
+def test_a_run_tells_what_it_is(shown):
+    run = shown["run"]
+    begin = (
+        f"<Episode of short on twin_arm: {len(run)} steps, {(len(run) - 1) / 10} s; "
+    )
+    assert str(run).startswith(f"{begin}columns time, stage, actions")
+    assert str(shown["task"]) == "<Task short: 50 steps; scores position>"
+    assert str(shown["recording"]).startswith("<Recording of twin_arm: 2 episodes, ")
+
+
+def test_single_numbers_are_shown_and_arrays_by_their_shape(shown):
+    text = str(shown["goal"])
+    assert "positions=f32[3,3](numpy)" in text
+    assert "change_weight=0.5" in text
+    value = shown["result"].value
+    assert f"unit='cm', value={value!r}, averaged=True)" in str(shown["result"])
+    assert "'states': f64[3,6](numpy)" in str(shown["step"])
