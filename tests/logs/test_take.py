@@ -105,6 +105,35 @@ def test_every_rotation_format_gives_the_same_axis(keys, values, along):
     assert np.isnan(axes[1]).all()
 
 
+def test_ends_are_taken_relative_to_a_body_on_a_base_that_moves():
+    random = np.random.default_rng(0)
+    tips = random.normal(size=(4, 3))
+    bases = random.normal(size=(4, 3))
+    turns = Rotation.random(4, rng=0)
+    columns = {"m": np.zeros(4)}
+    for names, values in (
+        ("xyz", 1e3 * (turns.apply(tips) + bases)),
+        ("uvw", turns.apply([0.0, 0.0, 1.0])),
+        ("XYZ", bases),
+        ("ABCD", turns.as_quat()),
+    ):
+        columns |= dict(zip(names, values.T, strict=True))
+    columns["A"][3] = np.nan
+    log_map = make_map(
+        ends=f"""{POSITION}axis = ["u", "v", "w"]
+[frame.body]
+position = ["X", "Y", "Z"]
+unit = "m"
+quaternion = ["A", "B", "C", "D"]
+order = "xyzw"
+"""
+    )
+    take = take_of(log_map, columns)
+    np.testing.assert_allclose(take.positions[:3, 0], tips[:3], atol=1e-12)
+    np.testing.assert_allclose(take.axes[:3, 0], [[0.0, 0.0, 1.0]] * 3, atol=1e-12)
+    assert np.isnan([take.positions[3], take.axes[3]]).all()
+
+
 def test_vectors_are_normalized_and_missing_ones_stay_nan():
     columns = {
         "a": np.array([0.0, 0.0]),

@@ -271,15 +271,13 @@ class Drive(MapTable):
         return self.measured or self.commanded or ""
 
 
-class End(MapTable):
-    """Tracked end of a module.
+class Body(MapTable):
+    """Tracked body.
 
     Attributes:
-        module: module, 0 at the base; the last one by default.
         position: columns of x, y, z; of x, y where a camera sees a plane.
         unit: unit of the position.
         scale: factor of the position to that unit.
-        axis: columns of a vector along the arm, of as many coordinates.
         quaternion: columns of a unit quaternion.
         order: order of the quaternion's columns.
         matrix: columns of a rotation matrix, row by row: from the tracked frame to that
@@ -287,21 +285,17 @@ class End(MapTable):
         euler: columns of three Euler angles, or of one angle in the plane of x and y.
         sequence: axes of the Euler angles: "xyz" extrinsic, "XYZ" intrinsic, "z" of one.
         euler_unit: unit of the Euler angles.
-        along: direction along the arm in the tracked frame: "z", "-y", or a vector.
     """
 
-    module: ModuleIndex | None = None
     position: tuple[Column, ...] = Field(min_length=2, max_length=3)
     unit: LengthUnit
     scale: Scale = 1.0
-    axis: tuple[Column, ...] | None = Field(None, min_length=2, max_length=3)
     quaternion: tuple[Column, Column, Column, Column] | None = None
     order: Literal["xyzw", "wxyz"] | None = None
     matrix: tuple[Column, ...] | None = Field(None, min_length=9, max_length=9)
     euler: tuple[Column, ...] | None = None
     sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3}|z)$")
     euler_unit: Literal["deg", "rad"] = "deg"
-    along: BodyDirection = "z"
 
     @model_validator(mode="before")
     @classmethod
@@ -316,7 +310,7 @@ class End(MapTable):
     @model_validator(mode="after")
     def _check_rotation(self):
         names = ("axis", "quaternion", "matrix", "euler")
-        given = [name for name in names if getattr(self, name) is not None]
+        given = [name for name in names if getattr(self, name, None) is not None]
         if len(given) > 1:
             raise ValueError(
                 f"{' and '.join(given)} are given; give one of them, or none"
@@ -338,6 +332,30 @@ class End(MapTable):
             )
         return self
 
+    @property
+    def rotation(self) -> tuple[str, ...]:
+        """Columns of the rotation; none if it is not measured."""
+        return self.quaternion or self.matrix or self.euler or ()
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether the body is measured in the plane of x and y alone."""
+        return len(self.position) == 2
+
+
+class End(Body):
+    """Tracked end of a module.
+
+    Attributes:
+        module: module, 0 at the base; the last one by default.
+        axis: columns of a vector along the arm, of as many coordinates as its position.
+        along: direction along the arm in the tracked frame: "z", "-y", or a vector.
+    """
+
+    module: ModuleIndex | None = None
+    axis: tuple[Column, ...] | None = Field(None, min_length=2, max_length=3)
+    along: BodyDirection = "z"
+
     @model_validator(mode="after")
     def _check_plane(self):
         if self.axis is not None and len(self.axis) != len(self.position):
@@ -354,11 +372,6 @@ class End(MapTable):
             )
         return self
 
-    @property
-    def in_plane(self) -> bool:
-        """Whether the end is measured in the plane of x and y alone."""
-        return len(self.position) == 2
-
 
 class LogFrame(MapTable):
     """Frame in which positions are measured.
@@ -368,11 +381,14 @@ class LogFrame(MapTable):
             vector, in the order of `position`; estimated by default.
         x: direction of the x axis of the base frame; an axis across the arm by default.
         base: position of the base; estimated by default [m].
+        body: body on the base, relative to which ends are taken in every row, so that a
+            base that moves is none; the other keys are then in its frame.
     """
 
     along: LogDirection | None = None
     x: LogDirection | None = None
     base: Vector | None = None
+    body: Body | None = None
 
 
 class KnownArm(MapTable):
@@ -516,6 +532,11 @@ class LogMap(MapTable):
         return all(end.in_plane for end in self.ends)
 
     @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All tracked bodies: the ends, and that on the base if there is one."""
+        return self.ends if self.frame.body is None else (*self.ends, self.frame.body)
+
+    @property
     def end_modules(self) -> list[int]:
         """Modules whose ends are measured, in the order of `ends`."""
         last = self.arm.modules - 1
@@ -529,10 +550,10 @@ class LogMap(MapTable):
             columns |= {self.join.key, *(self.join.times or ())}
         for drive in self.drives:
             columns |= {drive.commanded, drive.measured}
+        for body in self.bodies:
+            columns.update((*body.position, *body.rotation))
         for end in self.ends:
-            columns.update(end.position)
-            for group in (end.axis, end.quaternion, end.matrix, end.euler):
-                columns.update(group or ())
+            columns.update(end.axis or ())
         return {column for column in columns if column is not None}
 
     @property

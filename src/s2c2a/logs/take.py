@@ -1,17 +1,26 @@
 """Takes: the contents of a log in SI units, in the frame of the log."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from s2c2a.errors import counted
 from s2c2a.files.tables import METERS
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.log_map import FORCE_UNITS, ROTATING_UNITS, Drive, End, LogMap, Vector
+from s2c2a.logs.log_map import (
+    FORCE_UNITS,
+    ROTATING_UNITS,
+    Body,
+    Drive,
+    End,
+    LogMap,
+    Vector,
+)
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, check_distinct, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
@@ -78,17 +87,18 @@ def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
             f"{table.path} lacks columns that the map names: "
             f"{list_names(sorted(missing))}; it has others: {list_names(sorted(others))}"
         )
-    positions = [
-        _vectors(table, end.position) * (end.scale * METERS[end.unit])
-        for end in log_map.ends
-    ]
+    positions = np.stack([_positions(table, end) for end in log_map.ends], axis=1)
+    axes = np.stack([_axes(table, end) for end in log_map.ends], axis=1)
+    if body := log_map.frame.body:
+        positions = positions - _positions(table, body)[:, None]
+        positions, axes = _unturned(table, body, positions, axes)
     label = log_map.rows.label
     return LogTake(
         _time(table, log_map),
         _drive_values(table, log_map, "commanded"),
         _drive_values(table, log_map, "measured"),
-        np.stack(positions, axis=1),
-        np.stack([_axes(table, end) for end in log_map.ends], axis=1),
+        positions,
+        axes,
         table.labels[label] if label else np.full(len(table), ""),
         table.broken_rows,
         clocks,
@@ -105,14 +115,14 @@ def _time(table: Table, log_map: LogMap) -> np.ndarray:
 
 
 def _check_length_unit(table: Table, log_map: LogMap) -> None:
-    """Refuse ends in another unit than the file states."""
-    for end in log_map.ends:
-        has_end = not set(end.position).isdisjoint(table.numbers)
-        if has_end and table.length_unit not in ("", end.unit) and end.scale == 1.0:
+    """Refuse bodies in another unit than the file states."""
+    for body in log_map.bodies:
+        is_there = not set(body.position).isdisjoint(table.numbers)
+        if is_there and table.length_unit not in ("", body.unit) and body.scale == 1.0:
             raise LogError(
                 f"{table.path} states lengths in {table.length_unit}, and the map "
-                f'{end.unit}; write unit = "{table.length_unit}" for the end '
-                f"'{end.position[0]}'"
+                f'{body.unit}; write unit = "{table.length_unit}" for the body '
+                f"'{body.position[0]}'"
             )
 
 
@@ -233,6 +243,11 @@ def _vectors(table: Table, columns: Sequence[str]) -> np.ndarray:
     return np.pad(values, [(0, 0), (0, 3 - values.shape[1])])
 
 
+def _positions(table: Table, body: Body) -> np.ndarray:
+    """Positions of a body [m], NaN where they are not measured, shape (rows, 3)."""
+    return _vectors(table, body.position) * (body.scale * METERS[body.unit])
+
+
 def _axes(table: Table, end: End) -> np.ndarray:
     """Unit vectors along the arm, NaN where they are not measured, shape (rows, 3)."""
     if end.axis is not None:
@@ -241,18 +256,35 @@ def _axes(table: Table, end: End) -> np.ndarray:
         unknown = np.full(vectors.shape, np.nan)
         return np.divide(vectors, lengths, out=unknown, where=lengths > 0)
     axes = np.full((len(table), 3), np.nan)
-    columns = end.quaternion or end.matrix or end.euler
-    if columns is None:
-        return axes
-    values = _stack(table, columns)
-    known = np.isfinite(values).all(axis=1)
-    if end.euler is None:
-        known &= np.abs(values).sum(axis=1) > 0
-    if end.matrix is not None:
-        _check_rotations(table, end.matrix, values, known)
-    # direction along the arm, rotated by quaternions or Euler angles
-    axes[known] = as_rotations(values[known], end).apply(unit_vector(end.along))
+    if end.rotation:
+        known, rotations = _rotations(table, end)
+        axes[known] = rotations.apply(unit_vector(end.along))
     return axes
+
+
+def _unturned(
+    table: Table, body: Body, *vectors: np.ndarray
+) -> Iterator[Float[np.ndarray, "rows ends 3"]]:
+    """Vectors in the frame of a body, NaN where its rotation is not measured."""
+    if not body.rotation:
+        yield from vectors
+        return
+    known, rotations = _rotations(table, body)
+    matrices = np.full((len(table), 3, 3), np.nan)
+    matrices[known] = rotations.as_matrix()
+    for each in vectors:
+        yield np.einsum("rji,rej->rei", matrices, each)
+
+
+def _rotations(table: Table, body: Body) -> tuple[Bool[np.ndarray, " rows"], Rotation]:
+    """Rows in which a body's rotation is measured, and the rotations there."""
+    values = _stack(table, body.rotation)
+    known = np.isfinite(values).all(axis=1)
+    if body.euler is None:
+        known &= np.abs(values).sum(axis=1) > 0
+    if body.matrix is not None:
+        _check_rotations(table, body.matrix, values, known)
+    return known, as_rotations(values[known], body)
 
 
 def _check_rotations(

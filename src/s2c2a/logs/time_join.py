@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate, is_near
-from s2c2a.logs.log_map import End, LogMap
+from s2c2a.logs.log_map import Body, LogMap
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, check_distinct
 from s2c2a.logs.timed_motion import TimedMotion
@@ -160,56 +160,55 @@ def _resample_numbers(
         for name, column in table.numbers.items()
         if name != TIME
     }
-    for end in log_map.ends:
-        names = end.quaternion or end.matrix or end.euler or ()
-        if names and set(names) <= set(columns):
-            columns |= _resample_rotation(table.numbers, end, times, samples, limit)
+    for body in log_map.bodies:
+        if body.rotation and set(body.rotation) <= set(columns):
+            columns |= _resample_rotation(table.numbers, body, times, samples, limit)
     return columns
 
 
 def _resample_rotation(
     numbers: Mapping[str, np.ndarray],
-    end: End,
+    body: Body,
     times: np.ndarray,
     samples: np.ndarray,
     limit: float,
 ) -> dict[str, np.ndarray]:
-    """Columns of an end's rotation, by spherical interpolation."""
-    names = end.quaternion or end.matrix or end.euler or ()
+    """Columns of a body's rotation, by spherical interpolation."""
+    names = body.rotation
     values = np.stack([numbers[name] for name in names], axis=1)
     known = np.isfinite(values).all(axis=1)
-    if not end.euler:  # zeros mark poses that were not measured
+    if not body.euler:  # zeros mark poses that were not measured
         known &= np.abs(values).sum(axis=1) > 0
     result = np.full((len(samples), len(names)), np.nan)
     if known.sum() > 1:
         times = times[known]
         near = (samples >= times[0]) & (samples <= times[-1])
         near &= is_near(times, samples, limit)
-        along_arc = Slerp(times, as_rotations(values[known], end))
-        result[near] = _as_columns(along_arc(samples[near]), end)
+        along_arc = Slerp(times, as_rotations(values[known], body))
+        result[near] = _as_columns(along_arc(samples[near]), body)
     return dict(zip(names, result.T, strict=True))
 
 
-def as_rotations(values: np.ndarray, end: End) -> Rotation:
-    """Rotations of an end, from its quaternions, matrices or Euler angles."""
-    if end.quaternion is not None:
-        return Rotation.from_quat(values, scalar_first=end.order == "wxyz")
-    if end.matrix is not None:
+def as_rotations(values: np.ndarray, body: Body) -> Rotation:
+    """Rotations of a body, from its quaternions, matrices or Euler angles."""
+    if body.quaternion is not None:
+        return Rotation.from_quat(values, scalar_first=body.order == "wxyz")
+    if body.matrix is not None:
         return Rotation.from_matrix(values.reshape(-1, 3, 3))
-    degrees = end.euler_unit == "deg"
-    return Rotation.from_euler(end.sequence or "", values, degrees=degrees)
+    degrees = body.euler_unit == "deg"
+    return Rotation.from_euler(body.sequence or "", values, degrees=degrees)
 
 
-def _as_columns(rotations: Rotation, end: End) -> np.ndarray:
-    """Numbers of rotations, in the order of an end's columns."""
-    if end.quaternion:
-        return rotations.as_quat(scalar_first=end.order == "wxyz")
-    if end.matrix:
+def _as_columns(rotations: Rotation, body: Body) -> np.ndarray:
+    """Numbers of rotations, in the order of a body's columns."""
+    if body.quaternion:
+        return rotations.as_quat(scalar_first=body.order == "wxyz")
+    if body.matrix:
         return rotations.as_matrix().reshape(-1, 9)
-    degrees = end.euler_unit == "deg"
-    if end.sequence == "z":
+    degrees = body.euler_unit == "deg"
+    if body.sequence == "z":
         return rotations.as_rotvec(degrees=degrees)[:, 2:]
-    return rotations.as_euler(end.sequence or "", degrees=degrees)
+    return rotations.as_euler(body.sequence or "", degrees=degrees)
 
 
 def _resample_labels(
