@@ -158,8 +158,8 @@ class _Residuals:
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
         self._scales = np.asarray(flat)
-        self._predict = partial(_predict, model, sensed=self._sensed)
-        self._slopes = partial(_slopes, model, sensed=self._sensed)
+        self._predict = partial(_predict, model=model, sensed=self._sensed)
+        self._slopes = partial(_slopes, model=model, sensed=self._sensed)
 
     def posterior(
         self, fitted: Bool[np.ndarray, "episodes samples"], inflation: float
@@ -236,8 +236,8 @@ def register(
 
 @eqx.filter_jit
 def _predict(
-    model: ForwardModel,
     numbers: Array,
+    model: ForwardModel,
     sensed: Float[Array, "episodes samples modules 3"],
 ) -> Float[Array, "episodes samples modules 6"]:
     """States of every sample after a change, given as its numbers."""
@@ -246,7 +246,7 @@ def _predict(
     return jax.vmap(partial(along_episode, changed))(sensed)
 
 
-_slopes = eqx.filter_jit(jax.jacfwd(_predict, argnums=1))
+_slopes = eqx.filter_jit(jax.jacfwd(_predict))
 
 
 def _scales(arm: ArmSpec) -> DayChange:
