@@ -37,7 +37,9 @@ def equilibrium(give=NO_GIVE, coupling=(0.0, 0.0)) -> Equilibrium:
 
 def rest(model: Equilibrium, sweeps=60, carried=CARRIED, engaged=False) -> StaticState:
     def sweep(number, state):
-        return model.sweep(carried, NONE, MATRICES, state, engaged, number == 0)
+        return model.sweep(
+            carried, NONE, MATRICES, jnp.ones((2, 1)), state, engaged, number == 0
+        )
 
     state = StaticState.straight(carried)
     for number in range(2):  # reverse derivatives need a known number
