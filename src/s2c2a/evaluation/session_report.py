@@ -34,13 +34,13 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
     if not fit.improves:
-        told = "no change of the arm explains it: the session changes nothing"
-        return [*lines, f"{told}; check homing and tracking, or train anew"]
+        told = "no change surely lowers that, and the session changes nothing; if it is "
+        return [*lines, f"{told}too much, check homing and tracking, or train anew"]
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     causes: dict[str, list[tuple]] = {
         "frame of the tracking": [
-            ("translation", None, 1000, "mm moved"),
-            ("rotation", None, np.rad2deg(1.0), "deg turned"),
+            ("translation", None, 1000, "mm of shift"),
+            ("rotation", None, np.rad2deg(1.0), "deg of turn"),
         ],
         "homing or pretension of the cables": [
             (name, module, radius, unit)
