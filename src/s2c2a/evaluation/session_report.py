@@ -34,8 +34,8 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
     if not fit.improves:
-        told = "no change surely lowers that, and the session changes nothing; if it is "
-        return [*lines, f"{told}too much, check homing and tracking, or train anew"]
+        told = "no change surely lowers that: the session changes nothing; where it is"
+        return [*lines, f"{told} too much, check homing and tracking, or train anew"]
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     causes: dict[str, list[tuple]] = {
         "frame of the tracking": [
