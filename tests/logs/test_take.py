@@ -134,6 +134,30 @@ order = "xyzw"
     assert np.isnan([take.positions[3], take.axes[3]]).all()
 
 
+def test_a_frozen_tip_is_found_beside_a_body_whose_noise_would_hide_it():
+    random = np.random.default_rng(0)
+    drives = np.cumsum(random.normal(size=400))
+    tips = np.stack([drives, -drives, 200.0 + 0.1 * drives], axis=1)
+    tips += random.normal(scale=0.1, size=tips.shape)
+    tips[200:225] = tips[200]
+    bases = random.normal(scale=0.1, size=(400, 3))
+    columns = {
+        "m": drives,
+        **dict(zip("xyzXYZ", np.hstack([tips, bases]).T, strict=True)),
+    }
+    body = '[frame.body]\nposition = ["X", "Y", "Z"]\nunit = "mm"\n'
+    take = take_of(make_map(ends=POSITION + body), columns)
+    unknown = np.isnan(take.positions[:, 0]).all(axis=1)
+    assert unknown[205:225].all()
+    assert unknown.sum() <= 25
+
+
+def test_a_body_with_other_coordinates_than_the_ends_is_refused():
+    body = '[frame.body]\nposition = ["X", "Y"]\nunit = "mm"\n'
+    with pytest.raises(LogError, match="as many coordinates"):
+        make_map(ends=POSITION + body)
+
+
 def test_vectors_are_normalized_and_missing_ones_stay_nan():
     columns = {
         "a": np.array([0.0, 0.0]),

@@ -54,7 +54,7 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         names = list(dict.fromkeys(name for name, *_ in numbers))
         if _is_distinct(*fit.posterior.part(*names)):
             sizes = (_size(fit.posterior, *each) for each in numbers)
-            lines.append(f"{cause}: {', '.join(filter(None, sizes))}")
+            lines.append(f"{cause}: {', '.join(filter(None, sizes)) or 'changed'}")
         else:
             unclear[cause] = names
     if unclear:

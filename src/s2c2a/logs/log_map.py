@@ -498,6 +498,21 @@ class LogMap(MapTable):
         return self
 
     @model_validator(mode="after")
+    def _check_body(self):
+        body = self.frame.body
+        if body is None:
+            return self
+        is_turned_within = body.sequence == "z" or not body.rotation
+        if any(end.in_plane != body.in_plane for end in self.ends) or (
+            body.in_plane and not is_turned_within
+        ):
+            raise ValueError(
+                "frame.body and the ends need as many coordinates; in a plane, its "
+                'rotation is one angle (sequence = "z"), or not measured'
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_units(self):
         units = {drive.unit for drive in self.drives}
         if units.intersection(ROTATING_UNITS) and self.arm.pulley_radius is None:

@@ -24,6 +24,7 @@ from s2c2a.logs.log_map import (
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, check_distinct, list_names
 from s2c2a.logs.time_join import as_rotations, join_by_time
+from s2c2a.measurements.frozen_ends import find_frozen
 
 ROW = ""  # key of row numbers, which no map can name
 ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
@@ -89,11 +90,8 @@ def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
         )
     positions = np.stack([_positions(table, end) for end in log_map.ends], axis=1)
     axes = np.stack([_axes(table, end) for end in log_map.ends], axis=1)
-    if body := log_map.frame.body:
-        positions = positions - _positions(table, body)[:, None]
-        positions, axes = _unturned(table, body, positions, axes)
     label = log_map.rows.label
-    return LogTake(
+    take = LogTake(
         _time(table, log_map),
         _drive_values(table, log_map, "commanded"),
         _drive_values(table, log_map, "measured"),
@@ -103,6 +101,8 @@ def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
         table.broken_rows,
         clocks,
     )
+    body = log_map.frame.body
+    return take if body is None else _relative_to(body, take, table, log_map)
 
 
 def _time(table: Table, log_map: LogMap) -> np.ndarray:
@@ -260,6 +260,22 @@ def _axes(table: Table, end: End) -> np.ndarray:
         known, rotations = _rotations(table, end)
         axes[known] = rotations.apply(unit_vector(end.along))
     return axes
+
+
+def _relative_to(body: Body, take: LogTake, table: Table, log_map: LogMap) -> LogTake:
+    """The take in the frame of a body; frozen poses go first, since its noise hides them."""
+    positions = take.positions.copy()
+    axes = take.axes.copy()
+    if log_map.rows.outliers != "keep":
+        drives = effective_drives(take, log_map)
+        for end in range(len(log_map.ends)):
+            pose = np.hstack([positions[:, end], axes[:, end]])
+            is_frozen = find_frozen(drives, pose, np.zeros(len(take), int))
+            positions[is_frozen, end] = np.nan
+            axes[is_frozen, end] = np.nan
+    positions -= _positions(table, body)[:, None]
+    positions, axes = _unturned(table, body, positions, axes)
+    return replace(take, positions=positions, axes=axes)
 
 
 def _unturned(

@@ -131,8 +131,8 @@ def find_change(
     # similar cables are not equal: the smooth map explains the rest
     changes = flat[similar] - first_flat[nearest[similar]]
     middles = flat[similar] - changes / 2
-    usual_motions = np.einsum("nmxd,nd->nmx", derivatives(middles), changes)
-    displacements = positions[similar] - places - usual_motions
+    places = places + np.einsum("nmxd,nd->nmx", derivatives(middles), changes)
+    displacements = positions[similar] - places
     if np.isfinite(displacements).all(axis=-1).any(axis=1).sum() < MIN_ROWS:
         return None
     return _explain(

@@ -223,7 +223,7 @@ class ChainC2S(ForwardModel):
         pulls = self._at_rest(inputs, moments)[0].pulls
         if not self.statics:
             return jnp.full_like(pulls, jnp.nan)
-        return pulls / self.body.moments
+        return pulls / (self.body.moments * self.body.softness[:, None])
 
     def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
         if not self.statics:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import jax.numpy as jnp
-import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from s2c2a.data import Recording
@@ -29,7 +28,7 @@ ENDING = ".session.json"
 NO_SESSION = "none"
 MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run --session none`"
 Length = Annotated[float, Field(ge=-100.0, le=100.0)]  # m; of a room with a tracking
-Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]  # rad; of a rotation vector
+Angle = Annotated[float, Field(ge=-4.0, le=4.0)]  # rad; fits turn a little beyond pi
 Softness = Annotated[float, Field(ge=-1.0, le=1.0)]  # five times what arms change by
 Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
