@@ -12,7 +12,9 @@ from s2c2a.data import load_recording
 from s2c2a.errors import StrategyError
 from s2c2a.evaluation import describe_session
 from s2c2a.jobs import GivenNetworks
+from s2c2a.models.forward_model import along_episode
 from s2c2a.models.session import DayChange, SessionC2S
+from s2c2a.models.session_fit import fit_session
 from s2c2a.strategies import (
     describe_use,
     load_networks,
@@ -167,6 +169,22 @@ def test_cables_and_stiffness_change_what_a_model_of_them_predicts(
         model = SessionC2S.of(networks.c2s, change)
         states.append(np.asarray(model.predict(sensed, model.start(sensed))))
     assert np.linalg.norm(states[1][-1, :3] - states[0][-1, :3]) > 1e-3
+
+
+def test_a_session_finds_modules_that_have_become_softer(networks, short):
+    data = training_data(short, networks.recipe)
+    none = DayChange.none(data.arm.module_count)
+    softer = replace(none, softness=jnp.asarray([0.2, 0.15, 0.1]))
+    model = SessionC2S.of(networks.c2s, softer)
+    states = np.asarray(along_episode(model, jnp.asarray(data.sensed[0], jnp.float32)))
+    noise = np.random.default_rng(0).normal(scale=5e-4, size=states.shape)
+    fit = fit_session(networks.c2s, replace(data, states=(states + noise)[None]))
+    assert fit.improves
+    found, std = (
+        np.asarray(each.softness) for each in (fit.posterior.change, fit.posterior.std)
+    )
+    np.testing.assert_allclose(found, softer.softness, atol=0.05)
+    assert (np.abs(found - softer.softness) < 4.0 * std + 1e-3).all()
 
 
 def test_a_plan_near_a_configuration_keeps_the_session(networks, short):

@@ -310,7 +310,7 @@ class Body(MapTable):
     @model_validator(mode="after")
     def _check_rotation(self):
         names = ("axis", "quaternion", "matrix", "euler")
-        given = [name for name in names if getattr(self, name, None) is not None]
+        given = [name for name in names if name in self.model_fields_set]
         if len(given) > 1:
             raise ValueError(
                 f"{' and '.join(given)} are given; give one of them, or none"

@@ -12,9 +12,7 @@ from s2c2a.logs.model_fit import CableFit, Observations
 from s2c2a.logs.priors import prior_std
 
 AT_BOUND = 0.95  # share of the largest deviation; a fit ends just inside
-UNSEEN = (
-    0.5  # posterior over prior deviation; a quarter of what is known is then a guess
-)
+UNSEEN = 0.5  # posterior over prior deviation; a quarter of the number is then a guess
 STILL = 0.1  # motion of a drive over the largest one; noise of pressures reaches 0.05
 UNUSUAL = 3.0  # prior deviations from the first guess; 3 in 1000 numbers by chance
 
