@@ -1,10 +1,15 @@
 """Environments keep the interface of Gymnasium, on arms of all kinds."""
 
+import re
+import runpy
 import warnings
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import s2c2a
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.randomized import randomized_arm
 from s2c2a.errors import S2C2AError
@@ -12,7 +17,7 @@ from s2c2a.integrations.environments import simulation
 from s2c2a.integrations.environments.jacobian_policy import JacobianPolicy
 from s2c2a.integrations.environments.simulation import DIVERGED, SimulationBatch
 from s2c2a.integrations.environments.spaces import Controls, observation_parts
-from s2c2a.integrations.environments.tasks import FAMILIES, Avoid
+from s2c2a.integrations.environments.tasks import FAMILIES, Avoid, Reach
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
 
@@ -20,12 +25,13 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-import s2c2a.integrations.environments  # noqa: E402, F401  # registers them
+import s2c2a.integrations.environments  # noqa: E402  # registers them
 
 from marks import slow_after  # noqa: E402
 
 ARMS = ("twin_arm", "simulated_arm", "pneumatic_arm", "planar_finger", "spiral_arm")
 FINGER = load_arm("planar_finger")
+EXAMPLES = Path(__file__).parents[2] / "examples" / "extending"
 
 
 def generators(count, first=0):
@@ -129,19 +135,18 @@ def test_the_next_episode_begins_in_the_step_after_the_last():
 def test_an_arm_in_the_sphere_costs_reward():
     family = Avoid(Controls.of(FINGER), 10)
     states = np.array([[[0, 0, 0.06, 0, 0, 1], [0, 0, 0.11, 0, 0, 1]]], float)
-    goal = states[:, -1, :3]
+    met = replace(begun().moment(), states=states, goals=states[:, -1, :3])
     inside, outside = np.array([[0, 0, 0.08, 0.01]]), np.array([[1.0, 0, 0, 0.01]])
-    still = np.zeros((1, 2))
-    assert family.rewards(states, goal, still, outside) == 0.0
-    assert family.rewards(states, goal, still, inside) < -5.0
+    assert family.rewards(replace(met, obstacles=outside)) == 0.0
+    assert family.rewards(replace(met, obstacles=inside)) < -5.0
 
 
 def test_a_goal_that_is_met_has_no_cost_and_effort_has():
     family = FAMILIES["Reach"](Controls.of(FINGER), 10)
-    states = np.zeros((1, 2, 6))
-    goal = np.array([[0.011, 0.0, 0.0]])
-    rewards = family.rewards(states, goal, np.ones((1, 2)), np.zeros((1, 4)))
-    np.testing.assert_allclose(rewards, -10 * 0.011 / 0.11 - 0.1)
+    moment = begun().moment()
+    goals = moment.tips + np.array([0.011, 0.0, 0.0])
+    moment = replace(moment, goals=goals, actions=np.ones((1, 2)))
+    np.testing.assert_allclose(family.rewards(moment), -10 * 0.011 / 0.11 - 0.1)
 
 
 def twins(batch, count, randomization):
@@ -281,3 +286,66 @@ def test_the_jacobian_policy_moves_with_its_goal():
     _, at_rest = jacobian_actions(bends)
     _, motion = jacobian_actions(bends, goal_change=[0.0, 0.1, 0.0])
     assert (motion - at_rest)[1] > 0.1 * 0.1 * 0.6 / 3
+
+
+class Own(Reach):
+    """A task in which every part differs."""
+
+    def goals(self, random, tip):
+        return np.tile(tip + np.array([0.01, 0.0, 0.0]), (self.steps + 2, 1))
+
+    def sampled_arm(self, seed):
+        modules = [module.model_copy(update=SOFTER) for module in self.arm.modules]
+        return self.arm.model_copy(update={"modules": tuple(modules)})
+
+    def observe(self, moment):
+        return {**super().observe(moment), "steps": moment.steps[:, None]}
+
+    def rewards(self, moment):
+        return 10.0 * moment.steps - self.ends(moment)
+
+    def ends(self, moment):
+        return moment.steps == 3
+
+
+class Shorter(Reach):
+    """Its arms lack modules."""
+
+    def sampled_arm(self, seed):
+        return self.arm.model_copy(update={"modules": self.arm.modules[:1]})
+
+
+SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
+
+
+def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():
+    options = {"task": Own, "arm": FINGER, "randomization": 1.0, "seconds": 9.0}
+    many = gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point", **options)
+    one = gymnasium.make("S2C2A/Task-v0", disable_env_checker=True, **options)
+    many.reset(seed=0)
+    one.reset(seed=0)
+    for step, reward in ((1, 10.0), (2, 20.0), (3, 29.0)):
+        seen, rewards, ended, *_ = many.step(np.zeros(many.action_space.shape))
+        alone = one.step(np.zeros(one.action_space.shape))
+        assert rewards.tolist() == [reward, reward] == [alone[1]] * 2
+        assert ended.tolist() == [step == 3] * 2
+        assert alone[2] == (step == 3)
+        np.testing.assert_array_equal(seen[:, -1], [step, step])
+        np.testing.assert_array_equal(seen[0], alone[0])
+    np.testing.assert_allclose(alone[4]["error"], 0.01, rtol=0.2)
+    modules = one.unwrapped.batch._robots[0].arm.modules
+    assert [m.bending_stiffness for m in modules] == [*SOFTER.values()] * len(modules)
+
+
+def test_a_task_that_samples_arms_with_other_cables_is_refused():
+    with pytest.raises(S2C2AError, match="numbers of its modules alone"):
+        begun(Shorter, randomization=1.0)
+    assert begun(Shorter).moment().steps == 0  # without randomization, it samples none
+
+
+def test_the_example_learns_and_writes_a_strategy(tmp_path, capsys):
+    example = runpy.run_path(str(EXAMPLES / "own_learning.py"))
+    example["main"](tmp_path / "cup.safetensors", generations=6, arms=8)
+    before, after = re.findall(r"-[0-9.]+", capsys.readouterr().out)
+    assert float(after) > float(before)
+    assert s2c2a.load_strategy(tmp_path / "cup.safetensors").arm == FINGER

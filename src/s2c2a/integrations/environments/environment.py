@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from s2c2a.integrations.environments.simulation import SimulationBatch
-from s2c2a.integrations.environments.spaces import MAX_VALUE, observation_parts
+from s2c2a.integrations.environments.spaces import MAX_VALUE
+from s2c2a.integrations.environments.tasks import Family
 from s2c2a.integrations.extras import needs_extra
 
 with needs_extra("gym", "an environment"):
@@ -19,16 +20,15 @@ def action_space(batch: SimulationBatch) -> gymnasium.spaces.Box:
 
 def observation_space(batch: SimulationBatch) -> gymnasium.spaces.Box:
     """Space of the observations of one arm; see `spaces`."""
-    parts = observation_parts(batch.controls, batch.family.has_obstacle)
-    size = max(part.stop for part in parts.values())
-    return gymnasium.spaces.Box(-MAX_VALUE, MAX_VALUE, (size,), np.float32)
+    shape = batch.observations().shape[1:]
+    return gymnasium.spaces.Box(-MAX_VALUE, MAX_VALUE, shape, np.float32)
 
 
 class ArmEnv(gymnasium.Env):
     """One simulated arm with a task; actions and observations as in `spaces`.
 
     Args:
-        task: name of a family of tasks (`tasks.FAMILIES`).
+        task: name of a family of tasks (`tasks.FAMILIES`), or a class of your own.
         arm: preset, arm file, or description.
         render_mode: "rgb_array" or None.
         options: see `SimulationBatch`.
@@ -41,7 +41,7 @@ class ArmEnv(gymnasium.Env):
 
     def __init__(
         self,
-        task: str = "Reach",
+        task: str | type[Family] = "Reach",
         arm: Any = "twin_arm",
         render_mode: str | None = None,
         **options: Any,

@@ -16,7 +16,13 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
-from s2c2a.integrations.environments.spaces import Controls, observation_parts, observe
+from s2c2a.integrations.environments.spaces import (
+    BatchMoment,
+    Controls,
+    joined,
+    observation_parts,
+    observe,
+)
 from s2c2a.planning import Goal
 from s2c2a.runtime import Driver
 from s2c2a.spaces import POSITION, Actions, Reading
@@ -131,17 +137,19 @@ class PolicyDriver:
             self._action = np.zeros(self._controls.count)
             return self._action
         target = np.asarray(goal.positions[-1], float)
-        observation = observe(
-            self._controls,
+        moment = BatchMoment(
             estimate["cables"][None],
             self._command[None],
             self._action[None],
-            estimate["states"][None, -1],
+            estimate["states"][None],
+            self._last_goal[None],
             target[None],
-            (target - self._last_goal)[None],
+            np.zeros((1, 4)),
+            np.zeros(1, int),
         )
+        observation = joined(observe(self._controls, moment))[0]
         self._last_goal = target
-        self._action = self._act(observation[0]).astype(float)
+        self._action = self._act(observation).astype(float)
         return self._action
 
     def act(self, plan: Float[np.ndarray, " controls"], estimate: Reading) -> Actions:

@@ -8,11 +8,13 @@ from gymnasium.envs.registration import register
 PACKAGE = "s2c2a.integrations.environments"
 NAMES = ("Reach", "Track", "Avoid", "Hold", "Follow")
 """As `tasks.FAMILIES`, which loads JAX."""
+TASKS = {name: {"task": name} for name in NAMES}
+TASKS["Task"] = {}  # the user gives a class
 
-for name in NAMES:
+for name, arguments in TASKS.items():
     register(
         f"S2C2A/{name}-v0",
         entry_point=f"{PACKAGE}.environment:ArmEnv",
         vector_entry_point=f"{PACKAGE}.vector_environment:ArmVectorEnv",
-        kwargs={"task": name},
+        kwargs=arguments,
     )

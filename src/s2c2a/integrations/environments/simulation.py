@@ -11,12 +11,12 @@ from jaxtyping import Bool, Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.arm.randomized import randomized_arm
+from s2c2a.arm.geometry import cables_present
 from s2c2a.errors import ActionError, S2C2AError, did_you_mean
 from s2c2a.execution.executors import all_cores, validated_worker_count
 from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
-from s2c2a.integrations.environments.spaces import Controls, observe
-from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES
+from s2c2a.integrations.environments.spaces import BatchMoment, Controls, joined
+from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.chain import get_fidelity
 from s2c2a.runtime.limits import CommandLimits
@@ -35,7 +35,7 @@ class BatchStep(NamedTuple):
     Attributes:
         observations: shape (batch, values).
         rewards: shape (batch,).
-        terminated: whether the simulation of an arm diverged.
+        terminated: whether the task ended an episode, or its simulation diverged.
         truncated: whether the time of an episode is over.
         errors: distances of the tips from their goals [m].
     """
@@ -54,11 +54,11 @@ class SimulationBatch:
     all of them (`Lockstep`). Episodes begin on threads of Python.
 
     Args:
-        task: name of a family (`FAMILIES`).
+        task: name of a family (`FAMILIES`), or a subclass of `Family`.
         arm: preset, arm file, or description.
         count: number of arms.
         randomization: strength of the model mismatch of every episode's arm, 0 to 2
-            (`s2c2a.arm.randomized`); 0 simulates the arm itself.
+            (`Family.sampled_arm`); 0 simulates the arm itself.
         seconds: duration of an episode [s].
         fidelity: "fast" or "accurate".
         threads: by default as many as cores, and no more than arms.
@@ -69,7 +69,7 @@ class SimulationBatch:
 
     def __init__(
         self,
-        task: str,
+        task: str | type[Family],
         arm: str | os.PathLike | ArmSpec,
         count: int = 1,
         randomization: float = 0.0,
@@ -79,10 +79,11 @@ class SimulationBatch:
     ):
         self.arm = arm if isinstance(arm, ArmSpec) else load_arm(arm)
         self.controls = Controls.of(self.arm)
-        if task not in FAMILIES:
+        family = FAMILIES.get(task) if isinstance(task, str) else task
+        if family is None:
             raise S2C2AError(
-                f"no task '{task}'{did_you_mean(task, FAMILIES)}; choose one of "
-                f"{', '.join(FAMILIES)}"
+                f"no task '{task}'{did_you_mean(str(task), FAMILIES)}; choose one of "
+                f"{', '.join(FAMILIES)}, or give a class of your own"
             )
         steps = seconds * self.arm.control_rate
         if not 1 <= steps <= MAX_STEPS:
@@ -90,9 +91,8 @@ class SimulationBatch:
                 f"an episode of {seconds} s has {steps:g} control steps; give a duration "
                 f"of 1 to {MAX_STEPS} steps"
             )
-        self.family = FAMILIES[task](self.controls, round(steps))
+        self.family = family(self.controls, round(steps), randomization)
         self._limits = CommandLimits.of(self.arm)
-        self._randomization = randomization
         self._fidelity = fidelity
         if count < 1:
             raise S2C2AError(f"{count} environments are not possible; give 1 or more")
@@ -168,30 +168,30 @@ class SimulationBatch:
         self._limit(self._actions)
         self._advance()
         self._elapsed += 1
-        goals = self._goal_at(0)
-        rewards = self.family.rewards(
-            self._states, goals, self._actions, self._obstacles
-        )
+        moment = self.moment()
         return BatchStep(
             self.observations(),
-            np.where(self._diverged, DIVERGED, rewards),
-            self._diverged.copy(),
+            np.where(self._diverged, DIVERGED, self.family.rewards(moment)),
+            self._diverged | self.family.ends(moment),
             self._elapsed >= self.family.steps,
-            np.linalg.norm(self._states[:, -1, POSITION] - goals, axis=-1),
+            np.linalg.norm(moment.tips - moment.goals, axis=-1),
         )
 
     def observations(self) -> Float[np.ndarray, "batch values"]:
         """What is observed now; see `spaces`."""
-        goals = self._goal_at(1)
-        return observe(
-            self.controls,
+        return joined(self.family.observe(self.moment()))
+
+    def moment(self) -> BatchMoment:
+        """All arms now."""
+        return BatchMoment(
             self._cables,
             self._commands,
             self._actions,
-            self._states[:, -1],
-            goals,
-            goals - self._goal_at(0),
-            self._obstacles if self.family.has_obstacle else None,
+            self._states,
+            self._goal_at(0),
+            self._goal_at(1),
+            self._obstacles,
+            self._elapsed,
         )
 
     def states(self, number: int) -> Float[np.ndarray, "modules 6"]:
@@ -204,13 +204,26 @@ class SimulationBatch:
 
     def obstacle(self, number: int) -> Float[np.ndarray, "4"] | None:
         """Center and radius of the sphere of an arm [m], base frame, if there is one."""
-        return self._obstacles[number] if self.family.has_obstacle else None
+        sphere = self._obstacles[number]
+        return sphere if sphere[3] > 0.0 else None
 
     def close(self) -> None:
         """End the threads."""
         self._rollout.close()
         if self._pool is not None:
             self._pool.shutdown()
+
+    def _check_alike(self, arm: ArmSpec) -> None:
+        """Refuse a sampled arm that takes other commands, or another time for a step."""
+        expected, given = (
+            (each.actuation, each.control_rate, cables_present(each).tolist())
+            for each in (self.arm, arm)
+        )
+        if given != expected:
+            raise S2C2AError(
+                f"the sampled arm has actuation, control rate and cables {given}; those of "
+                f"{self.arm.name} are {expected}: change numbers of its modules alone"
+            )
 
     def _goal_at(self, ahead: int) -> Float[np.ndarray, "batch 3"]:
         moments = np.minimum(self._elapsed + ahead, self.family.steps + 1)
@@ -241,11 +254,11 @@ class SimulationBatch:
     def _reset_one(
         self, new_robot: bool, number: int, random: np.random.Generator
     ) -> None:
-        if new_robot or self._randomization or number not in self._robots:
+        is_randomized = self.family.randomization != 0
+        if new_robot or is_randomized or number not in self._robots:
             seed = int(random.integers(MAX_SEED))
-            arm = self.arm
-            if self._randomization:
-                arm = randomized_arm(arm, seed, self._randomization)
+            arm = self.family.sampled_arm(seed) if is_randomized else self.arm
+            self._check_alike(arm)
             self._robots[number] = SimulatedRobot(arm, self._fidelity, seed)
         robot = self._robots[number]
         robot.open()

@@ -17,18 +17,20 @@ An observation is one vector of float32; L is the length of the arm:
 | `goal_change`     | 3            | L / 10 | base   | motion of the goal in one step |
 | `obstacle`        | 4            | L      | base   | center minus tip, and radius   |
 
-Only the task `Avoid` has the last part. Values are limited to +-10.
+Only the task `Avoid` has the last part, and own tasks (`tasks.Family.observe`) may have
+others. Values are limited to +-10.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.spaces import AXIS, POSITION, Actions
+from s2c2a.spaces import AXIS, POSITION, Actions, States
 
 OFFSET_UNIT = 0.1  # arm lengths; so that errors of a centimeter are not small numbers
 MAX_VALUE = 10.0  # in the units above, beyond what arms reach; spaces need bounds
@@ -87,12 +89,40 @@ class Controls:
         return self.geometry.actions_at(shares / self.geometry.action_bends[:, None])
 
 
-def observation_parts(controls: Controls, obstacle: bool = False) -> dict[str, slice]:
-    """Where the parts of an observation are, by name."""
+@dataclass(frozen=True)
+class BatchMoment:
+    """A batch of arms after a control step; everything is in the base frame.
+
+    Attributes:
+        cables: measured [m, N or Pa], shape (batch, modules, cables).
+        commands: last ones sent, likewise.
+        actions: last ones, within [-1, 1].
+        states: true ones [m, 1], shape (batch, modules, 6).
+        goals: for this moment [m].
+        next_goals: for the end of the next step [m].
+        obstacles: centers and radii [m]; radius 0 for none.
+        steps: control steps since the episodes began.
+    """
+
+    cables: Actions
+    commands: Actions
+    actions: Float[np.ndarray, "batch controls"]
+    states: States
+    goals: Batch3
+    next_goals: Batch3
+    obstacles: Float[np.ndarray, "batch 4"]
+    steps: Int[np.ndarray, " batch"]
+
+    @property
+    def tips(self) -> Batch3:
+        """Positions of the tips [m]."""
+        return self.states[:, -1, POSITION]
+
+
+def observation_parts(controls: Controls) -> dict[str, slice]:
+    """Where the parts of every observation are, by name; those of a task follow."""
     lengths = dict.fromkeys(("bends", "commanded_bends", "last_action"), controls.count)
     lengths |= dict.fromkeys(VECTORS, 3)
-    if obstacle:
-        lengths["obstacle"] = 4
     ends = np.cumsum([0, *lengths.values()]).tolist()
     return {
         name: slice(start, end)
@@ -101,38 +131,26 @@ def observation_parts(controls: Controls, obstacle: bool = False) -> dict[str, s
 
 
 def observe(
-    controls: Controls,
-    cables: Actions,
-    command: Actions,
-    action: Float[np.ndarray, "batch controls"],
-    tip: Float[np.ndarray, "batch 6"],
-    goal: Batch3,
-    goal_change: Batch3,
-    obstacle: Float[np.ndarray, "batch 4"] | None = None,
-) -> Float[np.ndarray, "batch values"]:
-    """Observations of a batch; see the table of this module.
-
-    Args:
-        controls: of the arm.
-        cables: measured, shape (batch, modules, cables).
-        command: last command sent, likewise.
-        action: last action.
-        tip: position [m] and axis, base frame.
-        goal: position for the end of the next step [m], base frame.
-        goal_change: motion of the goal in that step [m], base frame.
-        obstacle: center and radius [m], base frame.
-    """
+    controls: Controls, moment: BatchMoment
+) -> dict[str, Float[np.ndarray, "batch values"]]:
+    """Parts of the observations of a batch; see the table of this module."""
     length = controls.arm.length
-    position = tip[:, POSITION]
-    parts = [
-        *controls.bends(np.stack([cables, command])),
-        action,
-        position / length,
-        tip[:, AXIS],
-        (goal - position) / (OFFSET_UNIT * length),
-        goal_change / (OFFSET_UNIT * length),
-    ]
-    if obstacle is not None:
-        parts += [(obstacle[:, :3] - position) / length, obstacle[:, 3:] / length]
-    values = np.concatenate(parts, axis=-1)
+    tips = moment.tips
+    bends, commanded_bends = controls.bends(np.stack([moment.cables, moment.commands]))
+    return {
+        "bends": bends,
+        "commanded_bends": commanded_bends,
+        "last_action": moment.actions,
+        "tip_position": tips / length,
+        "tip_axis": moment.states[:, -1, AXIS],
+        "goal_offset": (moment.next_goals - tips) / (OFFSET_UNIT * length),
+        "goal_change": (moment.next_goals - moment.goals) / (OFFSET_UNIT * length),
+    }
+
+
+def joined(
+    parts: Mapping[str, Float[np.ndarray, "batch values"]],
+) -> Float[np.ndarray, "batch values"]:
+    """One vector for each arm, of float32 and limited, from the parts of observations."""
+    values = np.concatenate(list(parts.values()), axis=-1)
     return np.clip(values, -MAX_VALUE, MAX_VALUE).astype(np.float32)

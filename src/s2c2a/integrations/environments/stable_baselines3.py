@@ -12,6 +12,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.integrations.environments.environment import action_space, observation_space
 from s2c2a.integrations.environments.policy import save_policy
 from s2c2a.integrations.environments.simulation import SimulationBatch
+from s2c2a.integrations.environments.tasks import Family
 from s2c2a.integrations.extras import needs_extra
 
 with needs_extra("gym", "training (also pip install stable-baselines3)"):
@@ -24,7 +25,7 @@ class ArmVecEnv(VecEnv):
     As Stable-Baselines3 expects it, an episode that is over restarts in the same step.
 
     Args:
-        task: name of a family of tasks (`tasks.FAMILIES`).
+        task: name of a family of tasks (`tasks.FAMILIES`), or a class of your own.
         count: number of arms.
         seed: of the first arm.
         arm: preset, arm file, or description.
@@ -33,7 +34,7 @@ class ArmVecEnv(VecEnv):
 
     def __init__(
         self,
-        task: str = "Reach",
+        task: str | type[Family] = "Reach",
         count: int = 8,
         seed: int = 0,
         arm: Any = "twin_arm",
@@ -78,7 +79,7 @@ class ArmVecEnv(VecEnv):
                 "TimeLimit.truncated": is_late,
                 "episode": {
                     "r": float(self._returns[number]),
-                    "l": self.batch.family.steps,
+                    "l": int(self.batch.moment().steps[number]),
                 },
             }
         observations = outcome.observations

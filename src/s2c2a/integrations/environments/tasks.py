@@ -1,4 +1,4 @@
-"""Families of tasks: goals, disturbances, reward and termination.
+"""Families of tasks: goals, disturbances, observation, reward, end and randomization.
 
 The reward of a step is, with the distance d of the tip from its goal, the length L of
 the arm, and the k components a_i of the action,
@@ -6,21 +6,23 @@ the arm, and the k components a_i of the action,
     r = -10 d / L - 0.1 (a_1^2 + ... + a_k^2) / k
 
 and in `Avoid` also -100 p / L, where p is how deep the arm's body is inside the sphere.
-No family terminates an episode but a simulation that diverges; a time limit truncates.
+None of these terminates an episode but a simulation that diverges; a time limit truncates.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii, center_line, per_module
-from s2c2a.integrations.environments.spaces import Controls
+from s2c2a.arm.randomized import randomized_arm
+from s2c2a.integrations.environments.spaces import BatchMoment, Controls, observe
 from s2c2a.kinematics.chain import states_from_bends
-from s2c2a.spaces import CENTER_LINE_POINTS, POSITION, States
+from s2c2a.spaces import CENTER_LINE_POINTS, POSITION
 
 Random = np.random.Generator
 
@@ -50,7 +52,8 @@ class Scenario:
         goals: of the tip after every step [m], base frame; the first two are that at
             rest and that of the first step, shape (steps + 2, 3).
         forces: at the tip in every step [N], base frame, shape (steps, 3).
-        obstacle: center and radius of a sphere [m], base frame, shape (4,).
+        obstacle: center and radius of a sphere [m], base frame, shape (4,); radius 0 for
+            none.
     """
 
     goals: Float[np.ndarray, "moments 3"]
@@ -60,17 +63,20 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Family(ABC):
-    """A family of tasks of one arm, from which episodes sample scenarios.
+    """A family of tasks of one arm: a subclass gives the goals, and what else differs.
+
+    Episodes sample goals, scenario and arm one by one, so that each has a seed of its own;
+    observation, reward and end are functions of the whole batch.
 
     Attributes:
         controls: of the arm.
         steps: control steps of an episode.
-        has_obstacle: whether observations have an obstacle.
+        randomization: strength of the model mismatch, 0 to 2.
     """
 
     controls: Controls
     steps: int
-    has_obstacle = False
+    randomization: float = 0.0
 
     @property
     def arm(self) -> ArmSpec:
@@ -87,24 +93,28 @@ class Family(ABC):
     ) -> Float[np.ndarray, "moments 3"]:
         """Sample the goals of an episode (`Scenario`)."""
 
-    def rewards(
-        self,
-        states: States,
-        goals: Float[np.ndarray, "batch 3"],
-        actions: Float[np.ndarray, "batch controls"],
-        obstacles: Float[np.ndarray, "batch 4"],
-    ) -> Float[np.ndarray, " batch"]:
-        """Rewards of a step; see the formula of this module.
+    def sampled_arm(self, seed: int) -> ArmSpec:
+        """Sample the arm of an episode, unless `randomization` is 0.
 
-        Args:
-            states: after the step [m, 1], base frame, shape (batch, modules, 6).
-            goals: for that moment [m], base frame.
-            actions: of the step.
-            obstacles: centers and radii [m], base frame.
+        Its cables and modules are those of the arm; their numbers may differ.
         """
-        distances = np.linalg.norm(states[:, -1, POSITION] - goals, axis=-1)
-        effort = np.mean(actions**2, axis=-1)
+        return randomized_arm(self.arm, seed, self.randomization)
+
+    def observe(
+        self, moment: BatchMoment
+    ) -> Mapping[str, Float[np.ndarray, "batch values"]]:
+        """Parts of the observations, which are joined in this order."""
+        return observe(self.controls, moment)
+
+    def rewards(self, moment: BatchMoment) -> Float[np.ndarray, " batch"]:
+        """Rewards of the step that led to a moment; see the formula of this module."""
+        distances = np.linalg.norm(moment.tips - moment.goals, axis=-1)
+        effort = np.mean(moment.actions**2, axis=-1)
         return -DISTANCE_WEIGHT * distances / self.arm.length - ACTION_WEIGHT * effort
+
+    def ends(self, moment: BatchMoment) -> Bool[np.ndarray, " batch"]:
+        """Which episodes terminate at a moment, before their time is over."""
+        return np.zeros(len(moment.steps), bool)
 
     def count_of(self, seconds: float) -> int:
         """Control steps in a time, at least one."""
@@ -189,8 +199,6 @@ class Hold(Family):
 class Avoid(Reach):
     """Reach points around a sphere, which no part of the arm may enter."""
 
-    has_obstacle = True
-
     def scenario(self, random, tip):
         found = super().scenario(random, tip)
         radius = OBSTACLE_SHARE * self.arm.length
@@ -203,24 +211,27 @@ class Avoid(Reach):
         radius = min(radius, 0.5 * float(gap))
         return Scenario(found.goals, found.forces, np.array([*center, radius]))
 
-    def rewards(self, states, goals, actions, obstacles):
-        rewards = super().rewards(states, goals, actions, obstacles)
-        depths = self.depths(states, obstacles)
-        return rewards - DEPTH_WEIGHT * depths / self.arm.length
+    def observe(self, moment):
+        centers, radii = moment.obstacles[:, :3], moment.obstacles[:, 3:]
+        sphere = np.concatenate([centers - moment.tips, radii], axis=-1)
+        return {**super().observe(moment), "obstacle": sphere / self.arm.length}
 
-    def depths(
-        self, states: States, obstacles: Float[np.ndarray, "batch 4"]
-    ) -> Float[np.ndarray, " batch"]:
+    def rewards(self, moment):
+        depths = self.depths(moment)
+        return super().rewards(moment) - DEPTH_WEIGHT * depths / self.arm.length
+
+    def depths(self, moment: BatchMoment) -> Float[np.ndarray, " batch"]:
         """How deep the arm's body is in the sphere [m]; zero outside."""
         geometry = self.controls.geometry
-        points = center_line(states, geometry.lengths)
+        points = center_line(moment.states, geometry.lengths)
         body = body_radii(
             geometry.lengths.tolist(),
             [module.radius for module in self.arm.modules],
             CENTER_LINE_POINTS,
         )
-        distances = np.linalg.norm(points - obstacles[:, None, :3], axis=-1)
-        return np.maximum(obstacles[:, 3:] + body - distances, 0.0).max(axis=-1)
+        centers, radii = moment.obstacles[:, None, :3], moment.obstacles[:, 3:]
+        distances = np.linalg.norm(points - centers, axis=-1)
+        return np.maximum(radii + body - distances, 0.0).max(axis=-1)
 
 
 FAMILIES: dict[str, type[Family]] = {

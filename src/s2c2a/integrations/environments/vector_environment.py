@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.environments.environment import action_space, observation_space
 from s2c2a.integrations.environments.simulation import SimulationBatch
+from s2c2a.integrations.environments.tasks import Family
 
 
 class ArmVectorEnv(gymnasium.vector.VectorEnv):
@@ -21,7 +22,7 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
 
     Args:
         num_envs: number of arms.
-        task: name of a family of tasks (`tasks.FAMILIES`).
+        task: name of a family of tasks (`tasks.FAMILIES`), or a class of your own.
         arm: preset, arm file, or description.
         render_mode: None; single environments render.
         options: see `SimulationBatch`.
@@ -35,7 +36,7 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        task: str = "Reach",
+        task: str | type[Family] = "Reach",
         arm: Any = "twin_arm",
         render_mode: str | None = None,
         **options: Any,
