@@ -1,6 +1,6 @@
 """Make the pictures of docs/guides/live.md; needs Chromium.
 
-Run `python tools/make_pictures.py`. `tools/front_pictures.py` makes those of the README.
+Run `python tools/make_pictures.py`. `tools/moving_pictures.py` makes the moving ones.
 """
 
 import io
