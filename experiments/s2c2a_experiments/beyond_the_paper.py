@@ -211,10 +211,10 @@ def _session(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     base = load_arm(arm)
     drawn = ((31, 0.5), (33, 0.5), (32, 1.0))
     arms = tuple(randomized_arm(base, *pair) for pair in drawn)
-    options = {"arms": [one.name for one in arms], "task": "circle", "seed": 0}
+    changed = study.SessionStudy(arms)
+    options = asdict(changed) | {"arms": [one.name for one in arms]}
     with _study(study.EXPERIMENT, options, work) as results:
-        changed = study.SessionStudy(arms, "circle", 0, results.directory)
-        results.keep(study.session_rows(changed, results.make))
+        study.session_rows(changed, results.directory, results.make, results.keep)
 
 
 def _real(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None:

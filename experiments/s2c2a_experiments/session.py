@@ -1,18 +1,24 @@
-"""The second day: an arm that has changed since its training, and a session of 50 s."""
+"""The second day: an arm that has changed since its training, and a session of 50 s.
 
-from collections.abc import Iterator
+Changes of known size show what a session is worth; drawn ones, whether the deviations
+that it states are true.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from s2c2a import data, jobs, strategies
-from s2c2a.arm import ArmSpec, save_arm
+from s2c2a.arm import ArmGeometry, ArmSpec, save_arm
 from s2c2a.evaluation import Row, describe_disagreement
 from s2c2a.models import ForwardOptions
-from s2c2a.models.session import rotated
+from s2c2a.models.session import DayChange, rotated
+from s2c2a.models.session_fit import CABLE, ROTATION, SOFTNESS, TRANSLATION
 from s2c2a.robots import RobotFactory
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import AXIS, POSITION, Actions, States
@@ -20,13 +26,59 @@ from s2c2a.strategies import Session, TrainedNetworks
 from s2c2a_experiments.run_rows import labeled
 
 EXPERIMENT = "session"
+OTHER_DAY = "s2c2a_experiments.session:OtherDay"
 SECONDS = 50.0  # of a session
 SHIFT = 8e-3  # m
-TURN = np.deg2rad(3.0)
+TURN = float(np.deg2rad(3.0))
 HOMING = 1e-3  # m, of every cable
 SOFTER = 0.15  # share by which the stiffness falls
 TESTED = 3  # episodes that a session is judged on
 CHANGES = ("none", "frame", "homing", "stiffness", "all")
+REPEATED = ("none", "all")  # on all days and from all starts; the others once
+
+
+class Day(NamedTuple):
+    """What differs from the day of the training.
+
+    Attributes:
+        name: of the change.
+        number: seed of directions and signs.
+        shift: of the tracking's frame [m].
+        turn: of the tracking's frame [rad].
+        homing: error of every cable's homing [m].
+        softness: logarithm of the compliance of every module over that of the training.
+    """
+
+    name: str
+    number: int
+    shift: float = 0.0
+    turn: float = 0.0
+    homing: float = 0.0
+    softness: tuple[float, ...] = ()
+
+    @classmethod
+    def changed(cls, change: str, number: int, arm: ArmSpec) -> "Day":
+        """A day with one change of `CHANGES`."""
+        sizes: dict[str, dict[str, Any]] = {
+            "none": {},
+            "frame": {"shift": SHIFT, "turn": TURN},
+            "homing": {"homing": HOMING},
+            "stiffness": {
+                "softness": (-float(np.log(1.0 - SOFTER)),) * arm.module_count
+            },
+        }
+        sizes["all"] = sizes["frame"] | sizes["homing"] | sizes["stiffness"]
+        return cls(change, number, **sizes[change])
+
+    @classmethod
+    def drawn(cls, number: int, arm: ArmSpec) -> "Day":
+        """A day with changes of the size that the priors of a session expect."""
+        random = np.random.default_rng([number, 44])
+        shift, turn = np.linalg.norm(random.normal(size=(2, 3)), axis=-1)
+        homing = abs(float(random.normal(scale=CABLE)))
+        softness = random.normal(scale=SOFTNESS, size=arm.module_count)
+        frame = TRANSLATION * float(shift), ROTATION * float(turn)
+        return cls("drawn", number, *frame, homing, tuple(softness.tolist()))
 
 
 class OtherDay(SimulatedRobot):
@@ -76,6 +128,14 @@ class OtherDay(SimulatedRobot):
         axes = np.asarray(rotated(jnp.asarray(states[:, AXIS]), turn))
         return np.concatenate([positions + self._shift, axes], axis=-1)
 
+    def change(self, softness: tuple[float, ...]) -> DayChange:
+        """The true change since a training with motors that were homed well."""
+        geometry = ArmGeometry.of(self.arm)
+        wound = self._homed / geometry.cable_radii[:, None]
+        offsets = np.einsum("mkn,mn->mk", geometry.bend_matrices, wound)
+        parts = (self._shift, self._turn, offsets, wound.mean(axis=1), softness)
+        return DayChange(*map(jnp.asarray, parts))
+
     def _sample_homing_errors(self) -> Actions:
         return self._homed.copy()
 
@@ -87,22 +147,33 @@ class SessionStudy:
     Attributes:
         arms: that are trained.
         task: name.
-        seed: of data, training and start.
-        folder: for weights, recordings and arm files.
+        seed: of data and training.
+        starts: of the runs after no change and after all.
+        days: number of days of these changes.
+        drawn: number of days on which stated deviations are compared with true errors.
     """
 
     arms: tuple[ArmSpec, ...]
-    task: str
-    seed: int
-    folder: Path
+    task: str = "circle"
+    seed: int = 0
+    starts: int = 2
+    days: int = 3
+    drawn: int = 14
 
 
-def session_rows(study: SessionStudy, make: jobs.Make) -> list[Row]:
-    """Errors of every arm on its day, after each change, and after a session.
+def session_rows(
+    study: SessionStudy,
+    folder: Path,
+    make: jobs.Make,
+    keep: Callable[[list[Row]], None],
+) -> list[Row]:
+    """Errors of every arm on its days, after each change, and after a session.
 
     Args:
         study: what is changed.
+        folder: for weights, recordings and arm files.
         make: finds or makes runs, networks and recordings.
+        keep: saves the rows so far.
     """
     recipe = strategies.recipe_named("best")
     needed = [
@@ -110,90 +181,140 @@ def session_rows(study: SessionStudy, make: jobs.Make) -> list[Row]:
     ]
     rows: list[Row] = []
     for arm, networks in zip(study.arms, make(needed), strict=True):
-        rows += _arm_rows(study, arm, networks, make)
+        weights = folder / f"{arm.name}.safetensors"
+        strategies.save_networks(networks, weights)
+        measured = _Measured(study, arm, networks, weights)
+        for change in CHANGES:
+            rows += _change_rows(measured, change, make)
+            keep(rows)
+        rows += _coverage_rows(measured)
+        keep(rows)
     return rows
 
 
-def _arm_rows(
-    study: SessionStudy, arm: ArmSpec, networks: TrainedNetworks, make: jobs.Make
-) -> Iterator[Row]:
-    weights = study.folder / f"{arm.name}.safetensors"
-    strategies.save_networks(networks, weights)
-    for change in CHANGES:
-        robot = _robot(study, arm, change)
-        moved = _recording(study, arm, networks, robot, change, 1)
-        tested = _recording(study, arm, networks, robot, change, TESTED)
-        session, _ = strategies.measured_session(networks, weights, moved)
-        adapted = strategies.with_session(networks, session)
-        runs = make(
-            [_job(study, arm, weights, robot, used) for used in (None, session)]
+@dataclass(frozen=True)
+class _Measured:
+    """A trained arm, whose sessions are measured.
+
+    Attributes:
+        study: what is changed.
+        arm: the arm.
+        networks: of its training.
+        weights: their file.
+    """
+
+    study: SessionStudy
+    arm: ArmSpec
+    networks: TrainedNetworks
+    weights: Path
+
+    def robot(self, day: Day) -> RobotFactory:
+        """The arm on a day."""
+        options: dict[str, object] = {"day": day.number}
+        options |= {"shift": day.shift, "turn": day.turn, "homing": day.homing}
+        if day.softness:
+            described = self.arm.model_dump()
+            for module, softer in zip(described["modules"], day.softness, strict=True):
+                mismatch = module.setdefault("mismatch", {})
+                stiffness = 1.0 + mismatch.get("stiffness_error", 0.0)
+                stiffness *= np.exp(-softer)
+                mismatch["stiffness_error"] = float(stiffness) - 1.0
+            twin = self.weights.with_suffix(f".{day.name}-{day.number}.toml")
+            save_arm(ArmSpec.model_validate(described), twin, overwrite=True)
+            options["twin"] = str(twin)
+        return RobotFactory(OTHER_DAY, tuple(options.items()))
+
+    def recording(self, day: Day, episodes: int = 1) -> data.Recording:
+        """Episodes of 50 s on a day; other motion for other numbers of them."""
+        options = replace(
+            self.networks.recipe.collect_options(day.number + 100 * episodes),
+            episodes=episodes,
+            samples=round(SECONDS / self.arm.control_period),
         )
-        for label, used, run in zip(
-            ("without", "with"), (networks, adapted), runs, strict=True
-        ):
-            name = f"{change}, {label} session"
-            yield from labeled(jobs.score_rows(EXPERIMENT, [run]), name)
-            heading = jobs.Heading.of(EXPERIMENT, [run])
-            # mean distance of the tip from the model's [m]
-            options = used.recipe.c2s
-            known = strategies.training_data(tested, used.recipe)
-            # that of the base class: options of the recipe would look for the chain within
-            predicted = ForwardOptions.predictions(options, used.c2s, known)
-            errors = (predicted - known.states)[:, :, -1, POSITION]
-            tip_error = float(np.linalg.norm(errors, axis=-1).mean())
-            error = 1000 * tip_error
-            yield heading.row("babbling", name, "model error", "mm", [error])
-            warned = float(bool(describe_disagreement(run.episode)))
-            yield heading.row(study.task, name, "warns", "of runs", [warned])
+        path = self.weights.with_suffix(f".{episodes}.episodes")
+        make_robot = partial(self.robot(day).seeded, self.arm)
+        return data.collect(
+            path, self.arm, make_robot, options, threads=1, overwrite=True
+        )
+
+    def model_error(self, networks: TrainedNetworks, day: Day) -> float:
+        """Mean distance of the tip from the model's in other motion of a day [m]."""
+        options = networks.recipe.c2s
+        tested = self.recording(day, TESTED)
+        known = strategies.training_data(tested, networks.recipe)
+        # that of the base class: options of the recipe would look for the chain within
+        predicted = ForwardOptions.predictions(options, networks.c2s, known)
+        errors = (predicted - known.states)[:, :, -1, POSITION]
+        return float(np.linalg.norm(errors, axis=-1).mean())
+
+
+def _change_rows(measured: _Measured, change: str, make: jobs.Make) -> Iterator[Row]:
+    """Scores, model errors and warnings after a change, without and with a session."""
+    study, networks = measured.study, measured.networks
+    is_repeated = change in REPEATED
+    days = [
+        Day.changed(change, study.seed + number, measured.arm)
+        for number in range(study.days if is_repeated else 1)
+    ]
+    sessions = [
+        strategies.measured_session(networks, measured.weights, measured.recording(day))
+        for day in days
+    ]
+    improved = [float(session.improves) for session, _ in sessions]
+    for label in ("without", "with"):
+        used = [session if label == "with" else None for session, _ in sessions]
+        starts = range(study.starts if is_repeated else 1)
+        runs = make(
+            [
+                _job(measured, day, session, study.seed + start)
+                for day, session in zip(days, used, strict=True)
+                for start in starts
+            ]
+        )
+        name = f"{change}, {label} session"
+        yield from labeled(jobs.score_rows(EXPERIMENT, runs), name)
+        heading = jobs.Heading.of(EXPERIMENT, runs)
+        errors = [
+            1000 * measured.model_error(strategies.with_session(networks, session), day)
+            for day, session in zip(days, used, strict=True)
+        ]
+        yield heading.row("babbling", name, "model error", "mm", errors)
+        warned = [float(bool(describe_disagreement(run.episode))) for run in runs]
+        yield heading.row(study.task, name, "warns", "of runs", warned)
+    yield heading.row("babbling", name, "improves", "of sessions", improved)
 
 
 def _job(
-    study: SessionStudy,
-    arm: ArmSpec,
-    weights: Path,
-    robot: RobotFactory,
-    session: Session | None,
+    measured: _Measured, day: Day, session: Session | None, start: int
 ) -> jobs.Job:
-    given = jobs.GivenNetworks.read(weights, arm, session=session)
-    conditions = jobs.Conditions(robot)
+    arm = measured.arm
+    given = jobs.GivenNetworks.read(measured.weights, arm, session=session)
+    conditions = jobs.Conditions(measured.robot(day))
     return jobs.jobs_for(
-        [study.task], arm, ["s2c2a"], [study.seed], given.recipe, conditions, given
+        [measured.study.task], arm, ["s2c2a"], [start], given.recipe, conditions, given
     )[0]
 
 
-def _robot(study: SessionStudy, arm: ArmSpec, change: str) -> RobotFactory:
-    """The arm on the day of a change."""
-    options: dict[str, object] = {"day": study.seed + CHANGES.index(change)}
-    if change in ("frame", "all"):
-        options |= {"shift": SHIFT, "turn": TURN}
-    if change in ("homing", "all"):
-        options |= {"homing": HOMING}
-    if change in ("stiffness", "all"):
-        twin = study.folder / f"{arm.name}.toml"
-        described = arm.model_dump()
-        for module in described["modules"]:
-            mismatch = module["mismatch"]
-            stiffness = 1.0 + mismatch["stiffness_error"]
-            mismatch["stiffness_error"] = stiffness * (1.0 - SOFTER) - 1.0
-        save_arm(ArmSpec.model_validate(described), twin, overwrite=True)
-        options |= {"twin": str(twin)}
-    return RobotFactory("s2c2a_experiments.session:OtherDay", tuple(options.items()))
-
-
-def _recording(
-    study: SessionStudy,
-    arm: ArmSpec,
-    networks: TrainedNetworks,
-    robot: RobotFactory,
-    change: str,
-    episodes: int,
-) -> data.Recording:
-    """Episodes of 50 s on the day of a change; other motion for other numbers of them."""
-    options = replace(
-        networks.recipe.collect_options(study.seed + 100 * episodes),
-        episodes=episodes,
-        samples=round(SECONDS / arm.control_period),
-    )
-    path = study.folder / f"{arm.name}-{change}-{episodes}.episodes"
-    make_robot = partial(robot.seeded, arm)
-    return data.collect(path, arm, make_robot, options, threads=1, overwrite=True)
+def _coverage_rows(measured: _Measured) -> Iterator[Row]:
+    """How often the true change is within two stated deviations, by its parts."""
+    study, arm = measured.study, measured.arm
+    within: dict[str, list[float]] = {}
+    for number in range(study.drawn):
+        day = Day.drawn(study.seed + number, arm)
+        _, fit = strategies.measured_session(
+            measured.networks, measured.weights, measured.recording(day)
+        )
+        robot = measured.robot(day).make(arm)
+        assert isinstance(robot, OtherDay)
+        found, std = fit.posterior.change, fit.posterior.std
+        for part, true in vars(robot.change(day.softness)).items():
+            error = np.abs(np.asarray(getattr(found, part)) - np.asarray(true))
+            is_within = error <= 2.0 * np.asarray(getattr(std, part))
+            within.setdefault(part, []).append(float(is_within.mean()))
+    recipe = measured.networks.recipe.name
+    heading = jobs.Heading(EXPERIMENT, arm, recipe, (study.seed,), OTHER_DAY)
+    for part, shares in within.items():
+        name = "drawn days"
+        yield heading.row(
+            "babbling", name, f"{part} within two std", "of numbers", shares
+        )

@@ -41,7 +41,7 @@ def test_a_recording_becomes_a_report_and_a_file_as_old_as_itself_beside_the_wei
 
 @pytest.mark.slow
 def test_the_arm_moves_for_the_given_time(weights, capsys):
-    main(["session", str(weights), "--seconds", "6"])
+    main(["session", str(weights), "--seconds", "12"])
     assert session_path(weights).exists()
     assert weights.with_suffix(".session.episodes").exists()
 

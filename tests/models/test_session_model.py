@@ -134,7 +134,9 @@ def test_axes_alone_tell_of_ends_whose_positions_are_unknown():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("samples", "is_enough"), [(1, False), (3, False), (4, True)])
+@pytest.mark.parametrize(
+    ("samples", "is_enough"), [(1, False), (99, False), (100, True)]
+)
 def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
     few = data(change(offsets=OFFSETS))
     few.states[0, : few.states.shape[1] - samples, -1] = np.nan
@@ -145,6 +147,15 @@ def test_few_samples_of_the_tip_are_judged_or_refused(samples, is_enough):
     with expected:
         fit = fit_session(MODEL, few)
         assert np.isfinite([fit.before, fit.after]).all()
+
+
+def test_a_tracker_that_shows_only_noise_is_no_change_of_the_arm():
+    noisy = data(DayChange.none(ARM.module_count))
+    random = np.random.default_rng(2)
+    noisy.states[...] = random.normal(scale=0.3, size=noisy.states.shape)
+    fit = fit_session(MODEL, noisy)
+    assert fit.after < fit.before
+    assert not fit.improves
 
 
 def test_a_tip_that_is_never_seen_is_refused():

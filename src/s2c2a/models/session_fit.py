@@ -22,6 +22,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import RecordingError, counted
 from s2c2a.models.forward_model import ForwardModel, along_episode
 from s2c2a.models.local_training import is_smaller
+from s2c2a.models.residual_process import GAP
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
@@ -77,7 +78,8 @@ class SessionFit(NamedTuple):
         posterior: of the change.
         before: mean error of the tip without it [m].
         after: the same with it, on stretches that it was not fitted to [m].
-        improves: whether it surely lowers the squared error there.
+        improves: whether it surely lowers the squared error there, also below that of
+            a tip that is always in the middle of where it was seen.
     """
 
     posterior: DayPosterior
@@ -99,19 +101,23 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     """
     fit = _Residuals(model, data)
     seen = fit.seen_tip
-    if seen.sum() < FOLDS:
+    if seen.sum() < FOLDS * GAP:
         raise RecordingError(
-            f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, "
-            "too few to fit and to judge; turn on the tracking (--tracking), and move for 50 s"
+            f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, and "
+            f"at least {FOLDS * GAP} are needed to fit and to judge; turn on the tracking "
+            "(--tracking), and move for 50 s"
         )
     without = fit.tip_errors(DayChange.none(data.arm.module_count))
+    tip = data.states[seen][:, -1, POSITION]
+    motion = np.linalg.norm(tip - tip.mean(axis=0), axis=-1)
     _, inflation = _judged(fit, 1.0)
     errors, _ = _judged(fit, inflation)
     return SessionFit(
         fit.posterior(np.ones_like(seen), inflation),
         before=float(np.nanmean(without)),
         after=float(np.nanmean(errors)),
-        improves=is_smaller(errors[seen], without[seen]),
+        improves=is_smaller(errors[seen], without[seen])
+        and is_smaller(errors[seen], motion),
     )
 
 
