@@ -14,6 +14,7 @@ from s2c2a.estimation import EstimationSettings
 from s2c2a.estimation.outliers import REJECTION_TIME
 from s2c2a.estimation.sensor_models.camera import MAX_CHANGE
 from s2c2a.kinematics import bends_from_states, configurations_from_bends
+from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import estimator_of, shipped_networks
 
@@ -269,3 +270,30 @@ def test_rejected_pictures_and_those_after_a_jump_teach_nothing(camera, update_c
 @pytest.mark.slow
 def test_without_sight_of_the_ends_no_field_is_kept(disturbance_filter):
     assert start(disturbance_filter).field is None
+
+
+def test_a_tracking_that_was_turned_changes_no_bends_and_no_payload():
+    arm = ARM.model_copy(update={"sensors": Sensors(bends=True, camera=Camera())})
+    networks = replace(shipped_networks(arm), arm=arm)
+    turned = replace(
+        DayChange.none(3),
+        translation=jnp.array([0.2, -0.1, 0.05]),
+        rotation=jnp.deg2rad(jnp.array([40.0, 0.0, 0.0])),
+    )
+    model = SessionC2S.of(networks.c2s, turned)
+    forward = replace(networks.trained["C2S"], network=model)
+    moved = replace(networks, trained={**networks.trained, "C2S": forward})
+    found = []
+    for each in (networks, moved):
+        estimator = estimator_of(each, EstimationSettings()).filter
+        state, _ = start_and_states(estimator, jnp.asarray(0.0))
+        seen = each.c2s.predict(CONFIGURATION, state.hysteresis, state.moments)
+        measured = measured_at(estimator, PAYLOAD) | {
+            "camera_positions": np.asarray(seen[:, POSITION]),
+            "camera_age": np.zeros((), np.float32),
+        }
+        state = after(eqx.filter_jit(estimator.update), state, measured, 20)
+        _, _, by_payload = estimator._equilibrium(state, jnp.asarray(CONFIGURATION))
+        found.append([state.mean.bends, by_payload, state.mean.payload[None]])
+    for plain, after_turn in zip(*found, strict=True):
+        np.testing.assert_allclose(after_turn, plain, atol=1e-3, rtol=1e-2)

@@ -174,7 +174,8 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
         factors = networks.get(MODAL_MODEL, ModalFactors.nominal())
         max_force = settings.max_compensated_force
         disturbance_filter = DisturbanceFilter(
-            model=model,
+            # bends are relative to the base, and so is what the filter computes
+            model=model.in_base(),
             modal_table=ModalTable.of(arm, factors),
             sensors=sensors,
             options=self,

@@ -136,6 +136,14 @@ class ForwardModel(eqx.Module):
         These gradients are useful where the true ones are zero or discontinuous.
         """
 
+    def in_base(self) -> "ForwardModel":
+        """The model with its states in the base frame, if they are in another one."""
+        return self
+
+    def to_base(self, seen: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+        """Positions in the frame of the states, brought to the base frame [m]."""
+        return seen
+
     def near(
         self, configurations: Float[Array, "modules 3"], memory: Memory
     ) -> "ForwardModel":

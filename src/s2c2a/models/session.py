@@ -105,6 +105,14 @@ class SessionC2S(WrappedModel):
         axes = rotated(states[..., AXIS], turn)
         return jnp.concatenate([positions, axes], axis=-1)
 
+    def in_base(self) -> "SessionC2S":
+        still = jnp.zeros(3)
+        change = replace(self.change, translation=still, rotation=still)
+        return replace(self, change=change)
+
+    def to_base(self, seen: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+        return rotated(seen - self.change.translation, -self.change.rotation)
+
     def for_planning(self) -> "SessionC2S":
         return replace(self, trained=self.trained.for_planning())
 

@@ -30,6 +30,7 @@ class CameraSensor(SensorModel):
     """Measures end positions, at a low rate, late, and with missing pictures.
 
     Attributes:
+        model: forward model; knows the frame of the pictures.
         lengths: of the modules [m].
         period: of the control steps [s].
         delay: age of a picture if the reading does not give it [s].
@@ -38,6 +39,7 @@ class CameraSensor(SensorModel):
         rate: of the pictures [Hz].
     """
 
+    model: ForwardModel
     lengths: Float[Array, " modules"]
     period: float = eqx.field(static=True)
     delay: float = eqx.field(static=True)
@@ -58,7 +60,7 @@ class CameraSensor(SensorModel):
         weight = ends * max(1.0, camera.rate / Camera().rate)
         lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
         std = POSITION_STD * weight**0.5
-        return cls(lengths, arm.control_period, camera.delay, std, camera.rate)
+        return cls(model, lengths, arm.control_period, camera.delay, std, camera.rate)
 
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
@@ -74,7 +76,8 @@ class CameraSensor(SensorModel):
         correction = states[:, :3].reshape(-1) - arcs_at_states
         # a picture is read up to one control step after its age was taken
         is_usable = (age >= 0.0) & (age <= self.max_delay + 1.01 * self.period)
-        residual = measurements["camera_positions"].reshape(-1) - arcs - correction
+        seen = self.model.to_base(measurements["camera_positions"])
+        residual = seen.reshape(-1) - arcs - correction
         return Innovation(
             jnp.where(is_usable, residual, jnp.nan),
             jacobian,
