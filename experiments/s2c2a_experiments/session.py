@@ -183,7 +183,7 @@ def session_rows(
     for arm, networks in zip(study.arms, make(needed), strict=True):
         weights = folder / f"{arm.name}.safetensors"
         strategies.save_networks(networks, weights)
-        measured = _Measured(study, arm, networks, weights)
+        measured = _TrainedArm(study, arm, networks, weights)
         for change in CHANGES:
             rows += _change_rows(measured, change, make)
             keep(rows)
@@ -193,7 +193,7 @@ def session_rows(
 
 
 @dataclass(frozen=True)
-class _Measured:
+class _TrainedArm:
     """A trained arm, whose sessions are measured.
 
     Attributes:
@@ -248,7 +248,7 @@ class _Measured:
         return float(np.linalg.norm(errors, axis=-1).mean())
 
 
-def _change_rows(measured: _Measured, change: str, make: jobs.Make) -> Iterator[Row]:
+def _change_rows(measured: _TrainedArm, change: str, make: jobs.Make) -> Iterator[Row]:
     """Scores, model errors and warnings after a change, without and with a session."""
     study, networks = measured.study, measured.networks
     is_repeated = change in REPEATED
@@ -285,7 +285,7 @@ def _change_rows(measured: _Measured, change: str, make: jobs.Make) -> Iterator[
 
 
 def _job(
-    measured: _Measured, day: Day, session: Session | None, start: int
+    measured: _TrainedArm, day: Day, session: Session | None, start: int
 ) -> jobs.Job:
     arm = measured.arm
     given = jobs.GivenNetworks.read(measured.weights, arm, session=session)
@@ -295,7 +295,7 @@ def _job(
     )[0]
 
 
-def _coverage_rows(measured: _Measured) -> Iterator[Row]:
+def _coverage_rows(measured: _TrainedArm) -> Iterator[Row]:
     """How often the true change is within two stated deviations, by its parts."""
     study, arm = measured.study, measured.arm
     within: dict[str, list[float]] = {}

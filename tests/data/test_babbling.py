@@ -5,7 +5,7 @@ import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data import BABBLING, episode_actions
-from s2c2a.data.babbling import SPEEDS, Exploration, fastest, motion_through
+from s2c2a.data.babbling import SPEEDS, Exploration, motion_through
 from s2c2a.data.nominal_plans import nominal_plans
 from s2c2a.kinematics import states_from_bends
 from s2c2a.paper import bend_path, disc_points
@@ -119,16 +119,6 @@ def test_mixed_babbling_changes_from_one_path_to_one_for_each_module(twin):
     )
     assert same == pytest.approx(0.0, abs=1e-9)
     assert 0.1 < between < own
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("babbling", BABBLING)
-def test_no_step_is_longer_than_the_fastest(twin, babbling):
-    paths = np.stack(
-        [shares(twin, babbling, episode, episodes=18) for episode in range(18)]
-    )
-    steps = np.linalg.norm(np.diff(paths, axis=1), axis=-1)
-    assert steps.max() <= fastest(babbling, 3, SPEEDS) * (1 + 1e-6)
 
 
 def test_an_episode_does_not_depend_on_earlier_ones(twin):

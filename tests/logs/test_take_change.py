@@ -77,6 +77,11 @@ def test_larger_pulls_are_extrapolation(hanging):
 
 def test_too_few_rows_say_nothing(hanging):
     cables, positions = take(hanging, 0)
+    few = take(hanging, 1)[0][:2], take(hanging, 1)[1][:2]
+    assert (
+        find_change(np.repeat(few[0], 40, 0), np.repeat(few[1], 40, 0), *few, hanging)
+        is None
+    )
     unknown = np.full_like(positions, np.nan)
     assert find_change(cables, unknown, cables, positions, hanging) is None
 

@@ -286,13 +286,11 @@ def test_a_gap_in_time_allows_no_larger_step(twin):
     assert size_deg(moved - held, geometry).max() == pytest.approx(4.0)
 
 
-def test_limits_in_degrees_are_those_of_the_arm_unless_others_are_given(twin):
-    own, others = CommandLimits.of(twin), CommandLimits.from_degrees(twin, 8.0, 2.0)
+def test_the_acceleration_limit_is_in_proportion_to_the_step_limit(twin):
+    own = CommandLimits.of(twin)
     np.testing.assert_allclose(
         DEFAULT_ACCELERATION_RATIO * own.step_limit, own.acceleration_limit
     )
-    np.testing.assert_allclose(others.step_limit, 2.0 * own.step_limit)
-    np.testing.assert_allclose(others.acceleration_limit, 0.5 * own.step_limit)
 
 
 def test_faster_commands_have_the_same_speed_and_acceleration(twin):

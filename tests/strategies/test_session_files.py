@@ -108,6 +108,16 @@ def test_a_damaged_session_is_refused(measured, weights, tmp_path, update):
         load_session(path, weights)
 
 
+def test_a_session_of_an_older_version_says_how_to_make_it_anew(
+    measured, weights, tmp_path
+):
+    path = tmp_path / "old.session.json"
+    older = measured[0].model_dump(mode="json") | {"format": 1, "gains": [1.0]}
+    path.write_text(json.dumps(older))
+    with pytest.raises(StrategyError, match="of another version"):
+        load_session(path, weights)
+
+
 def test_a_session_of_another_number_of_modules_is_refused(measured, networks):
     change = measured[0].change.model_copy(update={"softness": (0.0,)})
     update = {"change": change, "improves": True}
@@ -185,6 +195,9 @@ def test_a_session_finds_modules_that_have_become_softer(networks, short):
     )
     np.testing.assert_allclose(found, softer.softness, atol=0.05)
     assert (np.abs(found - softer.softness) < 4.0 * std + 1e-3).all()
+    # the share, not the logarithm
+    share = 100.0 * np.expm1(found[0])
+    assert f"{share:+.1f} ±" in " ".join(describe_session(fit, data.arm))
 
 
 def test_a_plan_near_a_configuration_keeps_the_session(networks, short):

@@ -50,10 +50,6 @@ class Babbling(ABC):
     def bends(self, exploration: Exploration) -> Bends:
         """Bends of one episode, in shares of the full bend."""
 
-    @abstractmethod
-    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
-        """Largest change of a module's bend in a step, as a share of the full bend."""
-
 
 @dataclass(frozen=True)
 class MixedPaths(Babbling):
@@ -73,14 +69,6 @@ class MixedPaths(Babbling):
             shares, exploration.samples, exploration.random, exploration.speeds
         )
 
-    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
-        """See `Babbling`; the speeds of mixed paths add up."""
-        totals = [
-            self.shares(modules, progress).sum(axis=1).max()
-            for progress in np.linspace(0.0, 1.0, 101)
-        ]
-        return speeds[1] * max(totals)
-
 
 class CoverageBabbling(Babbling):
     """Motion through targets that cover the configurations of plans, with opposed bends.
@@ -94,9 +82,6 @@ class CoverageBabbling(Babbling):
         count = 2 + int(exploration.samples * exploration.speeds[1])
         targets = coverage_targets(exploration.geometry, count, exploration.random)
         return motion_through(targets, exploration)
-
-    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
-        return speeds[1]
 
 
 @dataclass(frozen=True)
@@ -112,9 +97,6 @@ class OneOf(Babbling):
     def bends(self, exploration: Exploration) -> Bends:
         kind = self.kinds[exploration.random.integers(len(self.kinds))]
         return kind.bends(exploration)
-
-    def fastest(self, modules: int, speeds: tuple[float, float]) -> float:
-        return max(kind.fastest(modules, speeds) for kind in self.kinds)
 
 
 def coverage_targets(
@@ -207,11 +189,6 @@ def episode_actions(
     exploration = Exploration(geometry, episode / episodes, samples, random, speeds)
     actions = geometry.actions_at(BABBLING[babbling].bends(exploration))
     return np.clip(actions, geometry.action_low, geometry.action_high)
-
-
-def fastest(babbling: str, modules: int, speeds: tuple[float, float]) -> float:
-    """Largest change of a module's bend in a step, as a share of the full bend."""
-    return BABBLING[babbling].fastest(modules, speeds)
 
 
 def _motor(modules: int, progress: float) -> Shares:

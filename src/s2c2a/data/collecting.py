@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.babbling import BABBLING, episode_actions, fastest
+from s2c2a.data.babbling import BABBLING, episode_actions
 from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
@@ -222,14 +222,16 @@ def _run_episode(
     Raises:
         RecordingError: a sensor failed; the arm is at rest, and the episode is dropped.
     """
+    geometry = ArmGeometry.of(arm)
+    speeds = options.speeds_on(arm)
     actions = episode_actions(
-        ArmGeometry.of(arm),
+        geometry,
         options.babbling,
         number,
         options.episodes,
         options.samples,
         options.seed,
-        options.speeds_on(arm),
+        speeds,
     )
     seed = np.random.SeedSequence([options.seed, number, 1]).generate_state(1)[0]
     robot = make_robot(int(seed))
@@ -237,11 +239,11 @@ def _run_episode(
     limits = None
     own_time = attribute(robot, "own_time", RobotError)
     if own_time:
-        # they allow the speed and the corners of the babbling
-        share = fastest(options.babbling, arm.module_count, options.speeds_on(arm))
-        full_bend_deg = np.rad2deg(ArmGeometry.of(arm).action_bends.max())
-        step_deg = share * full_bend_deg * (1 + 1e-6)
-        limits = CommandLimits.from_degrees(arm, step_deg, 2 * step_deg)
+        # those that this motion needs, in which mixed paths add up
+        steps = np.diff(actions, axis=0, prepend=geometry.action_neutral[None])
+        sizes = CommandLimits.of(arm).change_sizes(steps)
+        step = (1 + 1e-6) * sizes.max(axis=0, initial=speeds[1])
+        limits = CommandLimits(geometry, step, 2 * step)
     sensors = attribute(robot, "sensors", RobotError)
     required = [name for name, sensor in sensors.items() if sensor.always]
     player = Player(arm, tuple(required), actions)

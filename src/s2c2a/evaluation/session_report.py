@@ -163,6 +163,8 @@ def _size(
     value, covariance = posterior.part(part, module=module)
     if not _is_distinct(value, covariance):
         return ""
+    if part == "softness":  # of a logarithm, the share
+        value, covariance = np.expm1(value), np.exp(2.0 * value) * covariance
     size = float(np.linalg.norm(value))
     direction = value / size
     std = float(np.sqrt(direction @ covariance @ direction))

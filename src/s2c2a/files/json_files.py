@@ -59,6 +59,9 @@ def load_json(
     try:
         return kind.model_validate(json.loads(read_text(path, fault, most)))
     except ValidationError as error:
+        if any(each["loc"] == ("format",) for each in error.errors()):
+            text = f"{path} is a {name} of another version of S2C2A"
+            raise fault(f"{text}, in which it has other numbers; {advice}") from error
         heading = f"{path}: {{faults}} in the {name}; {advice}"
         raise fault(explained(error, heading, kind.model_fields)) from error
     except (ValueError, RecursionError) as error:

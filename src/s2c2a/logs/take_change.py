@@ -133,6 +133,10 @@ def find_change(
     middles = flat[similar] - changes / 2
     places = places + np.einsum("nmxd,nd->nmx", derivatives(middles), changes)
     displacements = positions[similar] - places
+    # fewer rows of the first take than terms of its map determine no derivatives
+    seen = np.isfinite(first_positions).all(axis=-1).sum(axis=0)
+    terms = quadratic_terms(first_flat[:1]).shape[1]
+    displacements[:, seen < terms] = np.nan
     if np.isfinite(displacements).all(axis=-1).any(axis=1).sum() < MIN_ROWS:
         return None
     return _explain(

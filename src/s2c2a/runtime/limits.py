@@ -46,24 +46,9 @@ class CommandLimits:
         and reverses in two.
         """
         geometry = ArmGeometry.of(arm)
-        return cls._of_bends(geometry, geometry.step_limit, geometry.acceleration_limit)
-
-    @classmethod
-    def from_degrees(
-        cls, arm: ArmSpec, step_deg: float, acceleration_deg: float
-    ) -> "CommandLimits":
-        """Limits of rate and acceleration other than the arm's own, in bends [deg]."""
-        geometry = ArmGeometry.of(arm)
-        return cls._of_bends(
-            geometry, np.deg2rad(step_deg), np.deg2rad(acceleration_deg)
-        )
-
-    @classmethod
-    def _of_bends(
-        cls, geometry: ArmGeometry, step: float, acceleration: float
-    ) -> "CommandLimits":
         ranges = geometry.action_bends[:, None]
-        return cls(geometry, step / ranges, acceleration / ranges)
+        acceleration = geometry.acceleration_limit / ranges
+        return cls(geometry, geometry.step_limit / ranges, acceleration)
 
     @property
     def rest(self) -> Actions:
