@@ -97,6 +97,33 @@ def test_files_with_clocks_since_1970_and_since_0_are_joined():
     assert clock.summary()["offset"] == clock.offset
 
 
+@pytest.mark.slow
+def test_a_base_that_moves_does_not_move_the_clock():
+    log = two_clocks(5, offset=0.37)
+    drives = {f"m{index}": log.drives.values[:, index] for index in range(8)}
+    motors = Table("motors", {"t": log.drives.time} | drives, {})
+    angles = 0.8 * np.sin(0.9 * log.tip.time)
+    base = 2.0 * np.stack([angles, np.cos(angles), 0.5 * angles], axis=1)
+    turns = Rotation.from_euler("y", angles[:, None])
+    columns = {"t": log.tip.time}
+    for names, values in (
+        ("xyz", turns.apply(log.tip.values) + base),
+        ("XYZ", base),
+        ("ABCD", turns.as_quat()),
+    ):
+        columns |= dict(zip(names, values.T, strict=True))
+    body = """
+[frame.body]
+position = ["X", "Y", "Z"]
+unit = "m"
+quaternion = ["A", "B", "C", "D"]
+order = "xyzw"
+"""
+    log_map = make_map('times = ["t", "t"]', 8, end=body)
+    (clock,) = build_take([motors, Table("camera", columns, {})], log_map).clocks
+    assert np.abs(clock.convert(log.tip.time) - log.truth).max() < 0.005
+
+
 def test_stamps_and_times_since_1970_are_joined_by_their_own_units():
     """Stamps are seconds, whatever the unit of other files; the size tells that of times."""
     times = np.arange(20.0)

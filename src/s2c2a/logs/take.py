@@ -1,15 +1,15 @@
 """Takes: the contents of a log in SI units, in the frame of the log."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
+from jaxtyping import Float
 
 from s2c2a.errors import counted
 from s2c2a.files.tables import METERS
+from s2c2a.logs.body_poses import positions_of, rotations_of, unturned, vectors_of
 from s2c2a.logs.clocks import LogClock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import (
@@ -23,11 +23,10 @@ from s2c2a.logs.log_map import (
 )
 from s2c2a.logs.row_times import row_times
 from s2c2a.logs.tables import Table, check_distinct, list_names
-from s2c2a.logs.time_join import as_rotations, join_by_time
+from s2c2a.logs.time_join import join_by_time
 from s2c2a.measurements.frozen_ends import find_frozen
 
 ROW = ""  # key of row numbers, which no map can name
-ROTATION_TOLERANCE = 0.05  # of products of rows; two decimals stay below 0.02
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
             f"{table.path} lacks columns that the map names: "
             f"{list_names(sorted(missing))}; it has others: {list_names(sorted(others))}"
         )
-    positions = np.stack([_positions(table, end) for end in log_map.ends], axis=1)
+    positions = np.stack([positions_of(table, end) for end in log_map.ends], axis=1)
     axes = np.stack([_axes(table, end) for end in log_map.ends], axis=1)
     label = log_map.rows.label
     take = LogTake(
@@ -233,31 +232,16 @@ def drive_scale(drive: Drive, log_map: LogMap) -> float:
     return drive.scale * radians[drive.unit] * (log_map.arm.pulley_radius or 0.0)
 
 
-def _stack(table: Table, columns: Sequence[str]) -> np.ndarray:
-    return np.stack([table.numbers[column] for column in columns], axis=-1)
-
-
-def _vectors(table: Table, columns: Sequence[str]) -> np.ndarray:
-    """Vectors, shape (rows, 3); z is zero where the log has a plane alone."""
-    values = _stack(table, columns)
-    return np.pad(values, [(0, 0), (0, 3 - values.shape[1])])
-
-
-def _positions(table: Table, body: Body) -> np.ndarray:
-    """Positions of a body [m], NaN where they are not measured, shape (rows, 3)."""
-    return _vectors(table, body.position) * (body.scale * METERS[body.unit])
-
-
 def _axes(table: Table, end: End) -> np.ndarray:
     """Unit vectors along the arm, NaN where they are not measured, shape (rows, 3)."""
     if end.axis is not None:
-        vectors = _vectors(table, end.axis)
+        vectors = vectors_of(table, end.axis)
         lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
         unknown = np.full(vectors.shape, np.nan)
         return np.divide(vectors, lengths, out=unknown, where=lengths > 0)
     axes = np.full((len(table), 3), np.nan)
     if end.rotation:
-        known, rotations = _rotations(table, end)
+        known, rotations = rotations_of(table, end)
         axes[known] = rotations.apply(unit_vector(end.along))
     return axes
 
@@ -273,54 +257,9 @@ def _relative_to(body: Body, take: LogTake, table: Table, log_map: LogMap) -> Lo
             is_frozen = find_frozen(drives, pose, np.zeros(len(take), int))
             positions[is_frozen, end] = np.nan
             axes[is_frozen, end] = np.nan
-    positions -= _positions(table, body)[:, None]
-    positions, axes = _unturned(table, body, positions, axes)
+    positions -= positions_of(table, body)[:, None]
+    positions, axes = unturned(table, body, positions, axes)
     return replace(take, positions=positions, axes=axes)
-
-
-def _unturned(
-    table: Table, body: Body, *vectors: np.ndarray
-) -> Iterator[Float[np.ndarray, "rows ends 3"]]:
-    """Vectors in the frame of a body, NaN where its rotation is not measured."""
-    if not body.rotation:
-        yield from vectors
-        return
-    known, rotations = _rotations(table, body)
-    matrices = np.full((len(table), 3, 3), np.nan)
-    matrices[known] = rotations.as_matrix()
-    for each in vectors:
-        yield np.einsum("rji,rej->rei", matrices, each)
-
-
-def _rotations(table: Table, body: Body) -> tuple[Bool[np.ndarray, " rows"], Rotation]:
-    """Rows in which a body's rotation is measured, and the rotations there."""
-    values = _stack(table, body.rotation)
-    known = np.isfinite(values).all(axis=1)
-    if body.euler is None:
-        known &= np.abs(values).sum(axis=1) > 0
-    if body.matrix is not None:
-        _check_rotations(table, body.matrix, values, known)
-    return known, as_rotations(values[known], body)
-
-
-def _check_rotations(
-    table: Table, columns: Sequence[str], values: np.ndarray, known: np.ndarray
-) -> None:
-    """Refuse matrices that are no rotations."""
-    matrices = values.reshape(-1, 3, 3)
-    products = matrices @ matrices.transpose(0, 2, 1)
-    errors = np.abs(products - np.eye(3)).max(axis=(1, 2))
-    finite = np.where(known[:, None, None], matrices, 0.0)
-    is_wrong = errors > ROTATION_TOLERANCE
-    is_wrong |= np.linalg.det(finite) < 0
-    wrong = np.flatnonzero(known & is_wrong)
-    if len(wrong):
-        matrix = matrices[wrong[0]].round(3).tolist()
-        raise LogError(
-            f"{table.path}: the matrix '{columns[0]}', ... is no rotation in "
-            f"{counted(len(wrong), 'row')}, such as {matrix} in row {wrong[0]}; name "
-            "its nine columns row by row, of unit vectors of a right-handed frame"
-        )
 
 
 def unit_vector(direction: str | Vector) -> Float[np.ndarray, "3"]:

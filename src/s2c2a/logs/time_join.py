@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from s2c2a.logs.body_poses import as_rotations, positions_of, unturned
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate, is_near
@@ -108,12 +109,12 @@ def _find_clock(
         middle = float(later_times.mean())
         return LogClock(float(join.offset[index - 1]), middle=middle)
     try:
-        drives = _motion(first, times, _drive_columns(log_map))
-        ends = _motion(later, later_times, _end_columns(log_map))
+        drives = _drive_motion(first, times, log_map)
+        ends = _end_motion(later, later_times, log_map)
         if drives and ends:
             return estimate_clock(drives, ends)
-        ends = _motion(first, times, _end_columns(log_map))
-        drives = _motion(later, later_times, _drive_columns(log_map))
+        ends = _end_motion(first, times, log_map)
+        drives = _drive_motion(later, later_times, log_map)
         if drives and ends:
             return estimate_clock(drives, ends).inverted()
     except LogError as error:
@@ -124,23 +125,39 @@ def _find_clock(
     )
 
 
-def _drive_columns(log_map: LogMap) -> list[str]:
+def _drive_motion(
+    table: Table, times: np.ndarray, log_map: LogMap
+) -> TimedMotion | None:
+    """Motion of the drives that the table has, measured if it is; None if it has none."""
     columns = [(drive.measured, drive.commanded) for drive in log_map.drives]
     measured = [first for first, _ in columns if first]
-    return measured or [second for _, second in columns if second]
+    used = measured or [second for _, second in columns if second]
+    return _motion(
+        times, [table.numbers[name] for name in used if name in table.numbers]
+    )
 
 
-def _end_columns(log_map: LogMap) -> list[str]:
-    return [column for end in log_map.ends for column in end.position]
+def _end_motion(table: Table, times: np.ndarray, log_map: LogMap) -> TimedMotion | None:
+    """Motion of the ends that the table has; None if it has none.
+
+    That of a base which carries a body is no motion of the drives.
+    """
+    has = table.numbers.keys()
+    ends = [positions_of(table, end) for end in log_map.ends if has >= {*end.position}]
+    if not ends:
+        return None
+    positions = np.stack(ends, axis=1)
+    body = log_map.frame.body
+    if body is not None and has >= {*body.position, *body.rotation}:
+        away = positions - positions_of(table, body)[:, None]
+        (positions,) = unturned(table, body, away)
+    return _motion(times, list(positions.reshape(len(table), -1).T))
 
 
-def _motion(
-    table: Table, times: np.ndarray, columns: Sequence[str]
-) -> TimedMotion | None:
-    """Rows with all of these columns that the table has; None if it has none."""
-    present = [table.numbers[name] for name in columns if name in table.numbers]
+def _motion(times: np.ndarray, columns: list[np.ndarray]) -> TimedMotion | None:
+    """Rows with all columns; None if there are none."""
     # an end that is never measured hides no other
-    present = [column for column in present if np.isfinite(column).any()]
+    present = [column for column in columns if np.isfinite(column).any()]
     if not present:
         return None
     values = np.stack(present, axis=1)
@@ -187,16 +204,6 @@ def _resample_rotation(
         along_arc = Slerp(times, as_rotations(values[known], body))
         result[near] = _as_columns(along_arc(samples[near]), body)
     return dict(zip(names, result.T, strict=True))
-
-
-def as_rotations(values: np.ndarray, body: Body) -> Rotation:
-    """Rotations of a body, from its quaternions, matrices or Euler angles."""
-    if body.quaternion is not None:
-        return Rotation.from_quat(values, scalar_first=body.order == "wxyz")
-    if body.matrix is not None:
-        return Rotation.from_matrix(values.reshape(-1, 3, 3))
-    degrees = body.euler_unit == "deg"
-    return Rotation.from_euler(body.sequence or "", values, degrees=degrees)
 
 
 def _as_columns(rotations: Rotation, body: Body) -> np.ndarray:
