@@ -669,7 +669,8 @@ def session_table() -> str:
     """An arm on another day, without and with a session: circle and other motion."""
     file = "session/results.json"
     rows = find_rows(file)
-    changes = dict.fromkeys(row["strategy"].split(",")[0] for row in rows)
+    improved = [row for row in rows if row["metric"] == "improves"]
+    changes = dict.fromkeys(row["strategy"].split(",")[0] for row in improved)
     lines = []
     for arm in dict.fromkeys(row["arm"] for row in rows):
         for change in changes:
@@ -685,6 +686,19 @@ def session_table() -> str:
     return table(
         ["arm", "change", "circle [cm]", "other motion [mm]", "warns [runs]"], lines
     )
+
+
+@shown_as("session-days")
+def drawn_days_table() -> str:
+    """How often drawn changes are within two stated deviations of the truth [%]."""
+    rows = find_rows("session/results.json", strategy="drawn days")
+    shares: dict[str, dict[str, str]] = {}
+    for row in rows:
+        part = row["metric"].removesuffix(" within two std")
+        shares.setdefault(row["arm"], {})[part] = number(100 * row["mean"], 0)
+    parts = next(iter(shares.values()))
+    lines = [[f"`{arm}`", *own.values()] for arm, own in shares.items()]
+    return table(["within two deviations [%]", *parts], lines)
 
 
 @shown_as("repetition")
