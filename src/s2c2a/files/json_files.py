@@ -61,7 +61,7 @@ def load_json(
     except ValidationError as error:
         if any(each["loc"] == ("format",) for each in error.errors()):
             text = f"{path} is a {name} of another version of S2C2A"
-            raise fault(f"{text}, in which it has other numbers; {advice}") from error
+            raise fault(f"{text}, with another format; {advice}") from error
         heading = f"{path}: {{faults}} in the {name}; {advice}"
         raise fault(explained(error, heading, kind.model_fields)) from error
     except (ValueError, RecursionError) as error:
