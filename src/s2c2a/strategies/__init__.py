@@ -29,7 +29,6 @@ from s2c2a.strategies.s2c2a import (
     S2C2A,
     estimator_of,
     planning_as,
-    s2c2a_batch_planner,
     s2c2a_strategy,
     train_s2c2a,
     training_data,

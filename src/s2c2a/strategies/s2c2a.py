@@ -21,7 +21,7 @@ from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning import BatchPlanner, Guard, Planner, PlannerOptions
+from s2c2a.planning import Guard, Planner, PlannerOptions
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
     NetworkProgress,
@@ -293,21 +293,6 @@ def estimator_of(
         networks.networks,
         settings,
     )
-
-
-def s2c2a_batch_planner(
-    networks: TrainedNetworks, guard: Guard = "tip", **sizes: int
-) -> BatchPlanner:
-    """A planner for many goals at once.
-
-    Args:
-        networks: of an arm.
-        guard: which points are kept out of obstacles.
-        sizes: `chunk` and `threads` (`BatchPlanner`).
-    """
-    arm, model, options = _planned(networks, guard)
-    factors = networks.networks.get(MODAL_MODEL)
-    return BatchPlanner(arm, model, options, factors=factors, **sizes)
 
 
 def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
