@@ -169,13 +169,13 @@ def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
 ):
     ends = shown_ends(camera)
     state = after(update_camera, start(camera), ends(), 60)
-    assert not camera.is_unused(state)[0]
+    assert not camera.unused(state)["camera"]
     shifted = ends(0.15 * ARM.length)
     wrong = after(update_camera, state, shifted, 3)
-    assert camera.is_unused(wrong)[0]
+    assert camera.unused(wrong)["camera"]
     assert float(np.abs(wrong.mean.bend_biases).max()) < 0.1
     lasting = after(update_camera, state, shifted, 80)
-    assert not camera.is_unused(lasting)[0]
+    assert not camera.unused(lasting)["camera"]
 
 
 @pytest.mark.slow
@@ -190,7 +190,7 @@ def test_a_lasting_jump_moves_the_estimate_by_a_bounded_amount(
     believed = jump * ARM.length - offset
     assert 0.0 < believed < 2.0 * MAX_CHANGE * ARM.length
     repaired = after(update_camera, lasting, ends(), 100)
-    assert not camera.is_unused(repaired)[0]
+    assert not camera.unused(repaired)["camera"]
     assert abs(float(repaired.histories[0].offset[-1])) < 0.02
 
 
@@ -199,7 +199,7 @@ def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, upd
     state = after(update, start(disturbance_filter), measured, 60)
     exchanged = {name: values[::-1].copy() for name, values in measured.items()}
     wrong = after(update, state, exchanged, 2)
-    assert disturbance_filter.is_unused(wrong)[0]
+    assert disturbance_filter.unused(wrong)["bends"]
 
 
 @pytest.mark.slow
@@ -215,8 +215,8 @@ def test_currents_of_cables_that_push_are_rejected():
     )
     measured = np.asarray(tensions, np.float32)
     state = after(update, state, {"tensions": measured}, 40)
-    assert not current.is_unused(state)[0]
-    assert current.is_unused(after(update, state, {"tensions": -measured}, 1))[0]
+    assert not current.unused(state)["current"]
+    assert current.unused(after(update, state, {"tensions": -measured}, 1))["current"]
 
 
 @pytest.mark.slow
@@ -225,10 +225,10 @@ def test_a_silent_sensor_is_unused(camera, update_camera):
     state = after(update_camera, start(camera), ends(), 20)
     unseen = camera.sensors[0].missing()
     silence = round(camera.sensors[0].max_silence / ARM.control_period)
-    assert not camera.is_unused(after(update_camera, state, unseen, silence - 1))[0]
+    assert not camera.unused(after(update_camera, state, unseen, silence - 1))["camera"]
     silent = after(update_camera, state, unseen, silence + 2)
-    assert camera.is_unused(silent)[0]
-    assert not camera.is_unused(after(update_camera, silent, ends(), 1))[0]
+    assert camera.unused(silent)["camera"]
+    assert not camera.unused(after(update_camera, silent, ends(), 1))["camera"]
 
 
 def shown_ends(disturbance_filter):

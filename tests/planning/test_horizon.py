@@ -171,11 +171,11 @@ def drive(arm, goals):
 
 def test_a_plan_that_knows_of_a_step_moves_before_it():
     still, there = (Goal.of(3).with_position([x, 0.0, 0.55]) for x in (0.1, 0.2))
-    goals = [still] * 30 + [there] * 5
+    goals = [still] * 60 + [there] * 5
     known, _ = drive(TWIN, previewed(goals, TWIN.control_period))
     unknown, _ = drive(TWIN, goals)
-    np.testing.assert_allclose(unknown[29], unknown[28], atol=2e-3)
-    assert np.abs(known[29] - known[28]).max() > 0.02
+    np.testing.assert_allclose(unknown[59], unknown[58], atol=2e-3)
+    assert np.abs(known[59] - known[58]).max() > 0.02
 
 
 @pytest.mark.parametrize("rate", slow_after(1, [10.0, 2.0, 100.0]))

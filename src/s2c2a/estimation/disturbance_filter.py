@@ -303,8 +303,7 @@ class DisturbanceFilter(eqx.Module):
     ) -> FilterState:
         """The state after the measurement of one sensor, unless it is an outlier.
 
-        A large innovation that another payload would explain is no outlier: then the
-        payload's variance grows, and the measurement is used.
+        A large innovation that another payload would explain is no outlier.
         """
         order = self._order
         histories = state.histories
@@ -323,7 +322,7 @@ class DisturbanceFilter(eqx.Module):
         if biases.start < biases.stop:
             jacobian = jacobian.at[:, biases].set(jnp.eye(len(residual)))
             residual = residual - state.mean.packed()[biases]
-        residual = jnp.where(is_present, residual - history.offset, 0.0)
+        residual = jnp.where(is_present, residual, 0.0)
         jacobian = jnp.where(is_present[:, None], jacobian, 0.0)
         covariance = kalman.innovation_covariance(
             state.covariance, jacobian, innovation.std
@@ -331,24 +330,21 @@ class DisturbanceFilter(eqx.Module):
         per_kg = jnp.where(is_present, innovation.jacobian @ by_payload, 0.0)
         change = self._payload_change(state.mean, residual, covariance, per_kg)
         unexplained = residual - per_kg * change
-        is_large = is_beyond_gate(residual, covariance, is_present)
-        is_outlier = is_large & is_beyond_gate(unexplained, covariance, is_present)
+        is_outlier = is_beyond_gate(unexplained, covariance, is_present)
         compared = Compared(
-            raw=unexplained + history.offset,
+            unexplained=unexplained,
             by_biases=innovation.jacobian @ state.disturbances.bend_biases.reshape(-1),
             is_present=is_present,
             innovation=innovation,
         )
         history = judged(history, compared, is_outlier, self.period)
         is_used = history.rejected_for <= 0.0
-        variance = jnp.where(is_large & is_used, change, 0.0) ** 2
-        by_weight = jacobian[:, order.payload]
         mean, new_covariance = kalman.update(
             state.mean.packed(),
-            state.covariance.at[order.payload, order.payload].add(variance),
+            state.covariance,
             residual,
             jnp.where(is_used, jacobian, 0.0),
-            covariance + variance * by_weight @ by_weight.T,
+            covariance,
         )
         return state._replace(
             mean=order.unpacked(mean),
@@ -366,8 +362,7 @@ class DisturbanceFilter(eqx.Module):
     ) -> BiasField:
         """The field of the biases with a picture.
 
-        Outliers and a sensor that has jumped teach nothing, nor do pictures soon after
-        the last one.
+        Outliers teach nothing, nor do pictures soon after the last one.
 
         Args:
             state: updated with the picture.
@@ -377,8 +372,7 @@ class DisturbanceFilter(eqx.Module):
             by_payload: derivative of the bends by the payload [rad/kg].
         """
         is_present = jnp.abs(remaining.residual) < LARGEST  # false for NaN
-        history = state.histories[number]
-        is_trusted = (history.rejected_for <= 0.0) & (history.offset == 0.0).all()
+        is_trusted = state.histories[number].rejected_for <= 0.0
         age = jnp.asarray(remaining.age)
         is_later = jnp.min(field.pictures.ages) - age > INTERVAL
         jacobian = jnp.where(is_present[:, None], remaining.jacobian, 0.0)
@@ -418,14 +412,13 @@ class DisturbanceFilter(eqx.Module):
         largest = self.options.max_payload * self.mass
         return jnp.clip(change, -mean.payload, largest - mean.payload)
 
-    def is_unused(self, state: FilterState) -> Bool[Array, " sensors"]:
+    def unused(self, state: FilterState) -> dict[str, Bool[Array, ""]]:
         """Whether each sensor is rejected, or has given no measurement for too long."""
-        return jnp.stack(
-            [
-                (history.rejected_for > 0.0) | (history.unseen_for > sensor.max_silence)
-                for sensor, history in zip(self.sensors, state.histories, strict=True)
-            ]
-        )
+        return {
+            sensor.name: (history.rejected_for > 0.0)
+            | (history.unseen_for > sensor.max_silence)
+            for sensor, history in zip(self.sensors, state.histories, strict=True)
+        }
 
     def _limited(self, state: FilterState) -> ArmState:
         """Payload, bend biases and external force within their limits."""

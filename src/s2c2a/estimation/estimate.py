@@ -25,6 +25,8 @@ class Estimate(NamedTuple):
             (`ForwardModel.observe`), which the planner takes; None if the estimator does
             not follow it.
         memory: memory of the estimator for its next update.
+        seen: module ends in a new picture [m], base frame, shape (modules, 3); NaN
+            where there is none, and None if the estimator takes no pictures.
     """
 
     configuration: Float[Array | np.ndarray, "modules 3"]
@@ -34,6 +36,7 @@ class Estimate(NamedTuple):
     rejected: Mapping[str, Array] = {}
     hysteresis: Memory = None
     memory: Any = ()
+    seen: Float[Array | np.ndarray, "modules 3"] | None = None
 
     def __repr__(self) -> str:
         """Fields, and shapes of arrays."""

@@ -76,7 +76,6 @@ class KalmanEstimator(StateEstimator):
         self._inputs = configuration_map.inputs
         self.payload = np.float32(payload)
         self.reader = MeasurementReader(arm, disturbance_filter.sensors)
-        self._names = tuple(sensor.name for sensor in disturbance_filter.sensors)
         self._start = compiled(start_estimate, configuration_map, disturbance_filter)
         self._update = compiled(update_estimate, configuration_map, disturbance_filter)
 
@@ -87,20 +86,14 @@ class KalmanEstimator(StateEstimator):
 
     def start(self, reading: Reading) -> Estimate:
         self.reader.reset()
-        return self._named(self._start(self._inputs(reading), self.payload))
+        return self._start(self._inputs(reading), self.payload)
 
     def update(
         self, estimate: Estimate, reading: Reading, last_command: Actions
     ) -> Estimate:
         measurements = self.reader.measurements(reading)
         inputs = self._inputs(reading)
-        return self._named(self._update(estimate.memory, inputs, measurements))
-
-    def _named(self, result: tuple[Estimate, Array]) -> Estimate:
-        estimate, rejected = result
-        flags = dict(zip(self._names, np.asarray(rejected), strict=True))
-        hysteresis = estimate.memory.hysteresis
-        return estimate._replace(rejected=flags, hysteresis=hysteresis)
+        return self._update(estimate.memory, inputs, measurements)
 
 
 def start_estimate(
@@ -108,11 +101,11 @@ def start_estimate(
     disturbance_filter: DisturbanceFilter,
     inputs: Measured,
     payload: Float[Array, ""],
-) -> tuple[Estimate, Array]:
-    """Estimate of an arm at rest, and which sensors are not used."""
+) -> Estimate:
+    """Estimate of an arm at rest."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.start(configuration, payload)
-    return _estimate(disturbance_filter, configuration, state)
+    return _estimate(disturbance_filter, configuration, state, {})
 
 
 def update_estimate(
@@ -121,29 +114,32 @@ def update_estimate(
     last: FilterState,
     inputs: Measured,
     measurements: Measurements,
-) -> tuple[Estimate, Array]:
+) -> Estimate:
     """One update; the last state replaces a result that is not finite."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.update(last, configuration, measurements)
-    return _estimate(disturbance_filter, configuration, select_if_finite(state, last))
+    state = select_if_finite(state, last)
+    return _estimate(disturbance_filter, configuration, state, measurements)
 
 
 def _estimate(
     disturbance_filter: DisturbanceFilter,
     configuration: Float[Array, "modules 3"],
     state: FilterState,
-) -> tuple[Estimate, Array]:
-    """The estimate, and which sensors are not used."""
+    measurements: Measurements,
+) -> Estimate:
     disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)
-    estimate = Estimate(
+    return Estimate(
         configuration,
         disturbances,
         covariance=state.covariance,
         external_force=disturbance_filter.external_force(biases),
+        rejected=disturbance_filter.unused(state),
+        hysteresis=state.hysteresis,
         memory=state,
+        seen=measurements.get("camera_positions"),
     )
-    return estimate, disturbance_filter.is_unused(state)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@
 2. A residual beyond the sensor's range is a fault.
 3. A residual that leaves its slow average shows drift, wrong latency or a jump.
 4. A sensor with one of these stays rejected for a while.
-5. What changed meanwhile becomes an offset, so that a jump moves the arm only a little.
 """
 
 from typing import NamedTuple
@@ -24,9 +23,6 @@ REJECTION_TIME = 0.5
 # s, time constant of the usual residual: longer than vibrations of the arm, and
 # shorter than an external force lasts, which the average must follow
 SLOW_AVERAGING_TIME = 2.0
-# s, time constant of an offset, after which it counts as true: long compared with
-# a motion, for bend biases then take over what the offset held
-OFFSET_MEMORY = 60.0
 
 
 class SensorHistory(NamedTuple):
@@ -35,15 +31,12 @@ class SensorHistory(NamedTuple):
     Attributes:
         usual: slow average of its residual against encoders and payload; `LARGEST`
             before the first measurement.
-        offset: change of that average while the sensor was rejected; it is subtracted
-            from measurements.
         unseen_for: time since the last measurement [s].
         rejected_for: remaining time of rejection [s].
         lag: memory of its hysteresis (`SensorModel.initial_lag`).
     """
 
     usual: Float[Array, " values"]
-    offset: Float[Array, " values"]
     unseen_for: Float[Array, ""]
     rejected_for: Float[Array, ""]
     lag: Array | np.ndarray
@@ -53,21 +46,21 @@ class SensorHistory(NamedTuple):
         """The past of a sensor that has not measured yet."""
         # with its type: a weak one would change at the first update, and compile anew
         usual = jnp.full(values, LARGEST, jnp.float32)
-        return cls(usual, jnp.zeros(values), jnp.zeros(()), jnp.zeros(()), lag)
+        return cls(usual, jnp.zeros(()), jnp.zeros(()), lag)
 
 
 class Compared(NamedTuple):
     """A measurement compared with what encoders and payload let one expect.
 
     Attributes:
-        raw: residual that no other payload explains, with the sensor's offset.
+        unexplained: residual that no other payload explains.
         by_biases: the part of the prediction that is due to bend biases; they count as
             residual in rule 3, so that a fault that moves them shows, too.
         is_present: which values were measured.
         innovation: of the sensor model, with the limits of its residual.
     """
 
-    raw: Float[Array, " values"]
+    unexplained: Float[Array, " values"]
     by_biases: Float[Array, " values"]
     is_present: Bool[Array, " values"]
     innovation: Innovation
@@ -83,12 +76,9 @@ def is_beyond_gate(
 
 
 def is_beyond_range(compared: Compared) -> Bool[Array, ""]:
-    """Rule 2: a residual, with its offset, exceeds the range of the sensor.
-
-    With its offset: a sensor that is too far off stays rejected.
-    """
-    raw = jnp.where(compared.is_present, compared.raw, 0.0)
-    return jnp.any(jnp.abs(raw) > compared.innovation.max_residual)
+    """Rule 2: a residual exceeds the range of the sensor."""
+    residual = jnp.where(compared.is_present, compared.unexplained, 0.0)
+    return jnp.any(jnp.abs(residual) > compared.innovation.max_residual)
 
 
 def has_left_average(
@@ -112,25 +102,6 @@ def remaining_rejection(
     return jnp.where(is_outlier, REJECTION_TIME, remaining)
 
 
-def next_offset(
-    history: SensorHistory,
-    residual: Float[Array, " values"],
-    change: Float[Array, " values"],
-    compared: Compared,
-    period: float,
-) -> Float[Array, " values"]:
-    """Rule 5: the offset takes up the change of the average of a rejected sensor.
-
-    A jump then moves the estimate by little more than `max_change`, whatever its size.
-    A sensor that agrees with the encoders again, as after a repair, has no offset.
-    """
-    is_present = compared.is_present
-    offset = np.exp(-period / OFFSET_MEMORY) * history.offset + change
-    is_close = jnp.abs(residual) < compared.innovation.max_change
-    agrees = (is_close | ~is_present).all() & is_present.any()
-    return jnp.where(agrees, 0.0, offset)
-
-
 def judged(
     history: SensorHistory,
     compared: Compared,
@@ -147,17 +118,15 @@ def judged(
     """
     is_present = compared.is_present
     elapsed = history.unseen_for + period
-    residual = compared.raw + compared.by_biases
+    residual = compared.unexplained + compared.by_biases
     start = jnp.where(history.usual == LARGEST, residual, history.usual)
     share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
     change = jnp.where(is_present, share * (residual - start), 0.0)
     usual = start + change
     has_left = has_left_average(residual, usual, compared)
     is_outlier = is_outlier | is_beyond_range(compared) | has_left
-    shifted = jnp.where(has_left, change, 0.0)
     return SensorHistory(
         usual=jnp.where(is_present, usual, history.usual),
-        offset=next_offset(history, residual, shifted, compared, period),
         unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
         rejected_for=remaining_rejection(history, is_outlier, period),
         lag=compared.innovation.lag,

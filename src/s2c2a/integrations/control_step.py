@@ -120,7 +120,15 @@ class ControlStep:
         none = jnp.zeros_like(rest)
         memory = self._controller.start(configuration)
         is_sound = jnp.isfinite(configuration).all()
-        return StepMemory(estimate, plan, memory, rest, none, rest, is_sound)
+        return StepMemory(
+            estimate=estimate,
+            plan=plan,
+            controller=memory,
+            command=rest,
+            change=none,
+            desired=rest,
+            is_sound=is_sound,
+        )
 
     def step(
         self, memory: StepMemory, reading: StepInput
@@ -140,6 +148,7 @@ class ControlStep:
             reading.goal,
             estimate.disturbances,
             estimate.hysteresis,
+            seen=estimate.seen,
         )
         desired, controller = self._controller.act(
             plan.configurations, configuration, memory.controller
@@ -153,7 +162,15 @@ class ControlStep:
         checks = jax.tree.map(_is_known, reading, self.example())
         is_sound = jnp.array(jax.tree.leaves(checks)).all()
         is_sound &= jnp.isfinite(configuration).all() & jnp.isfinite(desired).all()
-        new = StepMemory(estimate, plan, controller, limited, change, desired, is_sound)
+        new = StepMemory(
+            estimate=estimate,
+            plan=plan,
+            controller=controller,
+            command=limited,
+            change=change,
+            desired=desired,
+            is_sound=is_sound,
+        )
         held = memory._replace(
             change=jnp.zeros_like(change), desired=memory.command, is_sound=is_sound
         )
@@ -219,12 +236,10 @@ def _kalman_functions(estimator: KalmanEstimator) -> EstimatorFunctions:
     parts = estimator.configuration_map, estimator.filter
 
     def start(measured: Measured) -> Estimate:
-        estimate, _ = start_estimate(*parts, measured, jnp.asarray(estimator.payload))
-        return _followed(estimate)
+        return start_estimate(*parts, measured, jnp.asarray(estimator.payload))
 
     def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
-        estimate, _ = update_estimate(*parts, last.memory, measured, measurements)
-        return _followed(estimate)
+        return update_estimate(*parts, last.memory, measured, measurements)
 
     nothing = Reading(0.0, {})
     missing = {
@@ -233,7 +248,3 @@ def _kalman_functions(estimator: KalmanEstimator) -> EstimatorFunctions:
     }
     estimator.reader.reset()
     return EstimatorFunctions(estimator.sensors, missing, start, update)
-
-
-def _followed(estimate: Estimate) -> Estimate:
-    return estimate._replace(hysteresis=estimate.memory.hysteresis)

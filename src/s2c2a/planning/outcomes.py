@@ -129,7 +129,7 @@ def _is_blocked(
 
 
 def _slopes(
-    bends: Bends, lengths: Float[Numbers, " modules"], step: float
+    bends: Bends, lengths: Float[Numbers, " modules"], step: float | Array
 ) -> Float[Array, "variables modules 3"]:
     """Central differences of the ends of arcs [m/rad]; they compile faster than slopes."""
     units = step * jnp.eye(bends.size).reshape(-1, *bends.shape)

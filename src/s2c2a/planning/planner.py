@@ -32,7 +32,8 @@ from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
-from s2c2a.planning.outcomes import Outcome, judge
+from s2c2a.planning.outcomes import SIGNIFICANT, Outcome, judge
+from s2c2a.planning.rest import Rest, gaps_of, rests
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
@@ -173,6 +174,8 @@ class Plan(NamedTuple):
         disturbances: that the plan counts on, with payload moments; None for none.
         solver: memory of the solver.
         motion: of the goals.
+        rest: how slowly the arm moves to a goal that rests; None if the solver plans one
+            step.
         judged: the outcome of the last step, as an integer.
         expectation: what the forward model predicts; NaN before the first step.
     """
@@ -183,6 +186,7 @@ class Plan(NamedTuple):
     disturbances: Disturbances | None
     solver: Any
     motion: GoalMotion
+    rest: Rest | None
     judged: Int[Array, ""]
     expectation: Expectation
 
@@ -245,6 +249,7 @@ class Step(NamedTuple):
                 disturbances = self.model.settled(disturbances, sensed, memory)
             disturbances = self.model.with_gains(disturbances, sensed, memory)
         bends = bends_from_configurations(sensed)
+        looks_ahead = self.solver.looks_ahead
         return Plan(
             sensed,
             bends,
@@ -252,8 +257,9 @@ class Step(NamedTuple):
             disturbances,
             self.solver.start(bends),
             GoalMotion.of(len(sensed)),
+            Rest.none(self.arm) if looks_ahead else None,
             jnp.asarray(Outcome.SOLVED, jnp.int32),
-            Expectation.unknown(len(sensed), self.solver.looks_ahead),
+            Expectation.unknown(len(sensed), looks_ahead),
         )
 
     def next_plan(
@@ -264,6 +270,7 @@ class Step(NamedTuple):
         disturbances: Disturbances | None = None,
         hysteresis: Memory = None,
         lead: Lead | None = None,
+        seen: Float[Numbers, "modules 3"] | None = None,
     ) -> Plan:
         """The plan of the next control step.
 
@@ -278,6 +285,7 @@ class Step(NamedTuple):
                 None without a state estimator: then the sensed configurations advance
                 that of the last plan.
             lead: of a guide; None for none.
+            seen: module ends in a new picture (`Estimate`).
         """
         if disturbances is not None and plan.disturbances is not None:
             if disturbances.moments is None:  # the estimator may have computed them
@@ -299,12 +307,25 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
+        judged = judge(planned, problem.situation, lengths)
+        rest = plan.rest
+        if rest is not None and tips is not None:
+            ends = planned.states[:, POSITION]
+            gaps = gaps_of(ends, seen, goal)
+            is_resting = rests(goal, motion)
+            if lead is not None:
+                is_resting &= jnp.asarray(lead.weight) == 0.0
+            way = jnp.linalg.norm(tips[-1] - ends[-1])  # of the plan in its horizon
+            arrived = judged == Outcome.SOLVED
+            arrived |= way < SIGNIFICANT * self.arm.length
+            rest = rest.after(gaps, is_resting, arrived, self.arm, self.approach.stride)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
             "solver": solver,
             "motion": motion,
-            "judged": judge(planned, problem.situation, lengths),
+            "rest": rest,
+            "judged": judged,
             "expectation": expectation,
         }
         old = {name: getattr(plan, name) for name in new}
@@ -329,7 +350,7 @@ class Step(NamedTuple):
             Candidate(configurations, bends, *[None] * 3),  # type: ignore[arg-type]
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
-            geometry.step_limit,
+            last.rest.step if last.rest else geometry.step_limit,
             self.options.on_sphere,
             self._guarded.radii,
             steerable=geometry.steerable,
@@ -463,7 +484,8 @@ class Planner:
         configuration = _single(estimate.configuration)
         lead = self._lead(plan, goal) if self._leaders else self._no_lead
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
-        planned = self._next(plan, configuration, goal, disturbances, hysteresis, lead)
+        known = configuration, goal, disturbances, hysteresis
+        planned = self._next(plan, *known, lead, estimate.seen)
         verdicts = [leader.verdict for leader in self._leaders if leader.verdict]
         if verdicts and planned.outcome is not Outcome.SOLVED:
             return planned._replace(judged=np.asarray(verdicts[0], np.int32))

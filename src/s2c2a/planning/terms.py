@@ -68,8 +68,8 @@ class Situation(NamedTuple):
         length: of the arm [m].
         bend_limits: of every module as sensed (`ArmGeometry.planned_bends`) [rad],
             shape (modules,).
-        longest_step: largest change of a module's bend in a control step
-            (`ArmGeometry.step_limit`) [rad].
+        longest_step: largest change of a module's bend in a control step [rad]:
+            `ArmGeometry.step_limit`, or less where the goal rests (`planning.rest`).
         on_sphere: whether configurations are kept at unit length.
         radii: of the body around the guarded points [m], shape (points,), or one.
         room: least distance from obstacles where a guide leads [m]; infinite elsewhere.
@@ -80,7 +80,7 @@ class Situation(NamedTuple):
     last: Candidate
     length: float
     bend_limits: Float[Array, " modules"]
-    longest_step: float
+    longest_step: float | Float[Array, ""]
     on_sphere: bool
     radii: Float[Numbers, " points"] = np.zeros(1, np.float32)
     room: Float[Numbers, ""] | float = np.inf

@@ -20,9 +20,8 @@ from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.models.forward_model import ForwardModel
 
 POSITION_STD = 0.05  # m; large, so that the estimate does not follow the vibration
-# of the length from the base to the end; a picture of something else
-MAX_RESIDUAL = 0.5
-# of the arm's length, in some seconds; drift, wrong latency or a jump
+# of the arm's length: a change of the residual in some seconds, by drift, wrong latency or
+# a jump, and a distance beyond what an arm reaches, in a picture of something else
 MAX_CHANGE = 0.06
 
 
@@ -77,13 +76,15 @@ class CameraSensor(SensorModel):
         # a picture is read up to one control step after its age was taken
         is_usable = (age >= 0.0) & (age <= self.max_delay + 1.01 * self.period)
         seen = self.model.to_base(measurements["camera_positions"])
+        max_change = MAX_CHANGE * jnp.sum(self.lengths)
+        beyond = jnp.linalg.norm(seen, axis=-1) - jnp.cumsum(self.lengths)
+        is_usable &= ~(beyond > max_change).any()
         residual = seen.reshape(-1) - arcs - correction
         return Innovation(
             jnp.where(is_usable, residual, jnp.nan),
             jacobian,
             jnp.full(arcs.shape, self.std),
-            max_residual=MAX_RESIDUAL * jnp.repeat(jnp.cumsum(self.lengths), 3),
-            max_change=MAX_CHANGE * jnp.sum(self.lengths),
+            max_change=max_change,
             age=age,
         )
 

@@ -1,0 +1,136 @@
+"""How an arm comes to rest on a goal that rests.
+
+A plan follows what is estimated, and estimates follow the arm that the plan moves. With
+backlash, a load that the model does not know, or beyond what the arm can carry, the two
+can sway for ever. So commands to a goal that rests change slowly, which shakes neither the
+arm nor the trust in its sensors, and the more slowly, the less they help: an arm whose
+cables stand still dissipates. It is a trust region (Conn, Gould and Toint, Trust-Region
+Methods, 2000, ch. 6) whose function values are what sensors see in a window of time.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.execution.compilation import select
+from s2c2a.goals import PREVIEW, Goal
+from s2c2a.planning.motion import GoalMotion
+from s2c2a.planning.outcomes import STILL
+
+# chosen on held points of five randomized arms, under up to 150 g
+FALL = 0.1
+"""Of the error, or of the way that commands allowed: a smaller fall has not helped."""
+CALM = 0.02  # of the arm's length: a window whose ends vary more has a sway
+GROWTH = 1.5  # of steps that have helped
+SHRINKING = 0.5  # of others: growth every other time leaves them shorter
+
+
+class Rest(NamedTuple):
+    """How slowly an arm moves to a goal that rests, and what it saw in this window.
+
+    Attributes:
+        step: longest change of a module's bend in a control step [rad].
+        limit: of this step, shorter than any with which the arm swayed [rad].
+        is_slow: whether the goal rests, and the plan has arrived.
+        error: of the last window: root mean square [m].
+        gaps: sum of the gaps between ends and goal in this window [m].
+        squares: sum of their squares [m2].
+        judged: number of them.
+        steps: of this window.
+    """
+
+    step: Float[Array, ""]
+    limit: Float[Array, ""]
+    is_slow: Bool[Array, ""]
+    error: Float[Array, ""]
+    gaps: Float[Array, "modules 3"]
+    squares: Float[Array, ""]
+    judged: Int[Array, ""]
+    steps: Int[Array, ""]
+
+    @classmethod
+    def none(cls, arm: ArmSpec) -> "Rest":
+        """Of an arm that follows its goal."""
+        limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
+        error = jnp.asarray(jnp.inf)
+        gaps = jnp.zeros((arm.module_count, 3))
+        zero = jnp.zeros((), jnp.int32)
+        return cls(limit, limit, zero > 0, error, gaps, jnp.zeros(()), zero, zero)
+
+    def after(
+        self,
+        gaps: Float[Array, "modules 3"],
+        is_resting: Bool[Array, ""],
+        arrived: Bool[Array, ""],
+        arm: ArmSpec,
+        stride: int,
+    ) -> "Rest":
+        """After another control step.
+
+        Args:
+            gaps: between ends and goal [m]; NaN if nothing was seen.
+            is_resting: whether the goal rests.
+            arrived: whether the plan has reached it, or stays where it is.
+            arm: its limits hold.
+            stride: control steps between two moments of a preview.
+        """
+        none = Rest.none(arm)
+        slow = STILL * none.limit
+        is_judged = jnp.isfinite(gaps).all()
+        seen = jnp.where(is_judged, gaps, 0.0)
+        now = self._replace(
+            step=jnp.where(self.is_slow, self.step, slow),
+            is_slow=is_resting & (self.is_slow | arrived),
+            gaps=self.gaps + seen,
+            squares=self.squares + jnp.sum(seen**2),
+            judged=self.judged + is_judged,
+            steps=self.steps + 1,
+        )
+        squares = now.squares / now.judged
+        error = jnp.sqrt(squares)
+        sway = squares - jnp.sum((now.gaps / now.judged) ** 2)
+        allowed = now.steps * now.step * arm.length
+        falls = error < self.error - FALL * jnp.minimum(self.error, allowed)
+        least = SHRINKING**4 * slow  # with which commands follow an arm that creeps
+        shorter = jnp.maximum(SHRINKING * now.step, least)
+        sways = ~falls & (sway > (CALM * arm.length) ** 2)
+        limit = jnp.where(sways, shorter, now.limit)
+        step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
+        following = none._replace(
+            step=step, limit=limit, is_slow=now.is_slow, error=error
+        )
+        # two horizons: longer than the slowest vibration
+        is_over = (now.steps >= 2 * PREVIEW * stride) & (now.judged > 0)
+        return select(now.is_slow, select(is_over, following, now), none)
+
+
+def gaps_of(
+    ends: Float[Array, "modules 3"],
+    seen: Float[Array | np.ndarray, "modules 3"] | None,
+    goal: Goal,
+) -> Float[Array, "modules 3"]:
+    """Gaps between ends and their desired positions [m]; NaN if nothing was seen.
+
+    Args:
+        ends: as predicted [m].
+        seen: in a new picture [m]; NaN where there is none, and None without a camera:
+            then the prediction counts.
+        goal: for the next state.
+    """
+    if seen is not None:
+        unseen = jnp.where(jnp.isfinite(seen).any(), ends, jnp.nan)
+        ends = jnp.where(jnp.isfinite(seen), seen, unseen)
+    is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
+    return jnp.where(is_desired, ends - goal.positions, 0.0 * ends)
+
+
+def rests(goal: Goal, motion: GoalMotion) -> Bool[Array, ""]:
+    """Whether a goal of positions stays where it is, as far as is known."""
+    same = jnp.concatenate([goal.positions, goal.axes], axis=-1)
+    will_move = (goal.preview != same) & ~jnp.isnan(goal.preview)
+    moves = (motion.step != 0.0).any() | will_move.any()
+    has_position = jnp.asarray(goal.position_weights > 0.0).any()
+    return has_position & ~moves & (jnp.asarray(goal.shape_weight) == 0.0)
