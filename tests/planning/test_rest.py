@@ -19,11 +19,14 @@ YES = jnp.asarray(True)
 NO = jnp.asarray(False)
 
 
+def step(rest, gaps, is_resting, arrived, share=1.0):
+    """A step of which commands use a share."""
+    return rest.after(share * rest.step, gaps, is_resting, arrived, ARM, 1)
+
+
 @pytest.fixture(scope="module")
 def after():
-    return jax.jit(
-        lambda rest, gaps, rests, arrived: rest.after(gaps, rests, arrived, ARM, 1)
-    )
+    return jax.jit(step)
 
 
 def tip_gaps(values):
@@ -31,9 +34,9 @@ def tip_gaps(values):
     return [jnp.zeros((3, 3)).at[-1, 0].set(value) for value in values]
 
 
-def over(after, rest, gaps):
+def over(after, rest, gaps, share=1.0):
     for gap in gaps:
-        rest = after(rest, gap, YES, YES)
+        rest = after(rest, gap, YES, YES, share)
     return rest
 
 
@@ -67,6 +70,14 @@ def test_a_step_with_which_the_arm_swayed_is_not_taken_again(after):
     assert float(swayed.limit) == pytest.approx(SHRINKING * float(rest.step))
     helped = over(after, swayed, tip_gaps([0.001] * WINDOW))
     assert float(helped.step) == pytest.approx(float(swayed.limit))
+
+
+def test_steps_that_were_not_used_stay(after):
+    rest = over(after, Rest.none(ARM), tip_gaps([0.01] * WINDOW), share=0.1)
+    # something else moves the arm
+    moved = over(after, rest, tip_gaps([0.01, 0.2] * (WINDOW // 2)), share=0.1)
+    assert float(moved.step) == float(rest.step)
+    assert float(moved.limit) == float(rest.limit)
 
 
 def test_what_is_not_seen_is_not_judged(after):

@@ -249,7 +249,6 @@ class Step(NamedTuple):
                 disturbances = self.model.settled(disturbances, sensed, memory)
             disturbances = self.model.with_gains(disturbances, sensed, memory)
         bends = bends_from_configurations(sensed)
-        looks_ahead = self.solver.looks_ahead
         return Plan(
             sensed,
             bends,
@@ -257,9 +256,9 @@ class Step(NamedTuple):
             disturbances,
             self.solver.start(bends),
             GoalMotion.of(len(sensed)),
-            Rest.none(self.arm) if looks_ahead else None,
+            Rest.none(self.arm) if self.solver.looks_ahead else None,
             jnp.asarray(Outcome.SOLVED, jnp.int32),
-            Expectation.unknown(len(sensed), looks_ahead),
+            Expectation.unknown(len(sensed), self.solver.looks_ahead),
         )
 
     def next_plan(
@@ -310,15 +309,16 @@ class Step(NamedTuple):
         judged = judge(planned, problem.situation, lengths)
         rest = plan.rest
         if rest is not None and tips is not None:
+            move = terms.largest_bend(planned.bends - problem.situation.last.bends)
             ends = planned.states[:, POSITION]
             gaps = gaps_of(ends, seen, goal)
             is_resting = rests(goal, motion)
             if lead is not None:
                 is_resting &= jnp.asarray(lead.weight) == 0.0
             way = jnp.linalg.norm(tips[-1] - ends[-1])  # of the plan in its horizon
-            arrived = judged == Outcome.SOLVED
-            arrived |= way < SIGNIFICANT * self.arm.length
-            rest = rest.after(gaps, is_resting, arrived, self.arm, self.approach.stride)
+            arrived = (way < SIGNIFICANT * self.arm.length) | (judged == Outcome.SOLVED)
+            stride = self.approach.stride
+            rest = rest.after(move, gaps, is_resting, arrived, self.arm, stride)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,

@@ -36,6 +36,7 @@ class Rest(NamedTuple):
         limit: of this step, shorter than any with which the arm swayed [rad].
         is_slow: whether the goal rests, and the plan has arrived.
         error: of the last window: root mean square [m].
+        way: of commands in this window, as bends of the fastest module [rad].
         gaps: sum of the gaps between ends and goal in this window [m].
         squares: sum of their squares [m2].
         judged: number of them.
@@ -46,6 +47,7 @@ class Rest(NamedTuple):
     limit: Float[Array, ""]
     is_slow: Bool[Array, ""]
     error: Float[Array, ""]
+    way: Float[Array, ""]
     gaps: Float[Array, "modules 3"]
     squares: Float[Array, ""]
     judged: Int[Array, ""]
@@ -57,11 +59,12 @@ class Rest(NamedTuple):
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
         error = jnp.asarray(jnp.inf)
         gaps = jnp.zeros((arm.module_count, 3))
-        zero = jnp.zeros((), jnp.int32)
-        return cls(limit, limit, zero > 0, error, gaps, jnp.zeros(()), zero, zero)
+        none, zero = jnp.zeros(()), jnp.zeros((), jnp.int32)
+        return cls(limit, limit, zero > 0, error, none, gaps, none, zero, zero)
 
     def after(
         self,
+        move: Float[Array, ""],
         gaps: Float[Array, "modules 3"],
         is_resting: Bool[Array, ""],
         arrived: Bool[Array, ""],
@@ -71,6 +74,7 @@ class Rest(NamedTuple):
         """After another control step.
 
         Args:
+            move: of the commands: largest change of a module's bend [rad].
             gaps: between ends and goal [m]; NaN if nothing was seen.
             is_resting: whether the goal rests.
             arrived: whether the plan has reached it, or stays where it is.
@@ -84,6 +88,7 @@ class Rest(NamedTuple):
         now = self._replace(
             step=jnp.where(self.is_slow, self.step, slow),
             is_slow=is_resting & (self.is_slow | arrived),
+            way=self.way + move,
             gaps=self.gaps + seen,
             squares=self.squares + jnp.sum(seen**2),
             judged=self.judged + is_judged,
@@ -92,19 +97,19 @@ class Rest(NamedTuple):
         squares = now.squares / now.judged
         error = jnp.sqrt(squares)
         sway = squares - jnp.sum((now.gaps / now.judged) ** 2)
-        allowed = now.steps * now.step * arm.length
-        falls = error < self.error - FALL * jnp.minimum(self.error, allowed)
-        least = SHRINKING**4 * slow  # with which commands follow an arm that creeps
-        shorter = jnp.maximum(SHRINKING * now.step, least)
-        sways = ~falls & (sway > (CALM * arm.length) ** 2)
+        allowed = jnp.minimum(self.error, now.way * arm.length)
+        falls = error < self.error - FALL * allowed
+        is_used = now.way > SHRINKING * now.steps * now.step
+        # the least one follows an arm that creeps
+        shorter = jnp.maximum(SHRINKING * now.step, SHRINKING**4 * slow)
+        shorter = jnp.where(is_used, shorter, now.step)
+        sways = ~falls & is_used & (sway > (CALM * arm.length) ** 2)
         limit = jnp.where(sways, shorter, now.limit)
         step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
-        following = none._replace(
-            step=step, limit=limit, is_slow=now.is_slow, error=error
-        )
+        later = none._replace(step=step, limit=limit, is_slow=now.is_slow, error=error)
         # two horizons: longer than the slowest vibration
         is_over = (now.steps >= 2 * PREVIEW * stride) & (now.judged > 0)
-        return select(now.is_slow, select(is_over, following, now), none)
+        return select(now.is_slow, select(is_over, later, now), none)
 
 
 def gaps_of(
@@ -132,5 +137,5 @@ def rests(goal: Goal, motion: GoalMotion) -> Bool[Array, ""]:
     same = jnp.concatenate([goal.positions, goal.axes], axis=-1)
     will_move = (goal.preview != same) & ~jnp.isnan(goal.preview)
     moves = (motion.step != 0.0).any() | will_move.any()
-    has_position = jnp.asarray(goal.position_weights > 0.0).any()
-    return has_position & ~moves & (jnp.asarray(goal.shape_weight) == 0.0)
+    is_desired = jnp.asarray(goal.position_weights > 0.0).any()
+    return is_desired & ~moves & (jnp.asarray(goal.shape_weight) == 0.0)
