@@ -17,11 +17,13 @@ SLOW = STILL * LIMIT
 WINDOW = 2 * PREVIEW
 YES = jnp.asarray(True)
 NO = jnp.asarray(False)
+NEAR = jnp.asarray(0.0)
+FAR = jnp.asarray(1.0)
 
 
-def step(rest, gaps, is_resting, arrived, share=1.0):
+def step(rest, gaps, is_resting, ahead, share=1.0):
     """A step of which commands use a share."""
-    return rest.after(share * rest.step, gaps, is_resting, arrived, ARM, 1)
+    return rest.after(share * rest.step, ahead, gaps, is_resting, ARM, 1)
 
 
 @pytest.fixture(scope="module")
@@ -36,20 +38,20 @@ def tip_gaps(values):
 
 def over(after, rest, gaps, share=1.0):
     for gap in gaps:
-        rest = after(rest, gap, YES, YES, share)
+        rest = after(rest, gap, YES, NEAR, share)
     return rest
 
 
 def test_an_arm_is_slow_once_its_plan_has_reached_a_goal_that_rests(after):
     [gap] = tip_gaps([0.1])
     rest = Rest.none(ARM)
-    assert float(after(rest, gap, YES, NO).step) == pytest.approx(LIMIT)
-    assert float(after(rest, gap, NO, YES).step) == pytest.approx(LIMIT)
-    slow = after(rest, gap, YES, YES)
+    assert float(after(rest, gap, YES, FAR).step) == pytest.approx(LIMIT)
+    assert float(after(rest, gap, NO, NEAR).step) == pytest.approx(LIMIT)
+    slow = after(rest, gap, YES, NEAR)
     assert float(slow.step) == pytest.approx(SLOW)
     # it stays so, while what it sees changes its plan
-    assert float(after(slow, gap, YES, NO).step) == pytest.approx(SLOW)
-    assert float(after(slow, gap, NO, NO).step) == pytest.approx(LIMIT)
+    assert float(after(slow, gap, YES, FAR).step) == pytest.approx(SLOW)
+    assert float(after(slow, gap, NO, NEAR).step) == pytest.approx(LIMIT)
 
 
 def test_steps_that_help_grow_and_others_shrink_to_a_least_one(after):
@@ -80,12 +82,20 @@ def test_steps_that_were_not_used_stay(after):
     assert float(moved.limit) == float(rest.limit)
 
 
-def test_what_is_not_seen_is_not_judged(after):
+def test_an_arm_that_sees_nothing_becomes_slower(after):
+    rest = over(after, Rest.none(ARM), tip_gaps([0.1] * WINDOW))
     nothing = jnp.full((3, 3), jnp.nan)
-    rest = over(after, Rest.none(ARM), [nothing] * (2 * WINDOW))
-    assert np.isinf(rest.error)
-    rest = after(rest, *tip_gaps([0.1]), YES, YES)
-    assert float(rest.error) == pytest.approx(0.1)
+    blind = over(after, rest, [nothing] * WINDOW)
+    assert float(blind.step) == pytest.approx(SHRINKING * float(rest.step))
+    assert float(blind.error) == pytest.approx(0.1)
+
+
+def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):
+    rest = Rest.none(ARM)
+    for gap in tip_gaps([0.1, 0.2] * (WINDOW // 2)):
+        rest = after(rest, gap, YES, FAR)
+        assert float(rest.step) == pytest.approx(LIMIT)
+    assert float(after(rest, *tip_gaps([0.1]), YES, FAR).step) < 2.0 * SLOW
 
 
 def test_gaps_are_of_the_picture_where_there_is_one():
@@ -100,14 +110,18 @@ def test_gaps_are_of_the_picture_where_there_is_one():
     np.testing.assert_array_equal(gaps[:-1], 0.0)
 
 
-def test_goals_rest_that_neither_move_nor_will():
+def test_goals_rest_that_neither_change_nor_will():
     goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
     still = GoalMotion.of(3)
-    assert rests(goal, still)
-    assert not rests(Goal.of(3), still)
-    assert not rests(goal, still._replace(step=still.step + 0.01))
+    assert rests(goal, still, still)
+    assert not rests(Goal.of(3), still, still)
+    assert not rests(goal, still._replace(step=still.step + 0.01), still)
+    # another end or axis is desired
+    assert not rests(goal, still._replace(is_known=still.is_known + 1.0), still)
+    # an obstacle may grow
+    assert not rests(goal.with_obstacles([[0.2, 0.0, 0.5]], [0.05]), still, still)
     preview = np.tile(np.float32([0.1, 0.0, 0.5, 0.0, 0.0, 1.0]), (PREVIEW, 3, 1))
     preview[:, :-1] = np.nan
-    assert rests(goal._replace(preview=preview), still)
+    assert rests(goal._replace(preview=preview), still, still)
     preview[-1, -1, 0] = 0.2
-    assert not rests(goal._replace(preview=preview), still)
+    assert not rests(goal._replace(preview=preview), still, still)

@@ -121,8 +121,7 @@ def judged(
     residual = compared.unexplained + compared.by_biases
     start = jnp.where(history.usual == LARGEST, residual, history.usual)
     share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
-    change = jnp.where(is_present, share * (residual - start), 0.0)
-    usual = start + change
+    usual = start + share * (residual - start)
     has_left = has_left_average(residual, usual, compared)
     is_outlier = is_outlier | is_beyond_range(compared) | has_left
     return SensorHistory(

@@ -32,7 +32,7 @@ from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
-from s2c2a.planning.outcomes import SIGNIFICANT, Outcome, judge
+from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.rest import Rest, gaps_of, rests
 from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
 from s2c2a.planning.terms import (
@@ -306,26 +306,21 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
-        judged = judge(planned, problem.situation, lengths)
         rest = plan.rest
-        if rest is not None and tips is not None:
+        if rest is not None:
             move = terms.largest_bend(planned.bends - problem.situation.last.bends)
-            ends = planned.states[:, POSITION]
-            gaps = gaps_of(ends, seen, goal)
-            is_resting = rests(goal, motion)
-            if lead is not None:
-                is_resting &= jnp.asarray(lead.weight) == 0.0
-            way = jnp.linalg.norm(tips[-1] - ends[-1])  # of the plan in its horizon
-            arrived = (way < SIGNIFICANT * self.arm.length) | (judged == Outcome.SOLVED)
+            gaps = gaps_of(planned.states[:, POSITION], seen, goal)
+            is_resting = rests(goal, motion, plan.motion)
+            ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
             stride = self.approach.stride
-            rest = rest.after(move, gaps, is_resting, arrived, self.arm, stride)
+            rest = rest.after(move, ahead, gaps, is_resting, self.arm, stride)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
             "solver": solver,
             "motion": motion,
             "rest": rest,
-            "judged": judged,
+            "judged": judge(planned, problem.situation, lengths),
             "expectation": expectation,
         }
         old = {name: getattr(plan, name) for name in new}

@@ -65,9 +65,9 @@ class Rest(NamedTuple):
     def after(
         self,
         move: Float[Array, ""],
+        ahead: Float[Array, ""],
         gaps: Float[Array, "modules 3"],
         is_resting: Bool[Array, ""],
-        arrived: Bool[Array, ""],
         arm: ArmSpec,
         stride: int,
     ) -> "Rest":
@@ -75,9 +75,9 @@ class Rest(NamedTuple):
 
         Args:
             move: of the commands: largest change of a module's bend [rad].
+            ahead: the same from here to the end of the horizon.
             gaps: between ends and goal [m]; NaN if nothing was seen.
             is_resting: whether the goal rests.
-            arrived: whether the plan has reached it, or stays where it is.
             arm: its limits hold.
             stride: control steps between two moments of a preview.
         """
@@ -85,9 +85,14 @@ class Rest(NamedTuple):
         slow = STILL * none.limit
         is_judged = jnp.isfinite(gaps).all()
         seen = jnp.where(is_judged, gaps, 0.0)
+        window = 2 * PREVIEW * stride  # longer than the slowest vibration
+        arrived = ahead < PREVIEW * stride * slow  # slow steps do not hold the plan up
+        is_slow = is_resting & (self.is_slow | arrived | (self.steps >= window))
         now = self._replace(
-            step=jnp.where(self.is_slow, self.step, slow),
-            is_slow=is_resting & (self.is_slow | arrived),
+            step=jnp.where(
+                self.is_slow, self.step, jnp.where(is_slow, slow, none.step)
+            ),
+            is_slow=is_slow,
             way=self.way + move,
             gaps=self.gaps + seen,
             squares=self.squares + jnp.sum(seen**2),
@@ -95,7 +100,7 @@ class Rest(NamedTuple):
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
-        error = jnp.sqrt(squares)
+        error = jnp.where(now.judged > 0, jnp.sqrt(squares), self.error)
         sway = squares - jnp.sum((now.gaps / now.judged) ** 2)
         allowed = jnp.minimum(self.error, now.way * arm.length)
         falls = error < self.error - FALL * allowed
@@ -106,10 +111,9 @@ class Rest(NamedTuple):
         sways = ~falls & is_used & (sway > (CALM * arm.length) ** 2)
         limit = jnp.where(sways, shorter, now.limit)
         step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
-        later = none._replace(step=step, limit=limit, is_slow=now.is_slow, error=error)
-        # two horizons: longer than the slowest vibration
-        is_over = (now.steps >= 2 * PREVIEW * stride) & (now.judged > 0)
-        return select(now.is_slow, select(is_over, later, now), none)
+        later = none._replace(step=step, limit=limit, is_slow=is_slow, error=error)
+        is_over = is_slow & (now.steps >= window)
+        return select(is_resting, select(is_over, later, now), none)
 
 
 def gaps_of(
@@ -132,10 +136,11 @@ def gaps_of(
     return jnp.where(is_desired, ends - goal.positions, 0.0 * ends)
 
 
-def rests(goal: Goal, motion: GoalMotion) -> Bool[Array, ""]:
-    """Whether a goal of positions stays where it is, as far as is known."""
+def rests(goal: Goal, motion: GoalMotion, before: GoalMotion) -> Bool[Array, ""]:
+    """Whether a goal of positions, without obstacles, stays as it is, as far as known."""
     same = jnp.concatenate([goal.positions, goal.axes], axis=-1)
     will_move = (goal.preview != same) & ~jnp.isnan(goal.preview)
     moves = (motion.step != 0.0).any() | will_move.any()
+    moves |= (motion.is_known != before.is_known).any()
     is_desired = jnp.asarray(goal.position_weights > 0.0).any()
-    return is_desired & ~moves & (jnp.asarray(goal.shape_weight) == 0.0)
+    return is_desired & ~moves & ~(jnp.asarray(goal.thresholds) > 0.0).any()
