@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.errors import StrategyError
 from s2c2a.integrations.control_step import ControlStep
 from s2c2a.integrations.exports.c_source import c_of, export_c, name_of
@@ -79,6 +80,16 @@ def test_a_control_step_is_that_of_the_loop():
         command, memory = step(memory, each)
         commands.append(command)
     np.testing.assert_allclose(commands, sent, atol=1e-4 * np.ptp(sent))
+
+
+def test_a_control_step_keeps_the_form_of_its_memory_with_a_camera():
+    sensors = Sensors(camera=Camera())
+    arm = load_arm("twin_arm").model_copy(update={"sensors": sensors})
+    control = ControlStep(strategy_of(networks_from("shipped", arm)))
+    example = control.example()
+    before = jax.eval_shape(control.start, example.measured)
+    _, after = jax.eval_shape(control.step, before, example)
+    assert jax.tree.structure(after) == jax.tree.structure(before)
 
 
 @needs_compiler

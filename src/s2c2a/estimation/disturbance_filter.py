@@ -339,12 +339,9 @@ class DisturbanceFilter(eqx.Module):
         )
         history = judged(history, compared, is_outlier, self.period)
         is_used = history.rejected_for <= 0.0
+        used = jnp.where(is_used, jacobian, 0.0)
         mean, new_covariance = kalman.update(
-            state.mean.packed(),
-            state.covariance,
-            residual,
-            jnp.where(is_used, jacobian, 0.0),
-            covariance,
+            state.mean.packed(), state.covariance, residual, used, covariance
         )
         return state._replace(
             mean=order.unpacked(mean),

@@ -22,7 +22,7 @@ from s2c2a.estimation.estimator import (
     StateEstimator,
 )
 from s2c2a.estimation.filter_state import FilterState
-from s2c2a.estimation.measurements import MeasurementReader
+from s2c2a.estimation.measurements import MeasurementReader, missing_values
 from s2c2a.estimation.modal_model import (
     ModalFactors,
     ModalTable,
@@ -105,7 +105,8 @@ def start_estimate(
     """Estimate of an arm at rest."""
     configuration = configuration_map(inputs)
     state = disturbance_filter.start(configuration, payload)
-    return _estimate(disturbance_filter, configuration, state, {})
+    nothing = missing_values(disturbance_filter.sensors)
+    return _estimate(disturbance_filter, configuration, state, nothing)
 
 
 def update_estimate(
@@ -126,7 +127,7 @@ def _estimate(
     disturbance_filter: DisturbanceFilter,
     configuration: Float[Array, "modules 3"],
     state: FilterState,
-    measurements: Measurements,
+    measurements: Mapping[str, Array | np.ndarray],
 ) -> Estimate:
     disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)

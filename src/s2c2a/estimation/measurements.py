@@ -13,14 +13,20 @@ from s2c2a.measurements.repeats import RepeatDetector
 from s2c2a.spaces import Reading
 
 
+def missing_values(sensors: tuple[SensorModel, ...]) -> dict[str, np.ndarray]:
+    """NaN in the shape of every value that the sensors measure, by its name."""
+    missing: dict[str, np.ndarray] = {}
+    for sensor in sensors:
+        missing |= sensor.missing()
+    return missing
+
+
 class MeasurementReader:
     """Reads the measurements of all sensor models from readings."""
 
     def __init__(self, arm: ArmSpec, sensors: tuple[SensorModel, ...]):
         """Build the reader for the sensors of an arm."""
-        self._missing: dict[str, np.ndarray] = {}
-        for sensor in sensors:
-            self._missing |= sensor.missing()
+        self._missing = missing_values(sensors)
         needs_inclinations = "inclinations" in self._missing
         self._inclinometer = Inclinometer(arm) if needs_inclinations else None
         self.reset()

@@ -22,11 +22,11 @@ from s2c2a.estimation.kalman_estimator import (
     start_estimate,
     update_estimate,
 )
+from s2c2a.estimation.measurements import missing_values
 from s2c2a.execution.compilation import select
 from s2c2a.goals import Goal
 from s2c2a.planning import Plan
 from s2c2a.runtime.limits import CommandLimits, command_range
-from s2c2a.spaces import Reading
 from s2c2a.strategies.strategy import Strategy
 
 Measured = Mapping[str, Array | np.ndarray]
@@ -241,10 +241,5 @@ def _kalman_functions(estimator: KalmanEstimator) -> EstimatorFunctions:
     def update(last: Estimate, measured: Measured, measurements: Any) -> Estimate:
         return update_estimate(*parts, last.memory, measured, measurements)
 
-    nothing = Reading(0.0, {})
-    missing = {
-        name: np.full_like(values, np.nan)
-        for name, values in estimator.reader.measurements(nothing).items()
-    }
-    estimator.reader.reset()
+    missing = missing_values(estimator.filter.sensors)
     return EstimatorFunctions(estimator.sensors, missing, start, update)

@@ -114,4 +114,11 @@ def _scene(episode: Episode, step: int, numbers: dict[str, float]) -> StepScene:
         obstacles = rows_of(rows[step].astype(float))
         obstacles = obstacles[standing(obstacles)]
     time = numbers[LOG_TIME]
-    return StepScene(time, states, line, targets, obstacles, numbers)
+    return StepScene(
+        time=time,
+        states=states,
+        line=line,
+        targets=targets,
+        obstacles=obstacles,
+        numbers=numbers,
+    )

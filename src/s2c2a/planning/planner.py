@@ -174,8 +174,8 @@ class Plan(NamedTuple):
         disturbances: that the plan counts on, with payload moments; None for none.
         solver: memory of the solver.
         motion: of the goals.
-        rest: how slowly the arm moves to a goal that rests; None if the solver plans one
-            step.
+        rest: how slowly the arm moves to a goal that rests; None unless the solver is a
+            `Horizon`.
         judged: the outcome of the last step, as an integer.
         expectation: what the forward model predicts; NaN before the first step.
     """
@@ -256,7 +256,7 @@ class Step(NamedTuple):
             disturbances,
             self.solver.start(bends),
             GoalMotion.of(len(sensed)),
-            Rest.none(self.arm) if self.solver.looks_ahead else None,
+            Rest.none(self.arm) if isinstance(self.solver, Horizon) else None,
             jnp.asarray(Outcome.SOLVED, jnp.int32),
             Expectation.unknown(len(sensed), self.solver.looks_ahead),
         )
@@ -306,13 +306,12 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
-        rest = plan.rest
+        rest, stride = plan.rest, self.approach.stride
         if rest is not None:
             move = terms.largest_bend(planned.bends - problem.situation.last.bends)
             gaps = gaps_of(planned.states[:, POSITION], seen, goal)
             is_resting = rests(goal, motion, plan.motion)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            stride = self.approach.stride
             rest = rest.after(move, ahead, gaps, is_resting, self.arm, stride)
         new = {
             "configurations": planned.configurations,

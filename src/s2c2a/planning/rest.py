@@ -34,7 +34,7 @@ class Rest(NamedTuple):
     Attributes:
         step: longest change of a module's bend in a control step [rad].
         limit: of this step, shorter than any with which the arm swayed [rad].
-        is_slow: whether the goal rests, and the plan has arrived.
+        is_slow: whether the goal rests, and the plan has arrived or had its time.
         error: of the last window: root mean square [m].
         way: of commands in this window, as bends of the fastest module [rad].
         gaps: sum of the gaps between ends and goal in this window [m].

@@ -58,7 +58,14 @@ def ros(
     from s2c2a.integrations.ros.bridge import RosOptions
 
     require("ros", "zenoh", "rosbags")
-    options = RosOptions(endpoint, router, domain, namespace, frame, timeout)
+    options = RosOptions(
+        endpoint=endpoint,
+        router=router,
+        domain=domain,
+        namespace=namespace,
+        frame=frame,
+        timeout=timeout,
+    )
     factory = driven.factory()
     print_sessions(driven.weights)
     control_options = driven.control_options(strategy)
