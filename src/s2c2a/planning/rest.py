@@ -20,7 +20,7 @@ from s2c2a.goals import PREVIEW, Goal
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
 
-# chosen on held points of five randomized arms, under up to 150 g
+# chosen on held points of `twin_arm` and three randomized arms, under up to 150 g
 FALL = 0.1
 """Of the error, or of the way that commands allowed: a smaller fall has not helped."""
 CALM = 0.02  # of the arm's length: a window whose ends vary more has a sway
