@@ -11,7 +11,7 @@ import pytest
 from operations import count_operations
 from s2c2a.estimation import Estimate
 from s2c2a.execution.compilation import compiled
-from s2c2a.planning import LeastSquares
+from s2c2a.planning import Adam
 from s2c2a.tasks import circle
 
 from driving import Call, following, planner_of, straight
@@ -59,8 +59,8 @@ def test_100_looks_at_the_model(benchmark, networks, planned):
 
 
 def test_100_looks_with_slopes(benchmark, networks, planned):
-    least_squares = isinstance(networks.recipe.planner.solver, LeastSquares)
-    look = _look_with_slopes if least_squares else _look_with_gradient
+    is_adam = isinstance(networks.recipe.planner.solver, Adam)
+    look = _look_with_gradient if is_adam else _look_with_slopes
     benchmark(_turning(look, networks.c2s.for_planning(), planned[1]))
 
 

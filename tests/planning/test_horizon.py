@@ -12,10 +12,11 @@ from s2c2a.goals import PREVIEW, preview_stride, previewed
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.obstacles import HALF_EDGES
-from s2c2a.planning import BEST, Goal, Horizon, LeastSquares, Planner
+from s2c2a.planning import BEST, Goal, Horizon, Planner
 from s2c2a.planning.horizon import minimum
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.runtime.limits import arm_at
+from s2c2a_experiments.planners.one_step import LeastSquares
 
 from marks import slow_after
 

@@ -17,9 +17,10 @@ from s2c2a.kinematics import (
     states_from_configurations,
 )
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, Goal, LeastSquares, Planner
+from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.tasks import load_task
+from s2c2a_experiments.planners.one_step import LeastSquares
 
 from marks import slow_after
 

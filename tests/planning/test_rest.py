@@ -7,23 +7,26 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.goals import PREVIEW, Goal
+from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.planning import BEST
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
+from s2c2a.planning.planner import Step
 from s2c2a.planning.rest import CALM, GROWTH, SHRINKING, Rest, gaps_of, rests
 
 ARM = load_arm("twin_arm")
 LIMIT = ArmGeometry.of(ARM).step_limit
 SLOW = STILL * LIMIT
 WINDOW = 2 * PREVIEW
-YES = jnp.asarray(True)
-NO = jnp.asarray(False)
 NEAR = jnp.asarray(0.0)
 FAR = jnp.asarray(1.0)
+STEP = Step.of(ARM, PCCForwardModel.of(ARM), BEST)
+STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
-def step(rest, gaps, is_resting, ahead, share=1.0):
+def step(rest, gaps, ahead, share=1.0):
     """A step of which commands use a share."""
-    return rest.after(share * rest.step, ahead, gaps, is_resting, ARM, 1)
+    return rest.after(share * rest.step, ahead, gaps, ARM, 1)
 
 
 @pytest.fixture(scope="module")
@@ -38,20 +41,31 @@ def tip_gaps(values):
 
 def over(after, rest, gaps, share=1.0):
     for gap in gaps:
-        rest = after(rest, gap, YES, NEAR, share)
+        rest = after(rest, gap, NEAR, share)
     return rest
 
 
 def test_an_arm_is_slow_once_its_plan_has_reached_a_goal_that_rests(after):
     [gap] = tip_gaps([0.1])
     rest = Rest.none(ARM)
-    assert float(after(rest, gap, YES, FAR).step) == pytest.approx(LIMIT)
-    assert float(after(rest, gap, NO, NEAR).step) == pytest.approx(LIMIT)
-    slow = after(rest, gap, YES, NEAR)
+    assert float(after(rest, gap, FAR).step) == pytest.approx(LIMIT)
+    slow = after(rest, gap, NEAR)
     assert float(slow.step) == pytest.approx(SLOW)
     # it stays so, while what it sees changes its plan
-    assert float(after(slow, gap, YES, FAR).step) == pytest.approx(SLOW)
-    assert float(after(slow, gap, NO, NEAR).step) == pytest.approx(LIMIT)
+    assert float(after(slow, gap, FAR).step) == pytest.approx(SLOW)
+
+
+@pytest.mark.parametrize("distance", [0.1, 2.0], ids=["near", "out of reach"])
+def test_an_arm_follows_a_new_goal_from_the_first_step(distance):
+    next_plan = jax.jit(STEP.next_plan)
+    planned = STEP.started(STRAIGHT)
+    goal = Goal.of(3).with_position([distance, 0.0, 0.5])
+    for _ in range(WINDOW):
+        planned = next_plan(planned, STRAIGHT, goal)
+    slow = float(planned.rest.step)
+    assert slow < 0.2 * LIMIT
+    moved = next_plan(planned, STRAIGHT, goal.with_position([distance, 0.1, 0.5]))
+    assert float(abs(moved.bends - planned.bends).max()) > 1.1 * slow
 
 
 def test_steps_that_help_grow_and_others_shrink_to_a_least_one(after):
@@ -93,9 +107,9 @@ def test_an_arm_that_sees_nothing_becomes_slower(after):
 def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):
     rest = Rest.none(ARM)
     for gap in tip_gaps([0.1, 0.2] * (WINDOW // 2)):
-        rest = after(rest, gap, YES, FAR)
+        rest = after(rest, gap, FAR)
         assert float(rest.step) == pytest.approx(LIMIT)
-    assert float(after(rest, *tip_gaps([0.1]), YES, FAR).step) < 2.0 * SLOW
+    assert float(after(rest, *tip_gaps([0.1]), FAR).step) < 2.0 * SLOW
 
 
 def test_gaps_are_of_the_picture_where_there_is_one():
@@ -112,16 +126,21 @@ def test_gaps_are_of_the_picture_where_there_is_one():
 
 def test_goals_rest_that_neither_change_nor_will():
     goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
-    still = GoalMotion.of(3)
-    assert rests(goal, still, still)
-    assert not rests(Goal.of(3), still, still)
-    assert not rests(goal, still._replace(step=still.step + 0.01), still)
+
+    def after(before):
+        motion, _ = GoalMotion.of(3).after(before, jnp.zeros((3, 6)), STEP.approach)
+        return motion
+
+    assert rests(goal, after(goal))
+    assert not rests(Goal.of(3), after(Goal.of(3)))
+    assert not rests(goal, after(goal.with_position([0.11, 0.0, 0.5])))
     # another end or axis is desired
-    assert not rests(goal, still._replace(is_known=still.is_known + 1.0), still)
+    assert not rests(goal.with_axis([0.0, 0.0, 1.0]), after(goal))
     # an obstacle may grow
-    assert not rests(goal.with_obstacles([[0.2, 0.0, 0.5]], [0.05]), still, still)
+    beside = goal.with_obstacles([[0.2, 0.0, 0.5]], [0.05])
+    assert not rests(beside, after(beside))
     preview = np.tile(np.float32([0.1, 0.0, 0.5, 0.0, 0.0, 1.0]), (PREVIEW, 3, 1))
     preview[:, :-1] = np.nan
-    assert rests(goal._replace(preview=preview), still, still)
+    assert rests(goal._replace(preview=preview), after(goal))
     preview[-1, -1, 0] = 0.2
-    assert not rests(goal._replace(preview=preview), still, still)
+    assert not rests(goal._replace(preview=preview), after(goal))

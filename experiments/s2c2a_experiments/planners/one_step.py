@@ -14,12 +14,14 @@ import jax.numpy as jnp
 from s2c2a.arm import ArmSpec
 from s2c2a.control import InversePCC
 from s2c2a.estimation import EncoderEstimator, EncoderMap
-from s2c2a.kinematics import PCC
+from s2c2a.kinematics import PCC, configurations_from_bends
 from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning import Guard, LeastSquares, Planner, PlannerOptions
+from s2c2a.planning import Guard, Planner, PlannerOptions, Problem, Solver
+from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.planning.terms import (
     Axes,
     Candidate,
+    Configurations,
     Evenness,
     Limits,
     Obstacles,
@@ -36,6 +38,24 @@ from s2c2a.strategies import (
     StrategyOptions,
     TrainedNetworks,
 )
+
+
+@dataclass(frozen=True)
+class LeastSquares(Solver):
+    """Levenberg-Marquardt on bends of one step; every iterate stays within the step limit.
+
+    Attributes:
+        iterations: in a control step.
+    """
+
+    iterations: int = 10
+
+    def solve(self, problem: Problem) -> Configurations:
+        start = problem.situation.last.bends
+        bends, _ = solve_least_squares(
+            problem.stacked, start, problem.within_step, self.iterations
+        )
+        return configurations_from_bends(bends)
 
 
 @dataclass(frozen=True)

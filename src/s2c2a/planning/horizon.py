@@ -11,7 +11,7 @@ for a slope that points downhill stands still. Beside obstacles, such a step is 
 since iterations would go to and fro across their edges, beyond which the curvature is
 another one. Far from a goal the damping is
 larger, since Gauss-Newton leaves out the curvature of what stays of the residual (Fan and
-Yuan, Computing 74, 2005). The cheapest of the iterates is taken.
+Yuan, Computing 74, 2005). The cheapest of the iterates is taken, the later of equal ones.
 
 The forward model stands in the program once: each pass of one loop evaluates it, with its
 slopes, at the last plan and all knots. The last pass predicts what was planned.
@@ -43,6 +43,8 @@ Knots = Float[Array, "knots modules 2"]
 # measured in docs/results/failed-experiments.md#a-horizon
 DAMPING = 1e-2  # of squared slopes near one, since residuals are scaled
 FAR_DAMPING = 0.1  # further damping, of the squared residual
+ROUNDING = np.sqrt(np.finfo(np.float32).eps)
+"""Of costs: their last bit moves the minimum by its root."""
 SHARES = 0.5 ** np.arange(4.0, dtype=np.float32)  # of a step beside obstacles
 
 
@@ -210,7 +212,8 @@ class Horizon(Solver):
         accepts = fits | (search.rejected == len(SHARES) - 1)
         chosen = select(fits, expansion, cheapest)
         base = select(accepts, chosen, search.base)
-        is_better = accepts & ~is_first & ~is_last & (chosen.cost < search.best.cost)
+        excess = chosen.cost - search.best.cost
+        is_better = accepts & ~is_first & ~is_last & (excess < ROUNDING * chosen.cost)
         best = select(is_better, chosen, search.best)
 
         accepted = search.accepted + accepts

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.estimation.modal_model import ModalFactors, first_mode
@@ -93,6 +93,12 @@ class GoalMotion(NamedTuple):
         targets = rows[: 2 * modules]
         return cls(rows, rows, targets, targets[:, :1], jnp.stack([targets] * 3))
 
+    def stays(self, goal: Goal) -> Bool[Array, ""]:
+        """Whether a goal is as the last one was."""
+        now = _rows(goal)
+        is_same = (now == self.latest[: len(now)]).all()
+        return is_same & (_desired(goal) == self.is_known).all()
+
     def after(
         self,
         goal: Goal,
@@ -129,9 +135,8 @@ class GoalMotion(NamedTuple):
             following = now + (foreseen[0] - now) / (approach.stride - 1)
         else:
             following = foreseen[1]
-        weights = jnp.concatenate([goal.position_weights, goal.axis_weights])
-        is_desired = (weights[:, None] > 0.0).astype(jnp.float32)
-        targets = len(weights)
+        is_desired = _desired(goal)
+        targets = len(is_desired)
         present = jnp.concatenate(jnp.split(states, 2, axis=1))
         jump = now[:targets] - jnp.where(self.is_known > 0.0, self.expected, present)
         distance = jnp.linalg.norm(jump, axis=1, keepdims=True)
@@ -160,6 +165,11 @@ def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *res
     value, slope, curve = offset
     later = value + time * (slope + time * curve), slope + 2.0 * time * curve, curve
     return jnp.exp(-time) * jnp.stack(later)
+
+
+def _desired(goal: Goal) -> Float[Array, "targets 1"]:
+    weights = jnp.concatenate([goal.position_weights, goal.axis_weights])
+    return (weights[:, None] > 0.0).astype(jnp.float32)
 
 
 def _rows(goal: Goal) -> Rows:

@@ -34,7 +34,7 @@ from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
 from s2c2a.planning.outcomes import Outcome, judge
 from s2c2a.planning.rest import Rest, gaps_of, rests
-from s2c2a.planning.solvers import Adam, LeastSquares, Problem, Solver
+from s2c2a.planning.solvers import Adam, Problem, Solver
 from s2c2a.planning.terms import (
     TERMS,
     Bends,
@@ -57,9 +57,7 @@ Where an arm cannot reach position and axis, as one that is shorter than its arm
 states, its ends stay near their positions.
 """
 SOLVERS: Registry[Solver] = Registry(
-    "solver",
-    Solver,
-    {"Adam": Adam, "LeastSquares": LeastSquares, "Horizon": Horizon},
+    "solver", Solver, {"Adam": Adam, "Horizon": Horizon}
 )
 AnySolver = Annotated[
     Solver | CustomComponent, SkipValidation, BeforeValidator(SOLVERS.read)
@@ -296,7 +294,11 @@ class Step(NamedTuple):
         if hysteresis is None:
             hysteresis = self.model.observe(sensed, plan.memory)
         memory = select_if_finite(hysteresis, plan.memory)
-        last = plan._replace(memory=memory, disturbances=disturbances)
+        rest, stride = plan.rest, self.approach.stride
+        if rest is not None:
+            is_resting = rests(self._near(goal), plan.motion)
+            rest = select(is_resting, rest, Rest.none(self.arm))
+        last = plan._replace(memory=memory, disturbances=disturbances, rest=rest)
         problem = self._begun(last, goal, lead)
         planned, motion, solver, tips = self.solver.next(problem, plan.solver)
         lengths = ArmGeometry.of(self.arm).lengths
@@ -306,13 +308,11 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
-        rest, stride = plan.rest, self.approach.stride
         if rest is not None:
             move = terms.largest_bend(planned.bends - problem.situation.last.bends)
             gaps = gaps_of(planned.states[:, POSITION], seen, goal)
-            is_resting = rests(goal, motion, plan.motion)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            rest = rest.after(move, ahead, gaps, is_resting, self.arm, stride)
+            rest = rest.after(move, ahead, gaps, self.arm, stride)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
@@ -368,13 +368,9 @@ class Step(NamedTuple):
         situation = begun.situation._replace(last=candidate)
         goal = situation.goal
         load = last.disturbances.payload if last.disturbances else 0.0
-        # from targets far beyond the arm, a plan would swing from side to side
-        reach = np.cumsum(ArmGeometry.of(self.arm).lengths)
-        told, axes = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
-        preview = jnp.concatenate([limit_lengths(told, reach), axes], axis=-1)
-        positions = limit_lengths(goal.positions, reach)
-        near = goal._replace(positions=positions, preview=preview)  # type: ignore[arg-type]
-        motion, ahead = last.motion.after(near, candidate.states, self.approach, load)
+        motion, ahead = last.motion.after(
+            self._near(goal), candidate.states, self.approach, load
+        )
         if lead is not None:
             ahead = led(ahead, lead, candidate.states[-1, POSITION])
             is_led = jnp.asarray(lead.weight) > 0.0
@@ -382,6 +378,14 @@ class Step(NamedTuple):
             goal = select(is_led, first, goal)
             situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
         return begun._replace(situation=situation, motion=motion, ahead=ahead)
+
+    def _near(self, goal: Goal) -> Goal:
+        """A goal from whose targets, far beyond the arm, no plan swings from side to side."""
+        reach = np.cumsum(ArmGeometry.of(self.arm).lengths)
+        told, axes = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
+        preview = jnp.concatenate([limit_lengths(told, reach), axes], axis=-1)
+        positions = limit_lengths(goal.positions, reach)
+        return goal._replace(positions=positions, preview=preview)  # type: ignore[arg-type]
 
     @property
     def _guarded(self) -> GuardedPoints:

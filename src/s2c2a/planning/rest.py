@@ -67,17 +67,15 @@ class Rest(NamedTuple):
         move: Float[Array, ""],
         ahead: Float[Array, ""],
         gaps: Float[Array, "modules 3"],
-        is_resting: Bool[Array, ""],
         arm: ArmSpec,
         stride: int,
     ) -> "Rest":
-        """After another control step.
+        """After another control step to a goal that rests.
 
         Args:
             move: of the commands: largest change of a module's bend [rad].
             ahead: the same from here to the end of the horizon.
             gaps: between ends and goal [m]; NaN if nothing was seen.
-            is_resting: whether the goal rests.
             arm: its limits hold.
             stride: control steps between two moments of a preview.
         """
@@ -87,7 +85,7 @@ class Rest(NamedTuple):
         seen = jnp.where(is_judged, gaps, 0.0)
         window = 2 * PREVIEW * stride  # longer than the slowest vibration
         arrived = ahead < PREVIEW * stride * slow  # slow steps do not hold the plan up
-        is_slow = is_resting & (self.is_slow | arrived | (self.steps >= window))
+        is_slow = self.is_slow | arrived | (self.steps >= window)
         now = self._replace(
             step=jnp.where(
                 self.is_slow, self.step, jnp.where(is_slow, slow, none.step)
@@ -112,8 +110,7 @@ class Rest(NamedTuple):
         limit = jnp.where(sways, shorter, now.limit)
         step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
         later = none._replace(step=step, limit=limit, is_slow=is_slow, error=error)
-        is_over = is_slow & (now.steps >= window)
-        return select(is_resting, select(is_over, later, now), none)
+        return select(is_slow & (now.steps >= window), later, now)
 
 
 def gaps_of(
@@ -136,11 +133,10 @@ def gaps_of(
     return jnp.where(is_desired, ends - goal.positions, 0.0 * ends)
 
 
-def rests(goal: Goal, motion: GoalMotion, before: GoalMotion) -> Bool[Array, ""]:
+def rests(goal: Goal, before: GoalMotion) -> Bool[Array, ""]:
     """Whether a goal of positions, without obstacles, stays as it is, as far as known."""
     same = jnp.concatenate([goal.positions, goal.axes], axis=-1)
     will_move = (goal.preview != same) & ~jnp.isnan(goal.preview)
-    moves = (motion.step != 0.0).any() | will_move.any()
-    moves |= (motion.is_known != before.is_known).any()
+    moves = ~before.stays(goal) | will_move.any()
     is_desired = jnp.asarray(goal.position_weights > 0.0).any()
     return is_desired & ~moves & ~(jnp.asarray(goal.thresholds) > 0.0).any()

@@ -317,24 +317,6 @@ class Adam(Solver):
         )
 
 
-@dataclass(frozen=True)
-class LeastSquares(Solver):
-    """Levenberg-Marquardt on bends; every iterate stays within the step limit.
-
-    Attributes:
-        iterations: in a control step.
-    """
-
-    iterations: int = 10
-
-    def solve(self, problem: Problem) -> Configurations:
-        start = problem.situation.last.bends
-        bends, _ = solve_least_squares(
-            problem.stacked, start, problem.within_step, self.iterations
-        )
-        return configurations_from_bends(bends)
-
-
 def reach_gaps(
     arm: ArmSpec, positions: Float[np.ndarray, "points 3"], module: int = -1
 ) -> Float[np.ndarray, " points"]:
