@@ -18,7 +18,7 @@ from s2c2a.jobs.rows import score_rows
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.tasks import TASKS
-from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
+from s2c2a_experiments import tables
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
     latex_table,
@@ -35,6 +35,7 @@ from s2c2a_experiments.tables import (
     mean_rows,
     sensing_coupled,
 )
+from s2c2a_experiments.workspace import estimation_errors_deg, sensing_rows
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
 ROW = Row(
@@ -93,7 +94,7 @@ def test_coupled_cables_pull_with_half_the_tension():
 
 
 def test_every_task_strategy_and_arm_of_a_table_exists():
-    blocks = [block for table in TABLES.values() for block in table.blocks]
+    blocks = [block for table in TABLES.values() for block in table]
     assert {task for block in blocks for task in block.tasks} <= set(TASKS)
     for strategy in {name for block in blocks for name in block.strategies}:
         assert STRATEGIES.find(strategy)
@@ -105,7 +106,7 @@ def test_rows_of_a_table_can_be_told_apart():
     for table in TABLES.values():
         runs = [
             (block.arm().name, block.label, task, strategy)
-            for block in table.blocks
+            for block in table
             for task in block.tasks
             for strategy in block.strategies
         ]
@@ -122,6 +123,20 @@ def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
 def test_a_table_without_strategies_refuses_further_ones(tmp_path):
     with pytest.raises(S2C2AError, match="compares no strategies"):
         make_table("networks", tmp_path, [0], list, recipe_named("best"), ["lstm"])
+
+
+def test_every_task_has_a_figure_with_all_strategies(monkeypatch, tmp_path):
+    monkeypatch.setattr(tables, "trace_of", lambda run: run.strategy)
+    monkeypatch.setattr(tables, "run_figure", lambda *drawn: drawn)
+    jobs = jobs_for(
+        ["circle", "tilt-50"], TWIN, ["s2c2a", "pcc"], [0], recipe_named("best")
+    )
+    runs = [Run(job, None, []) for job in jobs]
+    figures = tables._draw(runs, "50 g at the tip", tmp_path)
+    assert [(traces, path.name) for traces, _, path, _ in figures] == [
+        (["s2c2a", "pcc"], f"figure-twin_arm-{task}-50-g-at-the-tip.png")
+        for task in ("circle", "tilt-50")
+    ]
 
 
 def test_means_over_tilt_tasks_are_those_worked_by_hand():

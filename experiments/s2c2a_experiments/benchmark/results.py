@@ -13,10 +13,10 @@ from s2c2a.evaluation.report import save_csv
 from s2c2a.files.text import write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.figure import planners_figure
 from s2c2a_experiments.benchmark.protocol import TASKS
 from s2c2a_experiments.benchmark.result_files import save_results
 from s2c2a_experiments.benchmark.scores import Metric, keeps_clear
-from s2c2a_experiments.figures.planners import planners_figure
 from s2c2a_experiments.table_files import (
     latex_table,
     markdown_escaped,
