@@ -169,8 +169,8 @@ def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
         results.keep(payload_rows(networks, loaded, SEEN, results.keep))
 
 
-WEAK: dict[str, Any] = {"arms": 10, "strengths": (0.5,)}
-STRONG: dict[str, Any] = {"arms": 3, "strengths": (1.0,)}
+WEAK: dict[str, Any] = {"arms": 10, "strength": 0.5}
+STRONG: dict[str, Any] = {"arms": 3, "strength": 1.0}
 """Mismatch of randomized arms."""
 COMPARED = ("best", "best-long", "paper", "pcc-fitted")
 HELD: dict[str, Any] = {"strategies": ("best",), "tasks": ("circle",), "targets": 200}
@@ -186,11 +186,11 @@ RANDOMIZED = {
     ),
     "randomised-arms-paths": (
         "paths at two paces, strength 0.5",
-        PATHS_ALONE | {"arms": 4, "strengths": (0.5,)},
+        PATHS_ALONE | {"arms": 4, "strength": 0.5},
     ),
     "randomised-arms-paths-strong": (
         "paths at two paces, strength 1",
-        PATHS_ALONE | {"arms": 2, "strengths": (1.0,)},
+        PATHS_ALONE | {"arms": 2, "strength": 1.0},
     ),
     "randomised-arms-held": ("200 held targets, strength 0.5", WEAK | HELD),
     "randomised-arms-held-strong": ("200 held targets, strength 1", STRONG | HELD),
@@ -282,7 +282,7 @@ def _study(
     averages = [row for row in rows if " arms at " in row.arm]
     print_results(title or name, averages or rows, [], directory)
     if as_table:
-        print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
+        print(f"table: {directory / name}.md (.csv, .json next to it)")
 
 
 def _make(

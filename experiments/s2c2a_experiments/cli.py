@@ -70,7 +70,7 @@ def _paper_tables(
             path = table_files.save_table(table, rows, directory, compared)
             title = f"{table}, recipe {chosen.name}, {counted(seeds, 'seed')}"
             print_results(title, rows, figures, directory)
-            print(f"table: {path} (.csv, .tex, .json next to it)")
+            print(f"table: {path} (.csv, .json next to it)")
 
 
 TABLES: dict[str, tuple[str, Callable[..., None]]] = {

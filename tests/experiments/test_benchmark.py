@@ -84,7 +84,7 @@ def short(monkeypatch):
     monkeypatch.setattr(protocol, "protocol_arms", lambda: [TWIN_ARM])
 
 
-def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
+def test_an_entry_from_a_file_is_in_the_table_by_one_command(
     own, short, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -95,8 +95,6 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
     assert {line[0] for line in table[1:]} == {"`mine`", "`pcc`"}
     notes = (tmp_path / "run" / "planners.md").read_text(encoding="utf-8")
     assert "`mine` ignores obstacles: obstacles" in notes
-    page = (tmp_path / "run" / "planners.html").read_text(encoding="utf-8")
-    assert "<code>mine</code>" in page
     saved = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
     assert {each["entrant"] for each in json.loads(saved)["results"]} == {"mine", "pcc"}
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "run/runs").iterdir()}

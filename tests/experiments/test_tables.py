@@ -21,7 +21,6 @@ from s2c2a.tasks import TASKS
 from s2c2a_experiments import tables
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
-    latex_table,
     load_comparison,
     load_rows,
     markdown_escaped,
@@ -187,33 +186,12 @@ def test_markdown_names_recipes_seeds_and_first_modes(tmp_path):
     assert text[-1] == "twin_arm: first bending mode 1.23 Hz, damping ratio 0.05."
 
 
-def test_latex_escapes_what_would_break_it_and_keeps_its_columns(tmp_path):
-    save_table("tracking", [ROW, OTHER], tmp_path)
-    lines = (tmp_path / "tracking.tex").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == r"\begin{tabular}{lllrrrr}"
-    assert lines[2].startswith(
-        r"twin\_arm: circle & position [cm] & s2c2a & 0.51 $\pm$ 0.25 & 0.10 &"
-    )
-    assert lines[3].startswith(r"twin\_arm: 100\%\_way (50 g \& \#2) & position")
-    assert [line.replace(r"\&", "").count("&") for line in lines[1:4]] == [6, 6, 6]
-    assert all(line.endswith(r"\\") for line in lines[2:4])
-    assert lines[-1] == r"\end{tabular}"
-
-
 def test_names_show_as_they_are_in_every_kind_of_table():
     name = r"`a|b` $x^2$ {\~} <i>"
     assert markdown_table(["x"], [[name]]).splitlines()[2] == (
         r"| `a\|b` $x^2$ {\~} <i> |"
     )
     assert markdown_escaped(name) == r"`a|b` $x^2$ {\\~} \<i\>"
-    assert (
-        latex_table(["x"] * 3, [[name, "", ""]])
-        .splitlines()[2]
-        .startswith(
-            r"\texttt{a|b} \$x\textasciicircum{}2\$ "
-            r"\{\textbackslash{}\textasciitilde{}\} <i>"
-        )
-    )
 
 
 def test_what_never_recovers_comes_back_from_strict_json(tmp_path):
