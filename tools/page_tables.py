@@ -433,7 +433,7 @@ def _strong_mismatch(recipe: str) -> str:
     return number(_mean_value(file, "circle", "position", recipe))
 
 
-REAL_FILES = ("opencr_v4", "stanford_trunk", "kosice")
+REAL_FILES = ("opencr_v4", "stanford_trunk")
 REAL_SCORES = {
     "tip": "tip [mm]",
     "log likelihood": "log likelihood [nats]",
@@ -449,7 +449,6 @@ def real_table() -> str:
     rows = [
         (file, row)
         for file in REAL_FILES
-        if (RESULTS / f"real/{file}.json").exists()
         for row in find_rows(f"real/{file}.json")
         if row["metric"] in REAL_SCORES
     ]

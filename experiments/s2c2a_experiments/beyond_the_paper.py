@@ -169,20 +169,19 @@ def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
         results.keep(payload_rows(networks, loaded, SEEN, results.keep))
 
 
-WEAK: dict[str, Any] = {"arms": 10, "strength": 0.5}
-STRONG: dict[str, Any] = {"arms": 3, "strength": 1.0}
-"""Mismatch of randomized arms."""
-COMPARED = ("best", "best-long", "paper", "pcc-fitted")
-HELD: dict[str, Any] = {"strategies": ("best",), "tasks": ("circle",), "targets": 200}
 PATHS_ALONE: dict[str, Any] = {"strategies": ("best",), "tasks": PATHS, "targets": 0}
-RANDOMIZED = {
+RANDOMIZED: dict[str, tuple[str, dict[str, Any]]] = {
     "randomised-arms": (
         "all strategies on arms with random model mismatch, of strength 0.5",
-        WEAK | {"targets": 20},
+        {"arms": 10, "strength": 0.5},
     ),
     "randomised-arms-strong": (
         "the same, of strength 1",
-        STRONG | {"strategies": COMPARED, "targets": 20},
+        {
+            "arms": 3,
+            "strength": 1.0,
+            "strategies": ("best", "best-long", "paper", "pcc-fitted"),
+        },
     ),
     "randomised-arms-paths": (
         "paths at two paces, strength 0.5",
@@ -192,8 +191,6 @@ RANDOMIZED = {
         "paths at two paces, strength 1",
         PATHS_ALONE | {"arms": 2, "strength": 1.0},
     ),
-    "randomised-arms-held": ("200 held targets, strength 0.5", WEAK | HELD),
-    "randomised-arms-held-strong": ("200 held targets, strength 1", STRONG | HELD),
 }
 TABLES: dict[str, tuple[str, Callable[..., None]]] = {
     "ingredients": ("ablation study of the recipe `best`", _ingredients),

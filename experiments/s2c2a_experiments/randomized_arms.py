@@ -53,7 +53,7 @@ class RandomizedArmsStudy:
     strength: float = 0.5
     strategies: tuple[str, ...] = ("best", "paper", "pcc", "pcc-fitted")
     tasks: tuple[str, ...] = TASKS
-    targets: int = 200
+    targets: int = 20
     seed: int = 0
 
     def randomized(self) -> list[ArmSpec]:
