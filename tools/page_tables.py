@@ -315,25 +315,6 @@ def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | Non
     return None if row is None else row["mean"]
 
 
-@shown_as("other-data")
-def other_data_table() -> str:
-    """Kinds of babbling: position errors of every arm, and the ratios over all arms."""
-    file = "data/results.json"
-    rows = find_rows(file)
-    kinds = dict.fromkeys(row["strategy"] for row in rows if row["unit"] == "cm")
-    arms = dict.fromkeys(row["arm"] for row in rows if row["unit"] == "cm")
-    lines = []
-    for kind in kinds:
-        cells = []
-        for arm in arms:
-            of_arm = find_rows(file, arm=arm, strategy=kind, metric="position")
-            cells.append("; ".join(number(row["mean"]) for row in of_arm))
-        ratios = find_rows(file, strategy=kind, unit="times")
-        text = " to ".join(number(row["mean"]) for row in ratios) or "1"
-        lines.append([f"`{kind}`", *cells, text])
-    return table(["data", *(f"`{arm}`" for arm in arms), "times `coverage`"], lines)
-
-
 @shown_as("sensors")
 def sensors_table() -> str:
     """The circle with unknown payloads, by sensors."""
@@ -452,7 +433,7 @@ def _strong_mismatch(recipe: str) -> str:
     return number(_mean_value(file, "circle", "position", recipe))
 
 
-REAL_FILES = ("opencr_v4", "stanford_trunk", "kosice")
+REAL_FILES = ("opencr_v4", "stanford_trunk")
 REAL_SCORES = {
     "tip": "tip [mm]",
     "log likelihood": "log likelihood [nats]",
@@ -468,7 +449,6 @@ def real_table() -> str:
     rows = [
         (file, row)
         for file in REAL_FILES
-        if (RESULTS / f"real/{file}.json").exists()
         for row in find_rows(f"real/{file}.json")
         if row["metric"] in REAL_SCORES
     ]
@@ -625,18 +605,6 @@ def shapes_table() -> str:
         lines.append([*heading, *(number(one["mean"], 2) for one in rows)])
     header = ["arm", "curves", "strategy", "distance [cm]", "largest [cm]"]
     return table([*header, "tip [cm]", "best fit [cm]"], lines)
-
-
-@shown_as("open-loop")
-def open_loop_table() -> str:
-    """Errors of predictions over a second on a real arm."""
-    file = "open-loop/stanford_trunk.json"
-    metrics = ("tip, mean over 1 s", "tip after 0.5 s", "tip after 1 s")
-    lines = []
-    for model in ("at rest", "with vibration", "linear with delays"):
-        rows = [find_row(file, strategy=model, metric=metric) for metric in metrics]
-        lines.append([model, *(number(row["mean"], 1) for row in rows)])
-    return table(["error [mm]", "mean over 1 s", "after 0.5 s", "after 1 s"], lines)
 
 
 @shown_as("stability")

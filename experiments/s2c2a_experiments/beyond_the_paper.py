@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2c2a.arm import load_arm, randomized_arm
-from s2c2a.cli.console import print_results, print_table, progress_bar
+from s2c2a.cli.console import print_results, progress_bar
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
-from s2c2a.errors import S2C2AError, counted
+from s2c2a.errors import counted
 
 if TYPE_CHECKING:
     from s2c2a.evaluation.report import Row
@@ -27,67 +27,6 @@ def _ingredients(seeds: int = 3, arm: str = "twin_arm", work: Work = ALL_CORES) 
     with run_directory("ingredients", options, work, resume=True) as (directory, make):
         rows = ablation_rows(_seeds(seeds), make, arm)
     print(save_across("ingredients", rows, directory).read_text(encoding="utf-8"))
-
-
-def _circle(seeds: int = 3, recipe: str = "best", work: Work = ALL_CORES) -> None:
-    from s2c2a.jobs.circle import circle_table
-    from s2c2a.strategies import recipe_from
-
-    options = {"seeds": seeds, "recipe": recipe}
-    with run_directory("circle", options, work, own_data=True) as (directory, make):
-        rows, pictures = circle_table(
-            directory, _seeds(seeds), make, recipe_from(recipe), "fast"
-        )
-    print_results(f"circle, {counted(seeds, 'seed')}", rows, pictures, directory)
-
-
-def _controller(
-    seeds: int = 3,
-    recipe: str = "best",
-    arm: str | None = None,
-    work: Work = ALL_CORES,
-) -> None:
-    """The references are recorded while inverse PCC follows the circle at three speeds."""
-    from s2c2a.evaluation.report import save_rows
-    from s2c2a.jobs.circle import ARMS
-    from s2c2a.strategies import recipe_from
-    from s2c2a_experiments.circle import controller_table
-
-    names = (arm,) if arm else ARMS
-    options = {"seeds": seeds, "recipe": recipe, "arms": names}
-    with run_directory("controller", options, work, own_data=True) as (directory, make):
-        arms = [load_arm(name) for name in names]
-        rows, final_errors = controller_table(
-            arms, _seeds(seeds), make, recipe_from(recipe)
-        )
-    save_rows(rows, directory / "results.json")
-    print_results("C2A in closed loop, 1000 steps", rows, [], directory)
-    print(
-        "mean of the last 200 steps, worst seed [deg]: "
-        + ", ".join(f"{error:.2f}" for error in final_errors)
-    )
-
-
-def _calibration(arm: str = "twin_arm", seeds: int = 1) -> None:
-    from s2c2a.execution.executors import limit_jax_to_one_thread
-    from s2c2a_experiments import calibration as study
-
-    limit_jax_to_one_thread()
-    spec = load_arm(arm)
-    study.check_comparable(spec)
-    measured = study.mean_measurements(spec, _seeds(seeds))
-    rows = []
-    for claim in study.claims_for(spec):
-        value = measured[claim.quantity]
-        shown = f"{value:.2f} {claim.unit}"
-        holds = "yes" if claim.holds(value) else "NO"
-        tolerance = f"± {claim.tolerance:.0%}"
-        rows.append((claim.quantity, shown, f"{claim.paper:g}", tolerance, holds))
-    for name, claim in zip(("I", "II", "III"), study.LARGEST, strict=True):
-        shown = f"{measured[claim.quantity]:.1f} deg"
-        rows.append((f"largest {name}", shown, f"{claim.paper:g}", "", "reported"))
-    header = ("quantity", "measured", "paper", "tolerance", "within")
-    print_table(f"{spec.name} compared with the paper's arm", header, rows)
 
 
 def _randomized_arms(
@@ -187,24 +126,6 @@ def _sensor_faults(
     _make(study.EXPERIMENT, compared, study.sensor_fault_rows, work)
 
 
-def _data(
-    files: Sequence[Path] = (),
-    arm: str = "twin_arm",
-    seeds: int = 3,
-    work: Work = ALL_CORES,
-) -> None:
-    """A kind is chosen if its errors are smaller by two standard errors over the arms."""
-    from s2c2a_experiments import data_choice as study
-
-    base = load_arm(arm)
-    drawn = ((31, 0.5), (33, 0.5), (32, 1.0), (34, 1.0))
-    arms = [base, load_arm("simulated_arm"), *map(load_arm, files)]
-    arms += [randomized_arm(base, *pair) for pair in drawn]
-    compared = study.DataStudy(tuple(arms), seeds=_seeds(seeds))
-    rows = _make(study.EXPERIMENT, compared, study.data_rows, work)
-    print(f"chosen: {study.choice(rows, compared.kinds)}")
-
-
 def _session(arm: str = "twin_arm", work: Work = ALL_CORES) -> None:
     from s2c2a_experiments import session as study
 
@@ -230,24 +151,6 @@ def _real(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None
         results.keep(real_rows(study, range(seeds), progress, results.keep))
 
 
-def _open_loop(files: Sequence[Path], seeds: int = 1, work: Work = ALL_CORES) -> None:
-    """One recording trains; held-out blocks of it are predicted."""
-    from s2c2a.data import load_recording
-    from s2c2a_experiments.open_loop import EXPERIMENT, open_loop_rows
-    from s2c2a_experiments.real import BLOCK, GAP, split_blocks
-
-    if len(files) != 1:
-        raise S2C2AError(
-            f"{counted(len(files), 'file')} were given; name one recording"
-        )
-    (recording,) = files
-    recorded = load_recording(recording)
-    split = split_blocks(recorded, BLOCK)
-    options = {"recording": str(recording), "seeds": seeds}
-    with _study(EXPERIMENT, options, work, resume=False, as_table=True) as results:
-        results.keep(open_loop_rows(recorded, split, GAP, range(seeds)))
-
-
 def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
     """Weights that are trained without payload, then recordings of the same arm with one.
 
@@ -266,59 +169,31 @@ def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
         results.keep(payload_rows(networks, loaded, SEEN, results.keep))
 
 
-def _plans(files: Sequence[Path] = (), work: Work = ALL_CORES) -> None:
-    """Networks of the package are compared on more problems than those of files."""
-    from s2c2a import strategies
-    from s2c2a.jobs.circle import ARMS
-    from s2c2a_experiments.plans import plan_rows
-
-    count = 400 if files else 10_000
-    networks = [strategies.load_networks(path) for path in files]
-    if not networks:
-        networks = [strategies.shipped_networks(load_arm(name)) for name in ARMS]
-    title = f"{count} plans compared with a long search"
-    options = {"weights": files, "count": count, "seed": 0}
-    with _study("plans", options, work, title, resume=False) as results:
-        results.keep(plan_rows(networks, count, 0, results.keep))
-
-
-WEAK: dict[str, Any] = {"arms": 10, "strengths": (0.5,)}
-STRONG: dict[str, Any] = {"arms": 3, "strengths": (1.0,)}
-"""Mismatch of randomized arms."""
-COMPARED = ("best", "best-long", "paper", "pcc-fitted")
-HELD: dict[str, Any] = {"strategies": ("best",), "tasks": ("circle",), "targets": 200}
 PATHS_ALONE: dict[str, Any] = {"strategies": ("best",), "tasks": PATHS, "targets": 0}
-RANDOMIZED = {
+RANDOMIZED: dict[str, tuple[str, dict[str, Any]]] = {
     "randomised-arms": (
         "all strategies on arms with random model mismatch, of strength 0.5",
-        WEAK | {"targets": 20},
+        {"arms": 10, "strength": 0.5},
     ),
     "randomised-arms-strong": (
         "the same, of strength 1",
-        STRONG | {"strategies": COMPARED, "targets": 20},
+        {
+            "arms": 3,
+            "strength": 1.0,
+            "strategies": ("best", "best-long", "paper", "pcc-fitted"),
+        },
     ),
     "randomised-arms-paths": (
         "paths at two paces, strength 0.5",
-        PATHS_ALONE | {"arms": 4, "strengths": (0.5,)},
+        PATHS_ALONE | {"arms": 4, "strength": 0.5},
     ),
     "randomised-arms-paths-strong": (
         "paths at two paces, strength 1",
-        PATHS_ALONE | {"arms": 2, "strengths": (1.0,)},
+        PATHS_ALONE | {"arms": 2, "strength": 1.0},
     ),
-    "randomised-arms-held": ("200 held targets, strength 0.5", WEAK | HELD),
-    "randomised-arms-held-strong": ("200 held targets, strength 1", STRONG | HELD),
 }
 TABLES: dict[str, tuple[str, Callable[..., None]]] = {
     "ingredients": ("ablation study of the recipe `best`", _ingredients),
-    "circle": ("the circle on both arms: ours, pcc and pcc-fitted", _circle),
-    "controller": (
-        "the controller C2A alone, on recorded reference configurations",
-        _controller,
-    ),
-    "calibration": (
-        "properties of the simulated arm beside those that the paper reports",
-        _calibration,
-    ),
     "sensors": ("tip errors under unknown payloads for sets of sensors", _sensors),
     "sensor-faults": (
         "errors on the circle while a sensor is faulty",
@@ -341,21 +216,9 @@ TABLES: dict[str, tuple[str, Callable[..., None]]] = {
         "moved frames, other homing and stiffness, before and after a session",
         _session,
     ),
-    "data": (
-        "kinds of babbling compared; FILE ...: further arm files",
-        _data,
-    ),
-    "plans": (
-        "random planning problems beside a long search; FILE ...: weights",
-        _plans,
-    ),
     "real": (
         "forward models on real arms; FILE ...: a recording, and others to test on",
         _real,
-    ),
-    "open-loop": (
-        "predictions of a second without measurements; FILE: a recording",
-        _open_loop,
     ),
     "payloads": (
         "estimated payloads of a real arm; FILE ...: weights, then recordings",
@@ -416,7 +279,7 @@ def _study(
     averages = [row for row in rows if " arms at " in row.arm]
     print_results(title or name, averages or rows, [], directory)
     if as_table:
-        print(f"table: {directory / name}.md (.csv, .tex, .json next to it)")
+        print(f"table: {directory / name}.md (.csv, .json next to it)")
 
 
 def _make(

@@ -30,8 +30,6 @@ PAPER = {
     "networks": "Table II: held-out errors of both networks",
     "workspace": "estimation errors and workspaces of section II-D",
 }
-WORK = ("out", "overwrite", "jobs", "cluster")
-"""Options of `work`."""
 
 
 def _paper_tables(
@@ -72,7 +70,7 @@ def _paper_tables(
             path = table_files.save_table(table, rows, directory, compared)
             title = f"{table}, recipe {chosen.name}, {counted(seeds, 'seed')}"
             print_results(title, rows, figures, directory)
-            print(f"table: {path} (.csv, .tex, .json next to it)")
+            print(f"table: {path} (.csv, .json next to it)")
 
 
 TABLES: dict[str, tuple[str, Callable[..., None]]] = {
@@ -81,7 +79,7 @@ TABLES: dict[str, tuple[str, Callable[..., None]]] = {
 }
 """Name -> summary, and a function whose parameters are the options that it takes."""
 TABLES["all"] = (
-    "all tables and figures of the paper",
+    "all tables of the paper",
     partial(_paper_tables, "all", tuple(name for name in PAPER if name != "paths")),
 )
 TABLES |= beyond_the_paper.TABLES
@@ -136,12 +134,6 @@ def reproduce(
     _, make = TABLES[name]
     taken = inspect.signature(make).parameters
     without_effect = [key for key in options if key not in taken]
-    if "work" in taken:
-        options["work"] = work
-    else:
-        for key in WORK:
-            if getattr(work, key) != getattr(ALL_CORES, key):
-                without_effect.append(key)
     if without_effect:
         words = ["FILE" if key == "files" else f"--{key}" for key in without_effect]
         raise S2C2AError(
@@ -152,7 +144,7 @@ def reproduce(
     if not files and "files" in taken and taken["files"].default is required:
         raise S2C2AError(f"the table '{name}' is made from files; name them")
     try:
-        make(**options)
+        make(**options, work=work)
     except KeyboardInterrupt:
         print("finished work is kept: repeat the command to continue")
         raise

@@ -12,11 +12,10 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
-from s2c2a.errors import S2C2AError, StrategyError, counted
 from s2c2a.evaluation import Row, position_errors
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import Recipe, recipe_from, recipe_named
+from s2c2a.strategies import Recipe, recipe_named
 from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
 from s2c2a_experiments.run_rows import labeled, prediction_rows
@@ -27,7 +26,6 @@ EXPERIMENT = "randomised-arms"
 TASKS = ("circle", *TILTS, "hold-middle")
 BASELINES = "pcc", "pcc-fitted"
 """Strategies other than the paper's; they are trained as the recipe `best` says."""
-STRENGTHS = (0.5, 1.0)
 REACHABLE_FROM = 0.75  # mismatch strength from which goals are moved within reach
 UNREACHABLE_COUNT = 20  # targets out of reach
 RUNAWAY = 5.0  # cm; a larger error at the end of a target counts as a runaway
@@ -42,41 +40,26 @@ class RandomizedArmsStudy:
 
     Attributes:
         base: modules, cables and all that controllers know.
-        arms: number of arms at each strength, with seeds from zero.
-        strengths: of the model mismatch.
-        strategies: of `BASELINES`, or recipes of the paper's strategy, by name or file.
+        arms: number of arms, with seeds from zero.
+        strength: of the model mismatch.
+        strategies: of `BASELINES`, or recipes of the paper's strategy.
         tasks: names.
         targets: number of random targets within reach; 0 for no targets at all.
         seed: of data, training and start.
-        reachable_from: strength from which goals are moved within reach.
     """
 
     base: ArmSpec
     arms: int = 10
-    strengths: tuple[float, ...] = STRENGTHS
+    strength: float = 0.5
     strategies: tuple[str, ...] = ("best", "paper", "pcc", "pcc-fitted")
     tasks: tuple[str, ...] = TASKS
-    targets: int = 200
+    targets: int = 20
     seed: int = 0
-    reachable_from: float = REACHABLE_FROM
 
-    def __post_init__(self):
-        """Validate the options."""
-        for name in self.strategies:
-            _strategy_and_recipe(name)
-        if self.arms < 1 or self.targets < 0 or not self.strengths:
-            raise S2C2AError(
-                f"{counted(self.arms, 'arm')} at {len(self.strengths)} strengths with "
-                f"{self.targets} targets; give at least one arm and one strength, and "
-                "zero or more targets"
-            )
-
-    def randomized(self) -> list[tuple[float, ArmSpec]]:
-        """Every strength with each of its arms."""
+    def randomized(self) -> list[ArmSpec]:
+        """The arms."""
         return [
-            (strength, randomized_arm(self.base, seed, strength))
-            for strength in self.strengths
-            for seed in range(self.arms)
+            randomized_arm(self.base, seed, self.strength) for seed in range(self.arms)
         ]
 
 
@@ -85,14 +68,12 @@ class ArmTrial:
     """One strategy on one arm.
 
     Attributes:
-        strength: of the arm's mismatch.
         arm: the randomized arm.
         strategy: of `BASELINES`, or a recipe.
         tasks: of the protocol.
         targets: random targets that are held.
     """
 
-    strength: float
     arm: ArmSpec
     strategy: str
     tasks: tuple[Task, ...]
@@ -119,14 +100,11 @@ def _strategy_and_recipe(name: str) -> tuple[str, Recipe]:
     """Strategy and recipe of a column of the results."""
     if name in BASELINES:
         return name, recipe_named("best")
-    try:
-        return "s2c2a", recipe_from(name)
-    except StrategyError as error:
-        raise S2C2AError(f"{error}, or {', '.join(BASELINES)}") from None
+    return "s2c2a", recipe_named(name)
 
 
 def randomized_arms_rows(study: RandomizedArmsStudy, make: jobs.Make) -> list[Row]:
-    """Make rows of every arm, and of the mean and the worst over arms of a strength.
+    """Make rows of every arm, and of the mean and the worst over arms.
 
     Args:
         study: arms, strategies and tasks.
@@ -135,15 +113,7 @@ def randomized_arms_rows(study: RandomizedArmsStudy, make: jobs.Make) -> list[Ro
     trials = _trials(study, make)
     runs = jobs.in_groups(make, [trial.make_jobs(study.seed) for trial in trials])
     rows = [trial.rows(group) for trial, group in zip(trials, runs, strict=True)]
-    summary = []
-    for strength in study.strengths:
-        selected = [
-            group
-            for trial, group in zip(trials, rows, strict=True)
-            if trial.strength == strength
-        ]
-        summary += over_arms(selected, strength)
-    return [*summary, *chain.from_iterable(rows)]
+    return [*over_arms(rows, study.strength), *chain.from_iterable(rows)]
 
 
 def target_rows(run: jobs.Run, targets: TargetSequence) -> list[Row]:
@@ -210,26 +180,22 @@ def over_arms(rows: Sequence[Sequence[Row]], strength: float) -> list[Row]:
 
 def _trials(study: RandomizedArmsStudy, make: jobs.Make) -> list[ArmTrial]:
     """Every strategy on every arm, with the tasks and targets of the arm."""
-    randomized = study.randomized()
-    groups = [_target_artifacts(study, *pair) for pair in randomized]
+    arms = study.randomized()
+    groups = [_target_artifacts(study, arm) for arm in arms]
+    count = len(study.tasks) if study.strength >= REACHABLE_FROM else 0
     trials = []
-    for (strength, arm), results in zip(
-        randomized, jobs.in_groups(make, groups), strict=True
-    ):
-        count = len(study.tasks) if strength >= study.reachable_from else 0
+    for arm, results in zip(arms, jobs.in_groups(make, groups), strict=True):
         tasks = results[:count] or [load_task(name, arm) for name in study.tasks]
         targets = tuple(results[count:])
         for strategy in study.strategies:
-            trials.append(ArmTrial(strength, arm, strategy, tuple(tasks), targets))
+            trials.append(ArmTrial(arm, strategy, tuple(tasks), targets))
     return trials
 
 
-def _target_artifacts(
-    study: RandomizedArmsStudy, strength: float, arm: ArmSpec
-) -> list[jobs.Artifact]:
+def _target_artifacts(study: RandomizedArmsStudy, arm: ArmSpec) -> list[jobs.Artifact]:
     """Tasks that are moved within reach, then targets within and out of reach."""
     artifacts: list[jobs.Artifact] = []
-    if strength >= study.reachable_from:
+    if study.strength >= REACHABLE_FROM:
         artifacts += [ReachableTask(arm, name) for name in study.tasks]
     if study.targets:
         artifacts.append(RandomTargets(arm, study.targets))

@@ -54,14 +54,12 @@ class ReachStudy:
     """What is compared.
 
     Attributes:
-        arms: the first one with trained networks.
-        are_trained: whether the others are, too; else they bend as arcs.
+        arms: the first one with trained networks, the others as arcs.
         poses: number of poses of each arm.
         seed: of data and training, poses and starts.
     """
 
     arms: tuple[ArmSpec, ...]
-    are_trained: bool = False
     poses: int = 500
     seed: int = 0
 
@@ -339,22 +337,18 @@ def reach_rows(study: ReachStudy, make: jobs.Make) -> list[Row]:
         study: what is compared.
         make: finds or makes networks and recordings.
     """
-    first, *others = study.arms
     recipe = recipe_named("best")
-    trained = [first, *(others if study.are_trained else ())]
-    networks = make(
-        [jobs.NetworksArtifact.of_recipe(arm, recipe, study.seed) for arm in trained]
-    )
-    models: dict[str, ForwardModel] = {
-        arm.name: each.c2s for arm, each in zip(trained, networks, strict=True)
-    }
+    artifact = jobs.NetworksArtifact.of_recipe(study.arms[0], recipe, study.seed)
+    (networks,) = make([artifact])
     rows: list[Row] = []
     for number, arm in enumerate(study.arms):
-        model = models.get(arm.name, PCCForwardModel.of(arm))
+        model: ForwardModel = PCCForwardModel.of(arm)
+        heading = arm.name, "none", "arcs", "none"
+        if number == 0:
+            model = networks.c2s
+            heading = arm.name, "none", "trained networks", recipe.name
         # arcs of arms alike would give the same rows
         comparison = compared(arm, model, study.poses, study.seed + number)
-        name = "trained networks" if arm.name in models else "arcs"
-        heading = arm.name, "none", name, recipe.name if arm.name in models else "none"
         rows += _comparison_rows(heading, comparison, study.seed)
     return rows
 

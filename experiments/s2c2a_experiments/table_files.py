@@ -1,4 +1,4 @@
-"""Tables of result rows as files: JSON, CSV, Markdown and LaTeX."""
+"""Tables of result rows as files: JSON, CSV and Markdown."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, fields
@@ -11,15 +11,6 @@ from s2c2a.evaluation.report import Row, pair, save_csv, save_rows
 from s2c2a.files.text import read_text, write_atomically
 
 MAX_BYTES = 20_000_000  # of a table; the largest of the project has a thousandth
-_LATEX_ESCAPES = str.maketrans(
-    {
-        **{char: f"\\{char}" for char in "&%#_${}"},
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "±": r"$\pm$",
-    }
-)
 _MARKDOWN_ESCAPES = str.maketrans({char: f"\\{char}" for char in r"\*_[]<>|"})
 HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper")
 
@@ -27,7 +18,7 @@ HEADER = ("task", "metric", "strategy", "result", "± seeds", "compared", "paper
 def save_table(
     name: str, rows: Sequence[Row], folder: Path, beside: Sequence[Row] = ()
 ) -> Path:
-    """Write a table as JSON, CSV, LaTeX, and Markdown; return the Markdown file.
+    """Write a table as JSON, CSV and Markdown; return the Markdown file.
 
     Args:
         name: of the table and its files.
@@ -39,7 +30,6 @@ def save_table(
     header = [field.name for field in fields(Row)]
     save_csv(header, map(astuple, rows), folder / f"{name}.csv")
     lines = table_lines(rows, beside)
-    write_atomically(latex_table(HEADER, lines), folder / f"{name}.tex")
     return write_atomically(_markdown(name, rows, lines, beside), folder / f"{name}.md")
 
 
@@ -147,22 +137,3 @@ def markdown_escaped(text: str) -> str:
     parts = text.split("`")
     parts[::2] = [part.translate(_MARKDOWN_ESCAPES) for part in parts[::2]]
     return "`".join(parts)
-
-
-def latex_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """A LaTeX table of cells; names on the left, figures on the right."""
-    rows = []
-    for cells in (header, *lines):
-        escaped = [_latex(cell) for cell in cells]
-        rows.append(" & ".join(escaped) + r" \\")
-    rows[0] += r" \hline"
-    columns = "lll" + "r" * (len(header) - 3)
-    begin = rf"\begin{{tabular}}{{{columns}}}"
-    return "\n".join([begin, *rows, r"\end{tabular}"]) + "\n"
-
-
-def _latex(cell: str) -> str:
-    """A cell, escaped; what is between backquotes is code."""
-    parts = cell.translate(_LATEX_ESCAPES).split("`")
-    parts[1::2] = [rf"\texttt{{{part}}}" for part in parts[1::2]]
-    return "".join(parts)

@@ -1,10 +1,10 @@
-"""Tables and figures of the paper, and the ablation table of the `best` recipe.
+"""Tables of the paper, and the ablation table of the `best` recipe.
 
 A table lists the arms, tasks and strategies whose runs it needs. The ablation runs
 recipes without one ingredient of `best`, or with one added to `paper` (docs/concepts/recipe.md).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -14,8 +14,8 @@ from typing import Any
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.errors import ArmError, S2C2AError, StrategyError, counted, did_you_mean
-from s2c2a.estimation import PAPER_COUPLING, configuration_map_for
-from s2c2a.evaluation import Row, tilts_deg
+from s2c2a.estimation import PAPER_COUPLING
+from s2c2a.evaluation import Row
 from s2c2a.jobs.run_folder import trace_of
 from s2c2a.models import ChainOptions
 from s2c2a.planning import Adam, Horizon
@@ -24,32 +24,16 @@ from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RECIPES, Recipe, RunOptions, strategy_named
 from s2c2a.tasks.paths import PATHS
 from s2c2a.tasks.registry import TILTS
-from s2c2a.viz import Trace, recording_figure
-from s2c2a_experiments.calibration import sensing_rows
-from s2c2a_experiments.figures.space import (
-    obstacles_figure,
-    plan_view_figure,
-    poses_figure,
-)
-from s2c2a_experiments.figures.time import (
-    coordinates_figure,
-    estimation_figure,
-    interaction_figure,
-    orientation_figure,
-)
+from s2c2a.viz import recording_figure, run_figure
 from s2c2a_experiments.run_rows import labeled, tick_rows
+from s2c2a_experiments.workspace import sensing_rows
 
 PAYLOAD = 0.05  # kg
 SIBLINGS = ("twin_capstan", "twin_creep", "twin_both")
 TRACKING = ("circle", *TILTS)
 HOLDING = ("hold-base", "hold-middle", "hold-end")
-REACHING = ("reach-0", "reach-1", "reach-2")
-RISKY = ("risk-a", "risk-b", "risk-c")
-AVOIDING = REACHING + RISKY
+AVOIDING = ("reach-0", "reach-1", "reach-2", "risk-a", "risk-b", "risk-c")
 COMPARED = ("s2c2a", "pcc", "pcc-fitted")
-
-RunGroups = Sequence[tuple[str, list[jobs.Run]]]
-"""Label of each block, and its runs of the first seed."""
 
 
 @dataclass(frozen=True)
@@ -81,19 +65,6 @@ class Block:
         experiment = f"{table}, {self.label}" if self.label else table
         scores = jobs.score_rows(experiment, runs)
         return scores + mean_rows(scores) + tick_rows(experiment, runs)
-
-
-@dataclass(frozen=True)
-class RunTable:
-    """A table of runs, and its figures.
-
-    Attributes:
-        blocks: its runs.
-        draw: draws figures of these into a directory.
-    """
-
-    blocks: tuple[Block, ...]
-    draw: Callable[[RunGroups, Path], list[Path]]
 
 
 def sensing_coupled(arm: ArmSpec) -> ArmSpec:
@@ -130,69 +101,14 @@ def actuation_coupled(arm: ArmSpec) -> ArmSpec:
     return ArmSpec.model_validate(description)
 
 
-def _draw_simulation(groups: RunGroups, folder: Path) -> list[Path]:
-    """Coordinates of every strategy, on the plain arm and on its variants."""
-    traces = []
-    for _, runs in groups:
-        for run in runs:
-            variant = run.job.arm.name.removeprefix("simulated_arm").replace("_", " ")
-            label = f"{run.strategy},{variant}" if variant else None
-            traces.append(trace_of(run, label))
-    return [coordinates_figure(traces, folder / "figure-sim2-coordinates.png")]
-
-
-def _draw_tracking(groups: RunGroups, folder: Path) -> list[Path]:
-    """The circle and the tilt tasks of the first block."""
-    runs = groups[0][1]
-    circle = [trace_of(run) for run in runs if run.task == "circle"]
-    traces = _traces_by_task(runs)
-    views = {task: traces[task] for task in ("tilt-50", "tilt-50-a20", "tilt-50-c20")}
-    tilted = [traces["tilt-50-a20"]]
-    return [
-        coordinates_figure(circle, folder / "figure-06-coordinates.png"),
-        orientation_figure(tilted, folder / "figure-08-orientation.png"),
-        plan_view_figure(views, folder / "figure-10-plan-view.png"),
-    ]
-
-
-def _draw_constraint(groups: RunGroups, folder: Path) -> list[Path]:
-    """Shapes of the arm while a module end is held."""
-    traces = _traces_by_task(groups[0][1])
-    return [poses_figure(traces, folder / "figure-11-poses.png")]
-
-
-def _draw_interaction(groups: RunGroups, folder: Path) -> list[Path]:
-    """Runs with a moving obstacle and with a moving target."""
-    traces = _traces_by_task(groups[0][1])
-    path = folder / "figure-14-interaction.png"
-    return [interaction_figure(traces["flee"], traces["follow"], path)]
-
-
-def _draw_obstacles(groups: RunGroups, folder: Path) -> list[Path]:
-    """Paths around obstacles, with either guard."""
-    traces: dict[str, list[Trace]] = {task: [] for task in AVOIDING}
-    for label, runs in groups:
-        for task, trace in _traces_by_task(runs, label or "tip guarded").items():
-            traces[task].append(trace)
-    reaching = {task: traces[task] for task in REACHING}
-    risky = {task: traces[task] for task in RISKY}
-    return [
-        obstacles_figure(reaching, folder / "figure-12-obstacles.png"),
-        obstacles_figure(risky, folder / "figure-13-risk.png"),
-    ]
-
-
-def _draw_paths(groups: RunGroups, folder: Path) -> list[Path]:
-    """Each path from above."""
-    traces = _traces_by_task(groups[0][1])
-    return [plan_view_figure(traces, folder / "figure-paths-plan-view.png")]
-
-
-def _traces_by_task(
-    runs: Sequence[jobs.Run], label: str | None = None
-) -> dict[str, Trace]:
-    """Traces of the strategy `s2c2a`."""
-    return {run.task: trace_of(run, label) for run in runs if run.strategy == "s2c2a"}
+def _draw(runs: Sequence[jobs.Run], label: str, folder: Path) -> Iterator[Path]:
+    """A figure of every task of one block, with all strategies."""
+    arm = runs[0].job.arm
+    for task in dict.fromkeys(run.task for run in runs):
+        traces = [trace_of(run) for run in runs if run.task == task]
+        name = "-".join([arm.name, task, *label.split()])
+        title = ", ".join(filter(None, [task, arm.name, label]))
+        yield run_figure(traces, arm, folder / f"figure-{name}.png", title)
 
 
 def _networks(
@@ -212,73 +128,54 @@ def _networks(
 def _workspace(
     make: jobs.Make, seeds: Sequence[int], recipe: Recipe, folder: Path
 ) -> tuple[list[Row], list[Path]]:
-    """Rows of workspace and sensing; figures of the workspace and the middle module."""
+    """Rows of workspace and sensing; a figure of the workspace."""
     rows, recording = sensing_rows(_TWIN(), seeds, make, recipe)
     arm = recording.arm
-    middle = arm.module_count // 2
-    true = recording.sensor("configurations")[-1]
-    sensed = configuration_map_for(arm).configurations(recording.readings())[-1]
     states = recording.sensor("states").reshape(-1, arm.module_count, 6)
-    workspace = recording_figure(states, arm, folder / "figure-03-workspace.png")
-    estimation = estimation_figure(
-        recording.time[-1],
-        tilts_deg(true[:, middle]),
-        tilts_deg(sensed[:, middle]),
-        folder / "figure-04-estimation.png",
-    )
-    return rows, [workspace, estimation]
+    return rows, [recording_figure(states, arm, folder / "figure-workspace.png")]
 
 
 _TWIN = partial(load_arm, "twin_arm")
 _SIMULATED = partial(load_arm, "simulated_arm")
 
-TABLES: dict[str, RunTable] = {
-    "simulation": RunTable(
-        (
-            Block(
-                _SIMULATED,
-                ("circle",),
-                ("s2c2a", "s2c2a-motor", "lstm", "pcc", "pcc-fitted"),
-            ),
-            Block(lambda: sensing_coupled(_SIMULATED()), ("circle",)),
-            Block(lambda: actuation_coupled(_SIMULATED()), ("circle",)),
+TABLES: dict[str, tuple[Block, ...]] = {
+    "simulation": (
+        Block(
+            _SIMULATED,
+            ("circle",),
+            ("s2c2a", "s2c2a-motor", "lstm", "pcc", "pcc-fitted"),
         ),
-        _draw_simulation,
+        Block(lambda: sensing_coupled(_SIMULATED()), ("circle",)),
+        Block(lambda: actuation_coupled(_SIMULATED()), ("circle",)),
     ),
-    "tracking": RunTable(
-        (
-            Block(_TWIN, TRACKING, COMPARED),
-            *(
-                Block(partial(load_arm, name), TRACKING, label="other hysteresis")
-                for name in SIBLINGS
-            ),
-            Block(
-                _TWIN,
-                ("circle",),
-                COMPARED,
-                jobs.Conditions(RobotFactory.simulation(payload=PAYLOAD)),
-                "50 g at the tip",
-            ),
+    "tracking": (
+        Block(_TWIN, TRACKING, COMPARED),
+        *(
+            Block(partial(load_arm, name), TRACKING, label="other hysteresis")
+            for name in SIBLINGS
         ),
-        _draw_tracking,
-    ),
-    "constraint": RunTable((Block(_TWIN, HOLDING, COMPARED),), _draw_constraint),
-    "obstacles": RunTable(
-        (
-            Block(_TWIN, AVOIDING),
-            Block(
-                _TWIN,
-                AVOIDING[1:],
-                conditions=jobs.Conditions(run=RunOptions("arm")),
-                label="whole arm guarded",
-            ),
+        Block(
+            _TWIN,
+            ("circle",),
+            COMPARED,
+            jobs.Conditions(RobotFactory.simulation(payload=PAYLOAD)),
+            "50 g at the tip",
         ),
-        _draw_obstacles,
     ),
-    "interaction": RunTable((Block(_TWIN, ("flee", "follow")),), _draw_interaction),
-    "paths": RunTable((Block(_TWIN, tuple(PATHS), COMPARED),), _draw_paths),
+    "constraint": (Block(_TWIN, HOLDING, COMPARED),),
+    "obstacles": (
+        Block(_TWIN, AVOIDING),
+        Block(
+            _TWIN,
+            AVOIDING[1:],
+            conditions=jobs.Conditions(run=RunOptions("arm")),
+            label="whole arm guarded",
+        ),
+    ),
+    "interaction": (Block(_TWIN, ("flee", "follow")),),
+    "paths": (Block(_TWIN, tuple(PATHS), COMPARED),),
 }
-"""Name -> table of runs (Chen et al. 2025, secs. III-B and IV)."""
+"""Name -> what is run (Chen et al. 2025, secs. III-B and IV)."""
 
 OTHERS = {"networks": _networks, "workspace": _workspace}
 """Tables without runs (secs. II-D and III-B): name -> makes its rows and figures."""
@@ -296,7 +193,7 @@ def check_strategies(names: Sequence[str], strategies: Sequence[str]) -> None:
     """
     for name, strategy in product(names, strategies):
         supports = strategy_named(strategy).supports
-        for block in TABLES[name].blocks if name in TABLES else ():
+        for block in TABLES.get(name, ()):
             try:
                 block.conditions.run.check_supported(supports, f"'{strategy}'")
             except StrategyError as error:
@@ -343,19 +240,18 @@ def make_table(
             "choose one of "
             f"{', '.join([*TABLES, *OTHERS])}, or all"
         )
-    table = TABLES[name]
     blocks = [
         replace(block, strategies=(*block.strategies, *strategies))
-        for block in table.blocks
+        for block in TABLES[name]
     ]
     results = jobs.in_groups(make, [block.make_jobs(seeds, recipe) for block in blocks])
     rows = []
-    groups = []
+    figures: list[Path] = []
     for block, runs in zip(blocks, results, strict=True):
         rows += block.rows(name, runs)
         first = [run for run in runs if run.seed == runs[0].seed]
-        groups.append((block.label, first))
-    return rows, table.draw(groups, folder)
+        figures += _draw(first, block.label, folder)
+    return rows, figures
 
 
 def mean_rows(rows: Sequence[Row]) -> list[Row]:

@@ -69,7 +69,7 @@ def test_every_table_has_a_line_of_help(capsys):
             "scenes --recipe paper",
             "--recipe would have no effect on the table 'scenes'",
         ),
-        ("calibration --jobs 2 --out x", "--out and --jobs would have no effect"),
+        ("reach --seeds 2 --beside x", "--seeds and --beside would have no effect"),
         ("paths x.episodes", "FILE would have no effect"),
         ("payloads", "made from files; name them"),
     ],

@@ -19,7 +19,7 @@ from s2c2a.integrations.environments.spaces import Controls
 from s2c2a.jobs import Cache
 from s2c2a.strategies import strategy_named
 from s2c2a.tasks import Task
-from s2c2a_experiments.benchmark import command, protocol, tune
+from s2c2a_experiments.benchmark import command, figure, protocol, tune
 from s2c2a_experiments.benchmark.cells import Cell, Result, all_cells, run_cells
 from s2c2a_experiments.benchmark.command import benchmark, one_of_each_file
 from s2c2a_experiments.benchmark.entrants import (
@@ -28,6 +28,7 @@ from s2c2a_experiments.benchmark.entrants import (
     untuned,
     with_weights,
 )
+from s2c2a_experiments.benchmark.figure import pareto
 from s2c2a_experiments.benchmark.result_files import load_results, save_results
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -43,8 +44,6 @@ from s2c2a_experiments.benchmark.scores import (
 )
 from s2c2a_experiments.benchmark.search_space import range_from
 from s2c2a_experiments.benchmark.tune import TRIALS, drawn_trials
-from s2c2a_experiments.figures import planners
-from s2c2a_experiments.figures.planners import pareto
 
 TWIN = load_arm("twin_arm")
 TWIN_ARM = protocol.BenchmarkArm(TWIN, "preset")
@@ -85,7 +84,7 @@ def short(monkeypatch):
     monkeypatch.setattr(protocol, "protocol_arms", lambda: [TWIN_ARM])
 
 
-def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
+def test_an_entry_from_a_file_is_in_the_table_by_one_command(
     own, short, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -96,8 +95,6 @@ def test_an_entry_from_a_file_is_in_table_and_page_by_one_command(
     assert {line[0] for line in table[1:]} == {"`mine`", "`pcc`"}
     notes = (tmp_path / "run" / "planners.md").read_text(encoding="utf-8")
     assert "`mine` ignores obstacles: obstacles" in notes
-    page = (tmp_path / "run" / "planners.html").read_text(encoding="utf-8")
-    assert "<code>mine</code>" in page
     saved = (tmp_path / "run" / "planners.json").read_text(encoding="utf-8")
     assert {each["entrant"] for each in json.loads(saved)["results"]} == {"mine", "pcc"}
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "run/runs").iterdir()}
@@ -391,15 +388,13 @@ def test_messages_of_runs_are_one_line_that_a_terminal_shows_as_it_is():
 
 def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(
-        planners, "save_figure", lambda figure, path: drawn.append(figure)
-    )
+    monkeypatch.setattr(figure, "save_figure", lambda made, path: drawn.append(made))
     random = np.random.default_rng(0)
     places = random.uniform((1.0, 0.0), (2.0, 1.0), (7, 2))
     points = {f"planner {number}": tuple(place) for number, place in enumerate(places)}
     points |= {"same": (1.5, 0.9), "equal": (1.5, 0.9), "highest": (2.0, 1.0)}
     errors = {name: np.ones(3) for name in points}
-    planners.planners_figure(errors, 3, points, tmp_path / "planners.png")
+    figure.planners_figure(errors, 3, points, tmp_path / "planners.png")
     drawn[0].draw_without_rendering()
     boxes = [
         text.get_window_extent() for text in drawn[0].axes[1].texts if text.get_text()
@@ -501,12 +496,10 @@ def test_the_path_length_counts_from_where_the_tip_was():
 
 def test_an_entrant_with_some_of_the_arms_is_no_part_of_the_line(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(
-        planners, "save_figure", lambda figure, path: drawn.append(figure)
-    )
+    monkeypatch.setattr(figure, "save_figure", lambda made, path: drawn.append(made))
     points = {"all": (2.0, 0.5), "one arm": (1.0, 0.9)}
     errors = {name: np.ones(3) for name in points}
-    planners.planners_figure(errors, 3, points, tmp_path / "p.png", (), ["one arm"])
+    figure.planners_figure(errors, 3, points, tmp_path / "p.png", (), ["one arm"])
     lines = {line.get_label(): line for line in drawn[0].axes[1].lines}
     assert lines["beaten by none in both"].get_xydata().tolist() == [[2.0, 0.5]]
 

@@ -69,6 +69,6 @@ def test_a_table_asks_for_its_runs(name, asked):
 def test_randomized_arms_have_the_settings_of_their_rows(asked):
     with pytest.raises(RequestedError):
         cli.reproduce("randomised-arms-paths-strong")
-    assert (asked["arms"], asked["strengths"]) == (2, [1.0])
+    assert (asked["arms"], asked["strength"]) == (2, 1.0)
     assert (asked["strategies"], asked["targets"]) == (["best"], 0)
     assert asked["tasks"] == list(beyond_the_paper.PATHS)

@@ -18,10 +18,9 @@ from s2c2a.jobs.rows import score_rows
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.strategies import STRATEGIES, recipe_named
 from s2c2a.tasks import TASKS
-from s2c2a_experiments.calibration import estimation_errors_deg, sensing_rows
+from s2c2a_experiments import tables
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
-    latex_table,
     load_comparison,
     load_rows,
     markdown_escaped,
@@ -35,6 +34,7 @@ from s2c2a_experiments.tables import (
     mean_rows,
     sensing_coupled,
 )
+from s2c2a_experiments.workspace import estimation_errors_deg, sensing_rows
 
 TWIN, SIMULATED = load_arm("twin_arm"), load_arm("simulated_arm")
 ROW = Row(
@@ -93,7 +93,7 @@ def test_coupled_cables_pull_with_half_the_tension():
 
 
 def test_every_task_strategy_and_arm_of_a_table_exists():
-    blocks = [block for table in TABLES.values() for block in table.blocks]
+    blocks = [block for table in TABLES.values() for block in table]
     assert {task for block in blocks for task in block.tasks} <= set(TASKS)
     for strategy in {name for block in blocks for name in block.strategies}:
         assert STRATEGIES.find(strategy)
@@ -105,7 +105,7 @@ def test_rows_of_a_table_can_be_told_apart():
     for table in TABLES.values():
         runs = [
             (block.arm().name, block.label, task, strategy)
-            for block in table.blocks
+            for block in table
             for task in block.tasks
             for strategy in block.strategies
         ]
@@ -122,6 +122,20 @@ def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
 def test_a_table_without_strategies_refuses_further_ones(tmp_path):
     with pytest.raises(S2C2AError, match="compares no strategies"):
         make_table("networks", tmp_path, [0], list, recipe_named("best"), ["lstm"])
+
+
+def test_every_task_has_a_figure_with_all_strategies(monkeypatch, tmp_path):
+    monkeypatch.setattr(tables, "trace_of", lambda run: run.strategy)
+    monkeypatch.setattr(tables, "run_figure", lambda *drawn: drawn)
+    jobs = jobs_for(
+        ["circle", "tilt-50"], TWIN, ["s2c2a", "pcc"], [0], recipe_named("best")
+    )
+    runs = [Run(job, None, []) for job in jobs]
+    figures = tables._draw(runs, "50 g at the tip", tmp_path)
+    assert [(traces, path.name) for traces, _, path, _ in figures] == [
+        (["s2c2a", "pcc"], f"figure-twin_arm-{task}-50-g-at-the-tip.png")
+        for task in ("circle", "tilt-50")
+    ]
 
 
 def test_means_over_tilt_tasks_are_those_worked_by_hand():
@@ -172,33 +186,12 @@ def test_markdown_names_recipes_seeds_and_first_modes(tmp_path):
     assert text[-1] == "twin_arm: first bending mode 1.23 Hz, damping ratio 0.05."
 
 
-def test_latex_escapes_what_would_break_it_and_keeps_its_columns(tmp_path):
-    save_table("tracking", [ROW, OTHER], tmp_path)
-    lines = (tmp_path / "tracking.tex").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == r"\begin{tabular}{lllrrrr}"
-    assert lines[2].startswith(
-        r"twin\_arm: circle & position [cm] & s2c2a & 0.51 $\pm$ 0.25 & 0.10 &"
-    )
-    assert lines[3].startswith(r"twin\_arm: 100\%\_way (50 g \& \#2) & position")
-    assert [line.replace(r"\&", "").count("&") for line in lines[1:4]] == [6, 6, 6]
-    assert all(line.endswith(r"\\") for line in lines[2:4])
-    assert lines[-1] == r"\end{tabular}"
-
-
 def test_names_show_as_they_are_in_every_kind_of_table():
     name = r"`a|b` $x^2$ {\~} <i>"
     assert markdown_table(["x"], [[name]]).splitlines()[2] == (
         r"| `a\|b` $x^2$ {\~} <i> |"
     )
     assert markdown_escaped(name) == r"`a|b` $x^2$ {\\~} \<i\>"
-    assert (
-        latex_table(["x"] * 3, [[name, "", ""]])
-        .splitlines()[2]
-        .startswith(
-            r"\texttt{a|b} \$x\textasciicircum{}2\$ "
-            r"\{\textbackslash{}\textasciitilde{}\} <i>"
-        )
-    )
 
 
 def test_what_never_recovers_comes_back_from_strict_json(tmp_path):

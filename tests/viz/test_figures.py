@@ -206,3 +206,17 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     above = drawn_figures[-1].axes[-1]
     assert len(above.patches) == 1
     assert "from 0.5 s" in [text.get_text() for text in above.texts]
+
+
+@pytest.mark.parametrize("width", [5.0, 7.6])
+def test_a_legend_of_many_names_stays_within_its_figure(width):
+    figure = charts.new_figure(width, 4.0)
+    axes = charts.new_axes(figure, figure.add_gridspec(1, 1)[0], "", "")
+    for number in range(9):
+        axes.plot([0, 1], label=f"strategy {number}   {number}.00 ± 0.00 cm")
+    charts.legend(figure)
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+    assert box.y0 >= axes.get_window_extent().y1

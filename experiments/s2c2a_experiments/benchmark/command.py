@@ -221,8 +221,7 @@ def _saved_results(
 
 
 def _show(comparison: "PlannerComparison", directory: Path) -> None:
-    """Write tables, figure and page, and print the table."""
-    from s2c2a_experiments.benchmark.page import write_page
+    """Write tables and figure, and print the table."""
     from s2c2a_experiments.benchmark.results import (
         draw,
         failure_lines,
@@ -233,7 +232,6 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
 
     table = write_tables(comparison, directory)
     figure = draw(comparison, directory / "planners.png")
-    page = write_page(comparison, figure, directory / "planners.html")
     head = header(comparison)
     left_out = {"family"}  # for want of width
     if len(comparison.tasks) > MAX_TASKS:
@@ -246,8 +244,8 @@ def _show(comparison: "PlannerComparison", directory: Path) -> None:
     print_table("planners", narrow(head), map(narrow, lines(comparison)))
     for text in failure_lines(comparison):
         print(text)
-    print(f"table: {table} (.csv, .tex, .json next to it; by task: cells.csv)")
-    print(f"figure: {figure}\npage: {page}")
+    print(f"table: {table} (.csv, .json next to it; by task: cells.csv)")
+    print(f"figure: {figure}")
 
 
 def _entrants(

@@ -13,12 +13,11 @@ from s2c2a.evaluation.report import save_csv
 from s2c2a.files.text import write_atomically
 from s2c2a_experiments.benchmark.cells import Cell, Result
 from s2c2a_experiments.benchmark.entrants import Entrant
+from s2c2a_experiments.benchmark.figure import planners_figure
 from s2c2a_experiments.benchmark.protocol import TASKS
 from s2c2a_experiments.benchmark.result_files import save_results
 from s2c2a_experiments.benchmark.scores import Metric, keeps_clear
-from s2c2a_experiments.figures.planners import planners_figure
 from s2c2a_experiments.table_files import (
-    latex_table,
     markdown_escaped,
     markdown_table,
 )
@@ -295,8 +294,6 @@ def write_tables(comparison: PlannerComparison, folder: Path) -> Path:
     by_arm = arm_table(comparison)
     save_csv(*by_arm, folder / "by-arm.csv")
     save_csv(CELLS, cell_rows(comparison), folder / "cells.csv")
-    latex = latex_table(head, body)
-    write_atomically(latex, folder / "planners.tex")
     reasons = dash_lines(comparison) + failure_lines(comparison)
     notes = "\n".join(f"- {markdown_escaped(text)}" for text in reasons)
     table = markdown_table(head, body)
