@@ -1,14 +1,21 @@
 """What a user gets back prints as a short text, not as its arrays."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import s2c2a
+from s2c2a.episodes import Episode
 from s2c2a.estimation import EncoderEstimator, configuration_map_for
 from s2c2a.planning.reach import Reached
+from s2c2a.strategies import shipped_networks
 from s2c2a.tasks import Score, Task
+from s2c2a.viz.notebook import picture
 
 LINES = 40
+PNG = b"\x89PNG"
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +59,39 @@ def test_a_run_tells_what_it_is(shown):
     assert str(run).startswith(f"{begin}columns time, stage, actions")
     assert str(shown["task"]) == "<Task short: 50 steps; scores position>"
     assert str(shown["recording"]).startswith("<Recording of twin_arm: 2 episodes, ")
+
+
+def test_arms_strategies_and_networks_tell_what_they_are(twin):
+    assert str(twin) == "twin_arm, 3 modules of 3 cables, 0.6 m, 0.24 kg, displacement"
+    strategy = s2c2a.pcc_strategy(twin)
+    assert str(strategy) == (
+        "<Strategy pcc on twin_arm: EncoderEstimator, Planner, InversePCC; "
+        "sensors cables>"
+    )
+    networks = str(shipped_networks(twin))
+    assert networks.startswith("<TrainedNetworks of s2c2a on twin_arm: C2S, C2A")
+
+
+def test_notebooks_show_arms_and_runs_as_pictures_if_ends_were_measured(shown, twin):
+    run = shown["run"]
+    unseen = [name for name in run.columns if name != "sensor.states"]
+    assert picture(twin).startswith(PNG)
+    assert picture(run).startswith(PNG)
+    assert picture(Episode(twin, {name: run[name] for name in unseen})) is None
+
+
+def test_a_notebook_finds_the_pictures_by_importing_the_package():
+    code = (
+        "from IPython.core.interactiveshell import InteractiveShell\n"
+        "shell = InteractiveShell.instance()\n"
+        "import s2c2a\n"
+        "arm = s2c2a.load_arm('twin_arm')\n"
+        "print(*shell.display_formatter.format(arm)[0])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    assert "image/png" in done.stdout
 
 
 def test_single_numbers_are_shown_and_arrays_by_their_shape(shown):

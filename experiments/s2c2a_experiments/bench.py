@@ -68,7 +68,7 @@ def bench(arm: Arm = "twin_arm", out: OptionalPath = None) -> None:
         *simulation_times(spec),
         Timing("a later start", start_times(arm)),
     ]
-    limits = TIME_LIMITS if spec.same_mechanics(load_arm("twin_arm")) else {}
+    limits = {} if spec.differences(load_arm("twin_arm")) else TIME_LIMITS
     entries = [_entry(timing, limits.get(timing.operation)) for timing in timings]
     _print_entries(spec, entries)
     info = Path("/proc/cpuinfo")

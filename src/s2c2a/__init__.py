@@ -59,5 +59,6 @@ __version__ = "0.3.0"
 
 configure_jax()  # before a module of the package imports JAX
 import_after("gymnasium", "s2c2a.integrations.environments.registration")
+import_after("IPython", "s2c2a.viz.notebook")
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -63,7 +63,7 @@ def test_code_beside_an_arm_file_is_found_from_another_folder(kind, twin, folder
     assert resolve(kind, name, {}).value == 1
     # what is stored names the file as it was written
     assert str(beside) not in arm_to_toml(arm)
-    assert arm.same_mechanics(twin.model_copy(update=PLACES[kind](name)))
+    assert not arm.differences(twin.model_copy(update=PLACES[kind](name)))
 
 
 def test_the_file_beside_the_arm_file_comes_before_that_of_the_current_folder(

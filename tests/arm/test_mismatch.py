@@ -61,7 +61,7 @@ def test_mismatch_survives_a_file(make_arm):
         }
     )
     assert arm_from_toml(arm_to_toml(arm)) == arm
-    assert not arm.same_mechanics(make_arm(module=module))
+    assert arm.differences(make_arm(module=module))
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_nominal_geometry_does_not_contain_the_mismatch():
 
 def test_the_arm_depends_on_the_seed_only():
     assert randomized_arm(TWIN, 8, 0.7) == randomized_arm(TWIN, 8, 0.7)
-    assert not randomized_arm(TWIN, 8, 0.7).same_mechanics(randomized_arm(TWIN, 9, 0.7))
+    assert randomized_arm(TWIN, 8, 0.7).differences(randomized_arm(TWIN, 9, 0.7))
 
 
 @pytest.mark.parametrize(

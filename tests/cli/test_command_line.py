@@ -227,7 +227,9 @@ def test_help_imports_no_large_package():
 def test_a_preset_can_be_checked(capsys):
     run("arm", "check", "twin_arm")
     output = capsys.readouterr().out
-    assert "twin_arm is valid: 3 modules of 3 cables" in output
+    assert (
+        "twin_arm is valid: twin_arm, 3 modules of 3 cables, 0.6 m, 0.24 kg" in output
+    )
     assert "first bending mode" in output
 
 

@@ -90,7 +90,7 @@ class BenchmarkTask:
         """What runs of this task are made under."""
         payload = 0.0
         if self.condition:
-            payload = PAYLOAD * sum(module.mass for module in arm.modules)
+            payload = PAYLOAD * arm.mass
         robot = RobotFactory.simulation(aged=AGED, payload=payload)
         return jobs.Conditions(robot, may_end_early=True)
 

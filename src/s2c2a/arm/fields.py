@@ -67,6 +67,8 @@ PRESSURE = Quantity("Pa", 1000, 2e6)
 RIGIDITY = Quantity("N m2", 1e-8, 50)
 """From a wire of a surgical robot; the arms of the package have 0.125 and 0.4, and a
 bending stiffness in N mm2 exceeds it."""
+MASS = Quantity("kg", 1e-6, 10)
+"""A drop of glue to a segment of a robot's arm of metal; grams exceed it."""
 SHARE = Quantity("1", 0, 1)
 """Of a whole, by definition; also a friction coefficient."""
 ERROR = Quantity("1", -0.9, 9)

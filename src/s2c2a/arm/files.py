@@ -7,11 +7,7 @@ from pathlib import Path
 import tomli_w
 from pydantic import ValidationError
 
-from s2c2a.arm.mismatch import Mismatch
-from s2c2a.arm.sensors import Camera, Flex, Inertial, Raw, Sensors
-from s2c2a.arm.servos import OwnModel, OwnRegisters, ServoGroup, ServoLimits, Servos
-from s2c2a.arm.spec import ArmSpec, Cable, Module, Motor
-from s2c2a.arm.tracking import Tracking
+from s2c2a.arm.spec import ArmSpec
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
 from s2c2a.files.text import (
     check_replaceable,
@@ -19,32 +15,13 @@ from s2c2a.files.text import (
     read_text,
     write_atomically,
 )
-from s2c2a.files.validation import explained
+from s2c2a.files.validation import explained, key_names
 from s2c2a.plugins.discovery import trust_code
 
 PRESETS = Path(__file__).parent / "presets"
 """Arm files of the package."""
 ENDING = ".toml"
 HEADING = "{faults} in the arm description (modules count from 0, at the base)"
-TABLES = (
-    ArmSpec,
-    Module,
-    Motor,
-    Cable,
-    Mismatch,
-    Sensors,
-    Inertial,
-    Camera,
-    Flex,
-    Raw,
-    Servos,
-    ServoLimits,
-    ServoGroup,
-    OwnModel,
-    OwnRegisters,
-    Tracking,
-)
-KEYS = tuple(name for table in TABLES for name in table.model_fields)
 
 
 @cache
@@ -105,7 +82,8 @@ def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:
             f"{source}: {error}; correct that place or start again from a preset"
         ) from error
     except ValidationError as error:
-        raise ArmError(explained(error, f"{source}: {HEADING}", KEYS, _hint)) from error
+        heading = f"{source}: {HEADING}"
+        raise ArmError(explained(error, heading, key_names(ArmSpec), _hint)) from error
 
 
 def arm_to_toml(arm: ArmSpec) -> str:

@@ -1,6 +1,6 @@
 """Model mismatch: true parameters of a simulated arm that controllers do not know."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -97,13 +97,6 @@ class Mismatch(Frozen):
                 f"relaxation_times {list(self.relaxation_times)}: give times above 0 s"
             )
         return self
-
-    def per_cable(self) -> dict[str, Any]:
-        """Return the values that can differ between cables, by key."""
-        return {
-            "mismatch.angle_errors_deg": self.angle_errors_deg,
-            "mismatch.radius_errors": self.radius_errors,
-        }
 
     @property
     def rest_bend(self) -> np.ndarray:

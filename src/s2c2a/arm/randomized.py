@@ -124,7 +124,7 @@ def _losses(
     }
     if actuation == "displacement":
         losses["backlash"] = (
-            base_share * np.array(cable.backlashes(count)) + strength * backlash
+            base_share * np.asarray(cable.backlash) + strength * backlash
         )
     return _rounded(losses)
 

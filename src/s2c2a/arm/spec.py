@@ -1,6 +1,7 @@
 """Description of an arm: frozen values, validated when built."""
 
 import math
+from operator import attrgetter
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from s2c2a.arm.fields import (
     FORCE,
     LENGTH,
     LOST_MOTION,
+    MASS,
     PRESSURE,
     RIGIDITY,
     SHARE,
@@ -48,6 +50,8 @@ REQUIRED = {
 """Keys of modules that a kind of actuation needs."""
 FASTEST = {"displacement": 5.0, "tension": 5000.0, "pressure": 1e8}
 """Largest rates of actions, in units a second; chosen far beyond motors and valves."""
+PER_CABLE = "cable.backlash", "mismatch.angle_errors_deg", "mismatch.radius_errors"
+"""Keys of modules with one number, or one for each cable."""
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 SENSING = (
     r"^(encoders|true|[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}"
@@ -107,12 +111,6 @@ class Cable(Frozen):
     )
     creep_time: Number = between(0.1, 3600, "s", "time constant of creep", 5.0)
 
-    def backlashes(self, count: int) -> tuple[float, ...]:
-        """Return the backlash of each of `count` cables [m]."""
-        if isinstance(self.backlash, tuple):
-            return self.backlash
-        return (self.backlash,) * count
-
 
 class Module(Frozen):
     """One soft module; an arm is a series of modules, base first."""
@@ -134,7 +132,7 @@ class Module(Frozen):
             "[deg]"
         ),
     )
-    mass: Number = between(1e-6, 10, "kg", "mass")
+    mass: Number = MASS.key("mass")
     bending_stiffness: Number = RIGIDITY.key("EI")
     torsional_stiffness: Number | None = RIGIDITY.key("GJ; default: EI", None)
     damping_time: Number = between(0.005, 2, "s", "damping divided by stiffness", 0.05)
@@ -207,8 +205,8 @@ class Module(Frozen):
 
     def _check_cables(self):
         count = len(self.cable_angles_deg)
-        values = {"cable.backlash": self.cable.backlash} | self.mismatch.per_cable()
-        for key, value in values.items():
+        for key in PER_CABLE:
+            value = attrgetter(key)(self)
             if isinstance(value, tuple) and len(value) != count:
                 raise ValueError(
                     f"{key} has {len(value)} numbers; "
@@ -288,6 +286,15 @@ def counts_of(modules: tuple[Module, ...]) -> list[int]:
     return [len(module.cable_angles_deg) for module in modules]
 
 
+class Tip(Frozen):
+    """What the last module always carries: a gripper, a tool, a plate with markers.
+
+    A payload is what it holds, and adds to this.
+    """
+
+    mass: Number = MASS.effect("mass at the end of the last module")
+
+
 class ArmSpec(Frozen):
     """A modular soft arm: modules from base to tip, motors, mounting, limits.
 
@@ -296,7 +303,7 @@ class ArmSpec(Frozen):
     """
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(
-        ("sensors", "servos", "tracking")
+        ("sensors", "servos", "tip", "tracking")
     )
 
     name: str = Field(
@@ -354,6 +361,7 @@ class ArmSpec(Frozen):
     motor: Motor = Motor()
     sensors: Sensors = Sensors()
     servos: Servos | None = Field(None, description="servos of a real arm")
+    tip: Tip = Tip()
     tracking: Tracking | None = Field(
         None, description="pose tracking of a real arm's module ends"
     )
@@ -362,6 +370,11 @@ class ArmSpec(Frozen):
         max_length=MAX_MODULES,
         description="base first; at least one has cables",
     )
+
+    def __str__(self) -> str:
+        """Name, size and kind; `s2c2a arm check` and the arm file have the rest."""
+        size = f"{self.layout}, {self.length:.3g} m, {self.mass:.3g} kg"
+        return f"{self.name}, {size}, {self.actuation}"
 
     @model_validator(mode="after")
     def _validate(self):
@@ -433,8 +446,7 @@ class ArmSpec(Frozen):
                     raise ValueError(
                         f"modules.{number}.{key} is missing; a {kind} arm needs it"
                     )
-            count = len(module.cable_angles_deg)
-            if any(module.cable.backlashes(count)) or module.cable.creep:
+            if np.any(module.cable.backlash) or module.cable.creep:
                 raise ValueError(
                     f"modules.{number}.cable has backlash or creep, which act on "
                     f"displacement; leave them out for a {kind} arm"
@@ -466,12 +478,8 @@ class ArmSpec(Frozen):
                 f"motor.homing_error acts on displacement; a {kind} arm needs no homing"
             )
 
-    def same_mechanics(self, other: "ArmSpec") -> bool:
-        """Return whether another arm has the same mechanics; see `differences`."""
-        return not self.differences(other)
-
     def differences(self, other: "ArmSpec") -> list[str]:
-        """Return the keys in which another arm differs.
+        """Return the keys in which the mechanics of another arm differ; none if alike.
 
         Name, description, limits of steps, `sensors`, `servos`, `tracking` and motor
         currents are not compared.
@@ -488,7 +496,8 @@ class ArmSpec(Frozen):
         }
         values = self.model_dump(exclude=excluded)
         other_values = other.model_dump(exclude=excluded)
-        return [key for key in values if values[key] != other_values[key]]
+        keys = values | other_values  # neither has what is at its default
+        return [key for key in keys if values.get(key) != other_values.get(key)]
 
     @property
     def module_count(self) -> int:
@@ -517,6 +526,11 @@ class ArmSpec(Frozen):
     def length(self) -> float:
         """Length of the straight arm [m]."""
         return sum(module.length for module in self.modules)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the modules, and of what is at the tip [kg]."""
+        return sum(module.mass for module in self.modules) + self.tip.mass
 
     @property
     def gravity(self) -> tuple[float, ...]:

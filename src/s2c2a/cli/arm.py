@@ -58,10 +58,7 @@ def check(arm: File) -> None:
     configuration_map_for(spec)  # raises an error if `sensing` names no sensor
     # raises an error if gravity makes the arm collapse
     frequency, damping = first_mode(spec)
-    print(
-        f"{arm}: {spec.name} is valid: {spec.layout}, {spec.length:.3g} m, "
-        f"{spec.actuation}"
-    )
+    print(f"{arm} is valid: {spec}")
     if spec.description:
         print(spec.description)
     print(
@@ -144,9 +141,7 @@ def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:
 def _describe_hysteresis(cable: Cable) -> str:
     parts = []
     if cable.backlash:
-        backlashes = cable.backlash
-        if not isinstance(backlashes, tuple):
-            backlashes = (backlashes,)
+        backlashes = np.atleast_1d(cable.backlash)
         widths = " ".join(f"{1e3 * backlash:g}" for backlash in backlashes)
         parts.append(f"backlash {widths} mm")
     if cable.friction:
@@ -166,8 +161,9 @@ def draw(arm: File, out: OptionalPath = None) -> None:
     """
     from s2c2a.viz import arm_figure
 
-    spec = load_arm(arm)
-    print(f"figure: {arm_figure(spec, out or Path(f'{Path(arm).stem}.png'))}")
+    default = Path(f"{Path(arm).stem}.png")
+    path = arm_figure(load_arm(arm), out or default)
+    print(f"figure: {path}")
 
 
 @app.command

@@ -122,7 +122,7 @@ def _trained(
     spec = load_arm(arm) if arm else None
     data = load_recording(recording)
     progress(READING, 1, 1)
-    if spec is not None and not spec.same_mechanics(data.arm):
+    if spec is not None and spec.differences(data.arm):
         raise StrategyError(
             f"{recording} is of '{data.arm.name}', which differs from {arm} in "
             f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "

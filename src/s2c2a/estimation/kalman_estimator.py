@@ -176,7 +176,7 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
             modal_table=ModalTable.of(arm, factors),
             sensors=sensors,
             options=self,
-            mass=sum(module.mass for module in arm.modules),
+            mass=arm.mass,
             period=arm.control_period,
             estimates=settings.disturbance_estimation,
             max_force=np.inf if max_force is None else max_force,

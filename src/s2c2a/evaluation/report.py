@@ -114,8 +114,7 @@ def _largest_payload(episode: Episode) -> float:
         return 0.0
     is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
     payload = float(episode.ran("payload")[is_out_of_reach].max())
-    mass = sum(module.mass for module in episode.arm.modules)
-    return payload if payload > MIN_LOAD * mass else 0.0
+    return payload if payload > MIN_LOAD * episode.arm.mass else 0.0
 
 
 def describe_faults(episode: Episode) -> str:

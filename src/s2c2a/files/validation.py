@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from s2c2a.errors import MAX_NAME_LENGTH, counted, nearest_name
 
@@ -45,6 +45,13 @@ MESSAGES = {
     "string_too_long": "write at most {max_length} letters",
 }
 """Messages by pydantic's type of error, where its own speak of Python."""
+
+
+def key_names(description: type[BaseModel]) -> set[str]:
+    """Names of all keys of a file, those of its tables among them."""
+    schema = description.model_json_schema()
+    tables = [schema, *schema.get("$defs", {}).values()]
+    return {name for table in tables for name in table.get("properties", ())}
 
 
 def explained(

@@ -189,7 +189,7 @@ def printed(task: str, arm: ArmSpec, strategy: str, metric: str) -> dict[str, An
         Nothing if the paper prints no number, or if an arm has the name of a preset but
         other mechanics.
     """
-    if arm.name in preset_names() and not arm.same_mechanics(load_arm(arm.name)):
+    if arm.name in preset_names() and arm.differences(load_arm(arm.name)):
         return {}
     with PRINTED.open(encoding="utf-8", newline="") as file:
         for *names, mean, std in csv.reader(file):

@@ -155,7 +155,7 @@ class RequestLimits:
 
         Without `disturbed`, payload and force are zero.
         """
-        mass = sum(module.mass for module in arm.modules) if disturbed else 0.0
+        mass = arm.mass if disturbed else 0.0
         return cls(
             reach=2.0 * arm.length,
             payload=round(mass, 3),

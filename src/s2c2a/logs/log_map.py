@@ -15,7 +15,7 @@ from pydantic import (
 from s2c2a.arm.spec import MAX_MODULES, NAME, Number
 from s2c2a.errors import S2C2AError, counted
 from s2c2a.files.text import parse_toml, read_text
-from s2c2a.files.validation import explained
+from s2c2a.files.validation import explained, key_names
 from s2c2a.logs.errors import LogError
 
 MAX_TEXT = 300
@@ -585,10 +585,6 @@ class LogMap(MapTable):
         return {self.rows.label} if self.rows.label else set()
 
 
-_TABLES = (LogMap, Source, Rows, Join, Drive, DrivenCable, End, LogFrame, KnownArm)
-KEYS = tuple(name for table in _TABLES for name in table.model_fields)
-
-
 def load_map(path: str | os.PathLike) -> LogMap:
     """Read a map.
 
@@ -609,6 +605,7 @@ def map_from_toml(text: str, source: str = "map") -> LogMap:
     try:
         return LogMap.model_validate(parse_toml(text))
     except ValidationError as error:
-        raise LogError(explained(error, f"{source}: {HEADING}", KEYS)) from error
+        heading = f"{source}: {HEADING}"
+        raise LogError(explained(error, heading, key_names(LogMap))) from error
     except S2C2AError as error:
         raise LogError(f"{source}: {error}; correct that line") from error

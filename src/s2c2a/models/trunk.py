@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import per_module
 from s2c2a.kinematics import bends_from_cables, bends_from_configurations
 from s2c2a.training.fit import FromArm
 
@@ -29,8 +30,8 @@ class Trunk(FromArm):
         taut_compliances: compliances of modules including their taut cables
             [rad/(N m)], shape (modules,).
         moments: bend of a cable tension of 1 N [rad/N], shape (modules, 1).
-        weights: masses lumped at module ends, half of each adjacent module [kg], shape
-            (modules,).
+        weights: masses lumped at module ends, half of each adjacent module, and that
+            of the tip [kg], shape (modules,).
         lateral_compliances: deflection of module ends under a lateral force at fixed
             axes, C L^2 / 12 [m/N], shape (modules,).
         gravity: [m/s2], base frame.
@@ -56,10 +57,9 @@ class Trunk(FromArm):
     def of(cls, arm: ArmSpec) -> "Trunk":
         """The constants of an arm."""
         geometry = ArmGeometry.of(arm)
-        compliances = np.array(
-            [module.length / module.bending_stiffness for module in arm.modules]
-        )
-        masses = np.array([*(module.mass for module in arm.modules), 0.0])
+        compliances = geometry.lengths / per_module(arm, "bending_stiffness")
+        # the last end has half of the last module, and all that is at the tip
+        masses = np.append(per_module(arm, "mass"), 2.0 * arm.tip.mass)
         arrays = (
             geometry.lengths,
             geometry.cable_matrices,

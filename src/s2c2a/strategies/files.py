@@ -107,7 +107,7 @@ def load_networks(
     """
     metadata, arrays = read(path)
     trained_for = _arm(metadata, path)
-    if arm is not None and not arm.same_mechanics(trained_for):
+    if arm is not None and arm.differences(trained_for):
         raise StrategyError(
             f"{path} was trained for '{trained_for.name}', which differs from "
             f"'{arm.name}' in {', '.join(arm.differences(trained_for))}; train one for "

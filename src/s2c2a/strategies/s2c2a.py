@@ -175,7 +175,7 @@ def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
     # a prior is of variants, which differ in what controllers do not know
     seen = without_mismatch(start.recipe.seen_arm(start.arm))
     arm = without_mismatch(arm)
-    if not arm.same_mechanics(seen):
+    if arm.differences(seen):
         raise StrategyError(
             f"the prior is of '{seen.name}', which differs from '{arm.name}' in "
             f"{', '.join(arm.differences(seen))}; make one of this arm with "

@@ -110,7 +110,7 @@ def measured_session(
             by as much.
     """
     arm = recording.arm
-    if not networks.arm.same_mechanics(arm):
+    if networks.arm.differences(arm):
         raise StrategyError(
             f"{weights} was trained for '{networks.arm.name}', and the recording is of "
             f"'{arm.name}', which differs in {', '.join(networks.arm.differences(arm))}"

@@ -28,7 +28,7 @@ def shipped_file(arm: ArmSpec) -> Iterator[Path]:
         if not file.name.endswith(".safetensors"):
             continue
         with resources.as_file(file) as path:
-            if arm_of_strategy(path).same_mechanics(arm):
+            if not arm_of_strategy(path).differences(arm):
                 yield path
                 return
     raise StrategyError(

@@ -78,6 +78,13 @@ class Strategy:
         self.diagnostics()
         self._plan = None
 
+    def __repr__(self) -> str:
+        """Name, arm and parts, whose arrays are too many to read."""
+        parts = self.estimator, self.planner, self.controller
+        kinds = ", ".join(type(part).__name__ for part in parts)
+        sensors = ", ".join(self.sensors)
+        return f"<Strategy {self.name} on {self.arm.name}: {kinds}; sensors {sensors}>"
+
     def start(self, reading: Reading) -> None:
         """Begin with an arm at rest.
 

@@ -31,6 +31,11 @@ class TrainedNetworks:
     strategy: str = "s2c2a"
     strategy_options: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Strategy, arm and networks, whose weights are too many to read."""
+        names = ", ".join(self.trained)
+        return f"<TrainedNetworks of {self.strategy} on {self.arm.name}: {names}>"
+
     @property
     def networks(self) -> dict[str, Any]:
         """The pytrees alone, by name."""

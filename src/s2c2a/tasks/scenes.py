@@ -19,7 +19,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between
 from s2c2a.errors import S2C2AError, TargetError, counted
 from s2c2a.files.text import parse_toml, read_text
-from s2c2a.files.validation import explained
+from s2c2a.files.validation import explained, key_names
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import (
     CENTER,
@@ -342,7 +342,8 @@ def load_scene(path: str | os.PathLike) -> Scene:
     except S2C2AError as error:
         raise TargetError(f"{path}: {error}") from error
     except ValidationError as error:
-        raise TargetError(explained(error, f"{path}: {HEADING}", KEYS)) from error
+        heading = f"{path}: {HEADING}"
+        raise TargetError(explained(error, heading, key_names(Scene))) from error
     for solid in scene.obstacles:
         if isinstance(solid, Mesh):
             solid._folder = Path(path).parent
@@ -381,7 +382,4 @@ def _check_count(count: int, what: str) -> None:
 
 
 KINDS = Sphere, Capsule, Cylinder, Box, HalfSpace, Mesh
-KEYS = tuple(
-    dict.fromkeys(name for table in (Scene, *KINDS) for name in table.model_fields)
-)
 HEADING = "{faults} in the scene (obstacles count from 0)"

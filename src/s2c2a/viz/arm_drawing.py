@@ -18,7 +18,6 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import Bbox
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import MAX_SHOWN
 from s2c2a.viz.charts import draw_arrow, new_figure, save_figure
 from s2c2a.viz.colors import BASE, FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mesh import COLLAR, DISC_RADIUS
@@ -72,10 +71,9 @@ def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
     grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
     # write the arm's name, description and totals
     axes = _bare_axes(figure, grid[0, :-1])
-    mass = sum(module.mass for module in arm.modules)
     totals = (
         f"{arm.layout}  ·  {arm.length:.4g} m  ·  "
-        f"{mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
+        f"{arm.mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
     )
     description = shorten(arm.description, 104, placeholder="…")
     left: dict[str, Any] = {"ha": "left", "va": "top"}
@@ -223,8 +221,9 @@ def _draw_cross_section(
 ) -> None:
     """Draw a section seen from the tip: x to the right, y up; number its cables."""
     axes.set(xlim=(-2.1, 2.1), ylim=(-1.9, 1.9), aspect="equal")
-    module = arm.modules[numbers[0] - 1]
-    color = module_colors(arm.module_count)[numbers[0] - 1]
+    first = numbers[0] - 1
+    module = arm.modules[first]
+    color = module_colors(arm.module_count)[first]
     fill = {"facecolor": color + "1f", "edgecolor": color, "linewidth": 1.4}
     axes.add_patch(Circle((0, 0), 1.22, **fill))
     dashes = {"edgecolor": MUTED, "linewidth": 0.8, "linestyle": "--"}
@@ -233,7 +232,8 @@ def _draw_cross_section(
         draw_arrow(axes, (0.0, 0.0), 0.5 * end, MUTED, 0.9, head=8.0)
         _write(axes, 0.65 * end, name, 8)
     for number, angle in enumerate(module.cable_angles_deg, start=1):
-        place = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        azimuth = np.deg2rad(angle)
+        place = np.array([np.cos(azimuth), np.sin(azimuth)])
         axes.plot(*place, "o", color=color, markersize=13, mec="white")
         style: dict[str, Any] = {
             "color": "white",
@@ -242,14 +242,5 @@ def _draw_cross_section(
         }
         _write(axes, place, str(number), 7.5, **style)
         _write(axes, 1.62 * place, f"{angle:g}°", 8, color=INK)
-    word = "module" if len(numbers) == 1 else "modules"
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    spans = [str(run[0]) if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs]
-    if len(spans) > MAX_SHOWN:
-        spans = [*spans[:3], "…", spans[-1]]
-    number_ranges = ", ".join(spans)
-    title = (
-        f"{letter}   {word} {number_ranges}\n"
-        f"cables at {1000 * module.cable_radius:.4g} mm"
-    )
+    title = f"section {letter}\ncables at {1000 * module.cable_radius:.4g} mm"
     axes.set_title(title, loc="left", fontsize=9, color=INK)

@@ -36,7 +36,7 @@ def test_the_arm_file_of_a_laboratory_names_its_port_and_its_tracker(tmp_path):
     arm = load_arm(tmp_path / "lab" / "arm.toml")
     assert arm.servos.port == str(tmp_path / "lab" / "port")
     assert arm.tracking.source == "natnet:127.0.0.1,command_port=2510,data_port=2511"
-    assert arm.same_mechanics(load_arm("twin_arm"))
+    assert not arm.differences(load_arm("twin_arm"))
     assert "9 dynamixel servos" in laboratory.welcome
 
 

@@ -125,6 +125,23 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
     assert "+ 0." in texts[0] or "- 0." in texts[0]
 
 
+def test_a_mass_at_the_tip_is_identified_from_rest_under_gravity(make_arm):
+    arm = make_arm(
+        modules=1,
+        actuation="tension",
+        module={"tension_range": 5.0},
+        gravity_direction=(1.0, 0.0, 0.0),
+    )
+    how = Replay(settling=2.0)
+    unknowns = unknowns_of(arm, ("tip",), moving=False)
+    loaded = arm_at(arm, unknowns, [1.0])
+    seen = recorded(loaded, 8, how=how, moved=False)
+    fit = identify(arm, unknowns, [seen], IdentificationOptions(how, rounds=3))
+    assert loaded.tip.mass == pytest.approx(0.05)
+    assert fit.arm.tip.mass == pytest.approx(0.05, abs=0.005)
+    assert "[tip]" in fitted_toml(fit)
+
+
 @pytest.mark.slow
 def test_a_shifted_frame_is_identified_and_reported(start):
     seen = recorded(start, 60)

@@ -33,7 +33,8 @@ class ArcChain:
         """Return the chain of an arm without payload."""
         lengths = per_module(arm, "length")
         masses = per_module(arm, "mass")
-        beyond = np.cumsum(masses[::-1])[::-1] - masses / 2
+        from_tip = arm.tip.mass + np.cumsum(masses[::-1])
+        beyond = from_tip[::-1] - masses / 2
         compliances = lengths**3 / (12 * per_module(arm, "bending_stiffness"))
         return cls(lengths, compliances, beyond[:, None] * np.array(arm.gravity))
 

@@ -77,7 +77,7 @@ def open_window(what: tuple[str, ...], port: int) -> "Window":
                 traces.append(viz.Trace(run, label))
         arms = [run.arm for runs, _ in loaded for run in runs]
         for other in arms:
-            if not other.same_mechanics(arms[0]):
+            if other.differences(arms[0]):
                 raise S2C2AError(
                     f"runs of '{arms[0].name}' and of '{other.name}' cannot be shown "
                     "together; give those of one arm"

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from pydantic import BaseModel
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.fields import FORCE, LENGTH, LOST_MOTION, RIGIDITY
+from s2c2a.arm.fields import FORCE, LENGTH, LOST_MOTION, MASS, RIGIDITY
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.files.text import LARGEST
 
@@ -75,7 +75,8 @@ KINDS = (
     ),
     Kind("friction", "modules.*.cable.friction", 0.1, 0, 1),
     Kind("creep", "modules.*.cable.creep", 0.1, 0, 0.9, only_moving=True),
-    Kind("mass", "modules.*.mass", 0.5, 1e-6, 10, ratio=True),
+    Kind("mass", "modules.*.mass", 0.5, MASS.low, MASS.high, ratio=True),
+    Kind("tip", "tip.mass", 0.05, 0, MASS.high),
     Kind("rest", "modules.*.mismatch.rest_bend_deg.*", 5.0, -90, 90),
     Kind(
         "shortening",
@@ -91,7 +92,8 @@ KINDS = (
     Kind("motor", "motor.time_constant", 0.05, 0, 1, only_moving=True),
 )
 GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS))
-USUAL = tuple(group for group in GROUPS if group not in ("axes", "hardening", "radii"))
+UNUSUAL = ("axes", "hardening", "radii", "tip")
+USUAL = tuple(group for group in GROUPS if group not in UNUSUAL)
 """Groups that are fitted by default: those that most recordings determine."""
 
 
@@ -247,7 +249,7 @@ def _has_effect(arm: ArmSpec, unknown: Unknown) -> bool:
     is_cable = unknown.kind.group == "backlash" or unknown.path[-2:-1] == ("cable",)
     if arm.actuation != "displacement" and is_cable and unknown.path[-1] != "friction":
         return False
-    if unknown.kind.group == "mass" and not any(arm.gravity_direction):
+    if unknown.path[-1] == "mass" and not any(arm.gravity_direction):
         return False
     return not unknown.kind.ratio or unknown.start > 0
 

@@ -90,7 +90,7 @@ def build_model(
     Args:
         arm: the description, with its mismatch.
         fidelity: the discretization.
-        payload: mass at the tip [kg].
+        payload: mass at the tip, beside that of the arm file [kg].
         center_line: whether sensors measure the points of the center line.
     """
     spec = mujoco.MjSpec()
@@ -101,7 +101,7 @@ def build_model(
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    _add_chain(spec, arm, fidelity, payload, center_line)
+    _add_chain(spec, arm, fidelity, arm.tip.mass + payload, center_line)
     _add_cables(spec, arm, fidelity)
     if arm.sensors.imu is not None:
         # add accelerometers of all modules, then gyroscopes of all, at their ends
@@ -187,7 +187,7 @@ def _add_chain(
     spec: mujoco.MjSpec,
     arm: ArmSpec,
     fidelity: Fidelity,
-    payload: float,
+    tip_mass: float,
     center_line: bool,
 ) -> None:
     """Add the bodies; each reaches from one joint to the next.
@@ -216,7 +216,7 @@ def _add_chain(
             following: _HalfSegment | None = half
             if segment == last_segment:
                 following = halves[number + 1] if number + 1 < len(halves) else None
-            _set_inertia(body, half, following, payload)
+            _set_inertia(body, half, following, tip_mass)
             _add_cable_sites(body, arm, modules, (number, segment + 1), half.length)
             if center_line and (segment + 1) % segments_per_point == 0:
                 name = f"center_{number}_{segment}"
@@ -275,16 +275,16 @@ def _add_joints(
 
 
 def _set_inertia(
-    body, own: _HalfSegment, following: _HalfSegment | None, payload: float
+    body, own: _HalfSegment, following: _HalfSegment | None, tip_mass: float
 ) -> None:
     """Set mass, center of mass and inertia of two half segments.
 
-    Half segments are thin solid cylinders. The last body has one of them and the
-    payload, a point mass.
+    Half segments are thin solid cylinders. The last body has one of them and what is
+    at the tip, a point mass.
     """
     pieces = [_cylinder(own, 0.0)]
     if following is None:
-        pieces.append((payload, own.length, 0.0, 0.0))
+        pieces.append((tip_mass, own.length, 0.0, 0.0))
     else:
         pieces.append(_cylinder(following, own.length))
     masses, starts, lengths, radii = np.array(pieces).T
