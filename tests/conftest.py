@@ -22,6 +22,7 @@ from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
 from s2c2a.execution.compilation import forget_programs
 from s2c2a.plugins.discovery import trust_of_one_command
+from s2c2a.runtime.emergency import EMERGENCY_STOP
 from s2c2a.strategies import Recipe, TrainedNetworks, load_networks
 from s2c2a.viz import Trace
 
@@ -118,10 +119,11 @@ def return_memory() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _own_trust():
-    """Forget the custom code that a test trusts."""
+def _own_state():
+    """Forget the custom code that a test trusts, and its emergency stop."""
     with trust_of_one_command():
         yield
+    EMERGENCY_STOP.reset()
 
 
 @pytest.fixture(scope="session")

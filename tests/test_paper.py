@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from by_hand import numbers
 from s2c2a import paper
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.data import CollectOptions, collect, controller_samples, forward_samples
@@ -32,10 +33,6 @@ from marks import slow_after
 TWIN = load_arm("twin_arm")
 NEUTRAL = ArmGeometry.of(TWIN).action_neutral
 close = partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-5)
-
-
-def numbers(seed, *shape):
-    return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
 
 
 def affine(kind, seed, features):

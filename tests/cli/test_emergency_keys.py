@@ -15,12 +15,6 @@ termios = pytest.importorskip("termios")
 REAL_ARM = SimpleNamespace(simulated=False)
 
 
-@pytest.fixture(autouse=True)
-def reset_afterwards():
-    yield
-    EMERGENCY_STOP.reset()
-
-
 @pytest.fixture
 def keyboard(monkeypatch):
     """Write end of a terminal that is the standard input."""

@@ -18,12 +18,6 @@ from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
 
 
-@pytest.fixture(autouse=True)
-def reset_afterwards():
-    yield
-    EMERGENCY_STOP.reset()
-
-
 def signal_this_process(*_, **__):
     os.kill(os.getpid(), signal.SIGUSR1)
     EMERGENCY_STOP.check()

@@ -15,16 +15,7 @@ from s2c2a.evaluation.metrics import (
     tilt_errors_deg,
     tip_drifts,
 )
-
-
-def axis(tilt_deg, azimuth_deg):
-    """Unit vector tilted from the vertical towards an azimuth."""
-    tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
-    return [
-        np.sin(tilt) * np.cos(azimuth),
-        np.sin(tilt) * np.sin(azimuth),
-        np.cos(tilt),
-    ]
+from tilted import axis
 
 
 def pointing(true, desired):

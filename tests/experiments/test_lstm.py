@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from by_hand import bend_plane, equation_10, numbers, sigmoid
 from s2c2a.arm import load_arm
 from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import held
@@ -14,10 +15,6 @@ from s2c2a_experiments.tip_lstm import LSTM, LSTMOptions, TipHistory
 TWIN = load_arm("twin_arm")
 SIMULATED = load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
-
-
-def numbers(seed, *shape):
-    return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
 
 
 def an_lstm(seed=0, features=4, outputs=5, layers=2, hidden=8):
@@ -40,10 +37,6 @@ def a_history(arm, *batch):
         numbers(7, *batch, 5, 3),
         numbers(8, *batch, 5, arm.module_count, arm.cable_count),
     )
-
-
-def sigmoid(x):
-    return 1 / (1 + np.exp(-x))
 
 
 def slow_lstm(network, inputs):
@@ -88,19 +81,6 @@ def test_a_batch_through_an_lstm_equals_single_calls(batch):
     assert together.shape == (*batch, 5)
     alone = [run(network, one) for one in inputs.reshape(-1, 5, 4)]
     np.testing.assert_allclose(together.reshape(-1, 5), alone, rtol=1e-5, atol=1e-6)
-
-
-def equation_10(raw):
-    squashed = np.tanh(raw)
-    return (3 * squashed - squashed.sum(axis=-1, keepdims=True)) / 4
-
-
-def bend_plane(raw):
-    """Four even cables: opposite ones share half their difference, squashed."""
-    across = np.stack([raw[:, 2] - raw[:, 0], raw[:, 3] - raw[:, 1]], axis=-1) / 2
-    length = np.linalg.norm(across, axis=-1, keepdims=True)
-    x, y = (across * np.tanh(length) / length).T
-    return np.stack([-x, -y, x, y], axis=-1)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from s2c2a.integrations.ros.reporter import Reporter
 from s2c2a.live.request import RequestLimits
 from s2c2a.live.snapshot import Control
 from s2c2a.runtime.emergency import EMERGENCY_STOP
+from waiting import until
 
 pytest.importorskip("rosbags")
 
@@ -67,7 +68,6 @@ def driver(control, log):
     running = RosDriver(control, inputs, 0.2, log.append)
     yield running
     running.close()
-    EMERGENCY_STOP.reset()
 
 
 def target(x, frame="base"):
@@ -77,13 +77,6 @@ def target(x, frame="base"):
 
 def switch(on):
     return encode(SWITCH, new(SWITCH, data=on))
-
-
-def until(condition):
-    end = time.monotonic() + 300.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_a_target_drives_until_it_is_silent(driver, control, log):

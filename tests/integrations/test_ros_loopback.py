@@ -17,10 +17,10 @@ from s2c2a.errors import S2C2AError
 from s2c2a.integrations.ros.bridge import RosOptions, bridged, open_node
 from s2c2a.live.control import ArmControl
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.runtime import EMERGENCY_STOP
 from s2c2a.spaces import Stage
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.strategies.pcc import PlainPCC
+from waiting import until
 
 pytest.importorskip("zenoh")
 PATIENCE = 300.0  # s
@@ -83,7 +83,6 @@ def control(twin, strategy):
     running.start()
     yield running
     running.stop()
-    EMERGENCY_STOP.reset()
 
 
 @pytest.fixture
@@ -105,13 +104,6 @@ def ros(port):
     side = RosSide(port)
     yield side
     side.end()
-
-
-def until(condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_the_arm_follows_stops_resumes_and_returns_without_the_ros_side(

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from cable_layouts import even, layouts
 from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
 from s2c2a.kinematics import PCC, configurations_from_bends
 
@@ -31,19 +32,6 @@ def actions_for(arm, bends):
 
 def configurations_held_by(arm, actions):
     return np.asarray(_configurations(PCC.of(arm), np.asarray(actions, np.float32)))
-
-
-@st.composite
-def layouts(draw):
-    """Cable angles [deg] of three to eight cables that can bend every way."""
-    shares = draw(st.lists(st.floats(0.2, 1), min_size=3, max_size=8))
-    gaps = 360 * np.array(shares) / np.sum(shares)
-    assume(gaps.max() < 178)
-    return tuple(draw(st.floats(-180, 180)) + np.cumsum(gaps))
-
-
-def even(cables, offset=0.0):
-    return tuple(offset + 360.0 * cable / cables for cable in range(cables))
 
 
 def module_of(angles, radius=RADIUS) -> Module:

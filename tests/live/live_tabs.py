@@ -3,7 +3,6 @@
 import io
 import os
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from PIL import Image
 
 from s2c2a.live.window import FIELD_OF_VIEW_DEG, camera_of
 from s2c2a.viz.mounting import Mounting
+from waiting import until
 
 CHROMIUM = (
     shutil.which("chromium")
@@ -94,11 +94,3 @@ class Tab:
 def drawn_tip(scene):
     """Center of the plate at the drawn arm's tip, base frame [m]."""
     return scene._pieces[-2].vertices[-1]
-
-
-def until(condition, seconds: float = 300.0, what: str = "the condition") -> None:
-    """Wait until a condition is true."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"{what} was not met within {seconds:g} s"
-        time.sleep(0.05)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SI
 
 @pytest.fixture(autouse=True)
 def restored():
-    """Signal handlers, switch interval and emergency stop as they were."""
+    """Signal handlers and switch interval as they were."""
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
     before = {name: signal.getsignal(getattr(signal, name)) for name in names}
     interval = sys.getswitchinterval()
@@ -25,7 +25,6 @@ def restored():
     for name, handler in before.items():
         signal.signal(getattr(signal, name), handler)
     sys.setswitchinterval(interval)
-    EMERGENCY_STOP.reset()
 
 
 def signal_this_process():

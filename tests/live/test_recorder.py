@@ -1,7 +1,6 @@
 """Recordings of the live page grow on disk, for any time."""
 
 import errno
-import time
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from s2c2a.live.recorder import Recorder
 from s2c2a.live.snapshot import Control, Snapshot
 from s2c2a.runtime import StepRecord, step_writer
 from s2c2a.spaces import Reading, Stage
+from waiting import until
 
 ARM = load_arm("twin_arm")
 STATES = np.tile([0.0, 0.0, 0.2, 0.0, 0.0, 1.0], (3, 1))
@@ -66,13 +66,6 @@ def control(monkeypatch):
     monkeypatch.setattr(step_writer, "PIECE", 0.02)
     monkeypatch.setattr(recorder, "replay_page", lambda *_: None)
     return Watched()
-
-
-def until(condition) -> None:
-    end = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def steps_in(folder) -> int:

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from by_hand import bend_plane, equation_10, numbers, sigmoid
 from s2c2a.arm import load_arm
 from s2c2a.control import C2AOptions
 from s2c2a.models import C2SOptions, History
@@ -23,20 +24,12 @@ predict = eqx.filter_jit(
 )
 
 
-def numbers(seed, *shape):
-    return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
-
-
 def affine(seed, features):
     """A scaling of random center and range."""
     return Scaling(
         jnp.asarray(numbers(seed, features)),
         jnp.asarray(np.abs(numbers(seed + 1, features)) + 0.5),
     )
-
-
-def sigmoid(x):
-    return 1 / (1 + np.exp(-x))
 
 
 def slow_direction(layer, inputs, order):
@@ -183,19 +176,6 @@ def slow_c2a(model, desired, history, last_layer):
             )
         )
     return last_layer(slow_bilstm(model.network, np.array(rows)))
-
-
-def equation_10(raw):
-    squashed = np.tanh(raw)
-    return (3 * squashed - squashed.sum(axis=-1, keepdims=True)) / 4
-
-
-def bend_plane(raw):
-    """Four even cables: opposite ones share half their difference, squashed."""
-    across = np.stack([raw[:, 2] - raw[:, 0], raw[:, 3] - raw[:, 1]], axis=-1) / 2
-    length = np.linalg.norm(across, axis=-1, keepdims=True)
-    x, y = (across * np.tanh(length) / length).T
-    return np.stack([-x, -y, x, y], axis=-1)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from cable_layouts import even, layouts
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
 from s2c2a.models.layers import HEADROOM, SumAndRange
 
@@ -11,19 +12,6 @@ quick = settings(deadline=None, max_examples=30)
 directions = st.floats(-np.pi, np.pi)
 _apply = jax.jit(lambda layer, raw: layer(raw))
 _jacobian = jax.jit(lambda layer, raw: jax.jacobian(layer)(raw))
-
-
-@st.composite
-def layouts(draw):
-    """Cable angles [deg] of three to eight cables that can bend every way."""
-    shares = draw(st.lists(st.floats(0.2, 1), min_size=3, max_size=8))
-    gaps = 360 * np.array(shares) / np.sum(shares)
-    assume(gaps.max() < 178)
-    return tuple(draw(st.floats(-180, 180)) + np.cumsum(gaps))
-
-
-def even(cables, offset=0.0):
-    return tuple(offset + 360.0 * cable / cables for cable in range(cables))
 
 
 def arm_of(angles, actuation="displacement") -> ArmSpec:

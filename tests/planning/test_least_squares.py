@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jumping import jumping_goals
 
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
@@ -150,25 +151,6 @@ def bend_angles(planned):
 def changes_deg(planned):
     bends = np.asarray(bends_from_configurations(jnp.asarray(planned)))
     return np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1))
-
-
-def jumping_goals(seed, count, modules=3):
-    """Goals that jump every 20 steps, many of them out of reach."""
-    random = np.random.default_rng(seed)
-    goals = []
-    for _ in range(count // 20):
-        goal = Goal.of(modules, change_weight=random.uniform(0, 0.5)).with_position(
-            random.uniform(-0.5, 0.5, 3)
-        )
-        goal = goal.with_axis(random.normal(size=3), weight=1.0).with_axis(
-            random.normal(size=3), 1.0, module=0
-        )
-        goals += [
-            goal.with_obstacles(
-                random.uniform(-0.2, 0.6, (2, 3)), random.uniform(0.05, 0.3, 2)
-            )
-        ] * 20
-    return goals
 
 
 def test_the_circle_is_followed_within_half_a_millimeter_and_its_corner_is_rounded(

@@ -394,23 +394,16 @@ class _Stoppable(_CountingRobot):
         self.halted += 1
 
 
-@pytest.fixture
-def emergency_stop():
-    """The stop of this process, reset afterwards."""
-    yield EMERGENCY_STOP
-    EMERGENCY_STOP.reset()
-
-
-def test_nothing_moves_while_the_emergency_stop_is_triggered(twin, emergency_stop):
+def test_nothing_moves_while_the_emergency_stop_is_triggered(twin):
     robot = _Stoppable(twin)
-    emergency_stop.trigger("a test")
+    EMERGENCY_STOP.trigger("a test")
     with pytest.raises(EmergencyStopError):
         check_robot(robot)
     assert robot.sent == 0
 
 
 @pytest.mark.parametrize("after", range(1, 14))
-def test_an_emergency_stop_ends_the_check_at_once(twin, emergency_stop, after):
+def test_an_emergency_stop_ends_the_check_at_once(twin, after):
     robot = _Stoppable(twin)
     robot.stop_after = after
     with pytest.raises(EmergencyStopError):
@@ -495,7 +488,7 @@ def test_the_return_of_a_failed_check_ends_where_the_robot_fails_for_a_second(sl
     assert robot.closed == 2
 
 
-def test_an_emergency_stop_after_a_failure_ends_the_return(slow, emergency_stop):
+def test_an_emergency_stop_after_a_failure_ends_the_return(slow):
     robot = _FailsOnItsWay(slow)
     first = AT_REST + 3
     robot.failures = (first,)
@@ -503,7 +496,7 @@ def test_an_emergency_stop_after_a_failure_ends_the_return(slow, emergency_stop)
     robot.halt = lambda: halted.append(len(robot.commands))
     send = robot.send
     robot.send = lambda action: (
-        len(robot.commands or ()) == first and emergency_stop.trigger("a test"),
+        len(robot.commands or ()) == first and EMERGENCY_STOP.trigger("a test"),
         send(action),
     )[1]
     with pytest.raises(EmergencyStopError):

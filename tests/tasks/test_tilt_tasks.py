@@ -5,6 +5,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.tasks import Score, circle, load_task
+from tilted import axis
 
 TWIN = load_arm("twin_arm")
 TILTS = {
@@ -24,15 +25,6 @@ def tip_axes(name, arm=TWIN):
 
 def angles_to_the_vertical(axes):
     return np.rad2deg(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2]))
-
-
-def axis(tilt_deg, azimuth_deg):
-    tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
-    return [
-        np.sin(tilt) * np.cos(azimuth),
-        np.sin(tilt) * np.sin(azimuth),
-        np.cos(tilt),
-    ]
 
 
 @pytest.mark.parametrize("name", TILTS)

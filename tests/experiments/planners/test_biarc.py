@@ -4,9 +4,7 @@ from functools import cache
 
 import jax
 import numpy as np
-import pytest
 
-from s2c2a.arm import load_arm
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import RunOptions, recipe_named
@@ -20,11 +18,6 @@ STEPS = 40
 @cache
 def built(arm):
     return BiArc().build(arm, recipe_named("paper"), None, RunOptions())
-
-
-@pytest.fixture(scope="module")
-def twin():
-    return load_arm("twin_arm")
 
 
 def test_it_arrives_along_the_axis_of_a_shape_of_the_arm(twin):

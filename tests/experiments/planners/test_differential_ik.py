@@ -3,7 +3,7 @@ import sys
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.errors import S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.spaces import POSITION
@@ -13,11 +13,6 @@ from s2c2a_experiments.planners.differential_ik import DifferentialIK
 from ideal_arm import drive_ideal
 
 STEPS = 40
-
-
-@pytest.fixture(scope="module")
-def twin():
-    return load_arm("twin_arm")
 
 
 @pytest.fixture(scope="module")

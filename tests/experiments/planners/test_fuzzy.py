@@ -3,9 +3,7 @@
 from functools import cache
 
 import numpy as np
-import pytest
 
-from s2c2a.arm import load_arm
 from s2c2a.goals import Goal
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a_experiments.planners.fuzzy import Fuzzy, memberships, sugeno
@@ -22,11 +20,6 @@ def built(arm):
 
 def driven(arm, goals) -> tuple[np.ndarray, np.ndarray]:
     return drive_ideal(built(arm), arm, goals)
-
-
-@pytest.fixture(scope="module")
-def twin():
-    return load_arm("twin_arm")
 
 
 def test_memberships_sum_to_one_and_rules_grow_with_error_and_change():

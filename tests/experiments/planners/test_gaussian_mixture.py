@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.data import Recording
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError, StrategyError
@@ -48,11 +48,6 @@ def synthetic(arm, samples: int = 2000) -> Recording:
         "sensor.states": np.asarray(states, float),
     }
     return Recording(arm, {"episodes": 1}, (Episode(arm, columns),))
-
-
-@pytest.fixture(scope="module")
-def twin():
-    return load_arm("twin_arm")
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.goals import Goal
 from s2c2a.kinematics import configurations_from_bends, states_from_bends
 from s2c2a.spaces import AXIS, POSITION
@@ -15,11 +15,6 @@ from ideal_arm import drive_ideal
 
 BENDS = np.array([[0.3, 0.1], [0.2, -0.2], [-0.1, 0.4]], np.float32)
 FORCE = 1e-3  # N; small beside the arm's stiffness
-
-
-@pytest.fixture(scope="module")
-def twin():
-    return load_arm("twin_arm")
 
 
 def predicted(model, bends):

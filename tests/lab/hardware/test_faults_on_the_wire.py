@@ -176,11 +176,9 @@ def test_an_emergency_stop_releases_the_arm_where_it_is(wire):
     with wire.driven(is_steady=True):
         wire.steps(8)
         EMERGENCY_STOP.trigger("the test")
-        try:
-            with pytest.raises(EmergencyStopError, match="by the test"):
-                wire.steps(1)
-        finally:
-            EMERGENCY_STOP.reset()
+        with pytest.raises(EmergencyStopError, match="by the test"):
+            wire.steps(1)
+        EMERGENCY_STOP.reset()
         status = wire.emulator.status()
     assert not any(servo["torque"] for servo in status["servos"])
     wire.check_records()

@@ -20,7 +20,7 @@ from s2c2a.lab.hardware.calibration import (
 from s2c2a.lab.hardware.presence import check_presence
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 from s2c2a.lab.hardware.timing import measure_timing
-from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
+from s2c2a.runtime.emergency import EmergencyStopError
 
 PROTOCOLS = ("dynamixel", "feetech")
 PING_ANSWER = 14  # bytes
@@ -38,8 +38,6 @@ needs_signals = pytest.mark.skipif(
 @pytest.fixture(autouse=True)
 def quiet(monkeypatch):
     monkeypatch.setattr("s2c2a.lab.hardware.bring_up.CURRENT_STEPS", (1.0,))
-    yield
-    EMERGENCY_STOP.reset()
 
 
 class Bench:

@@ -29,12 +29,6 @@ class SilentTracker(Tracker):
         pass
 
 
-@pytest.fixture
-def emergency_stop():
-    yield EMERGENCY_STOP
-    EMERGENCY_STOP.reset()
-
-
 @pytest.mark.slow
 def test_the_latency_of_a_simulated_tracker_is_found():
     robot = TrackedSimulation(ARM)
@@ -89,12 +83,12 @@ def test_an_arm_does_not_move_without_all_bodies(monkeypatch):
     assert robot.data.time == 0.0
 
 
-def test_an_emergency_stop_halts_the_arm_at_once(emergency_stop):
+def test_an_emergency_stop_halts_the_arm_at_once():
     robot = TrackedSimulation(ARM)
 
     def stop_after_ten(done, total):
         if done == 10:
-            emergency_stop.trigger("a test")
+            EMERGENCY_STOP.trigger("a test")
 
     with pytest.raises(EmergencyStopError):
         tracking.measure_latency(
