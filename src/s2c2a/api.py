@@ -48,8 +48,7 @@ def collect(
         seed: of everything random.
         recipe: sets kind of babbling, speeds and episodes; a name, a file or a recipe.
             Use the same one in `train`.
-        babbling: "staged", "motor", "mixed", "coverage" or "coverage-mixed", in place
-            of the recipe's.
+        babbling: "staged", "motor" or "coverage", in place of the recipe's.
         robot: class of the robot and its options, such as
             `RobotFactory("my_arm.py:MyArm")`. A real arm is driven by one thread.
         resume: whether a file of the same arm and options is completed, or read if it is

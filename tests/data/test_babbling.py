@@ -112,15 +112,6 @@ def test_eighteen_episodes_are_six_per_stage(twin):
     assert kinds == [1] * 6 + [2] * 6 + [3] * 6
 
 
-def test_mixed_babbling_changes_from_one_path_to_one_for_each_module(twin):
-    same, between, own = (
-        apart(*shares(twin, "mixed", episode, episodes=18)[:, :2].swapaxes(0, 1))
-        for episode in (0, 4, 17)
-    )
-    assert same == pytest.approx(0.0, abs=1e-9)
-    assert 0.1 < between < own
-
-
 def test_an_episode_does_not_depend_on_earlier_ones(twin):
     geometry = ArmGeometry.of(twin)
     alone = episode_actions(geometry, "staged", 4, 6, 80, 9)
@@ -188,11 +179,11 @@ def opposed(asked: np.ndarray) -> float:
 
 
 def test_coverage_has_opposed_bends_from_the_first_episode_on(twin):
-    """Mixed babbling begins with equal bends of all modules."""
+    """Staged babbling begins with equal bends of all modules."""
     covering = [shares(twin, "coverage", episode, 18) for episode in range(3)]
-    mixed = [shares(twin, "mixed", episode, 18) for episode in range(3)]
+    staged = [shares(twin, "staged", episode, 18) for episode in range(3)]
     assert np.mean([opposed(asked) for asked in covering]) > 0.08
-    assert np.mean([opposed(asked) for asked in mixed]) < 0.02
+    assert np.mean([opposed(asked) for asked in staged]) < 0.02
 
 
 def test_coverage_has_slow_stretches_and_holds(twin):

@@ -16,7 +16,7 @@ PAYLOAD = 0.05
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory):
     path = tmp_path_factory.mktemp("loads") / "loaded.episodes"
-    options = CollectOptions(babbling="mixed", episodes=1, samples=300, seed=3)
+    options = CollectOptions(babbling="motor", episodes=1, samples=300, seed=3)
     return collect(
         path,
         TWIN,

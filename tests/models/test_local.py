@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.data.windows import stretches
 from s2c2a.estimation import Estimate
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -82,6 +83,23 @@ def test_it_is_nearer_to_the_truth_than_the_chain_alone(arm, trained):
 
 
 @pytest.mark.slow
+def test_samples_that_judge_train_the_model_that_is_kept_too(arm, trained):
+    data = data_of(arm)
+    moved = np.array(data.states)
+    for episode, span in stretches([150] * 4)[2]:
+        moved[episode, span, :, :3] += 0.05
+    shares = []
+    result = SIZE.train(
+        replace(data, states=moved),
+        FIT,
+        jax.random.key(0),
+        lambda epoch, epochs, loss: shares.append(epoch / epochs),
+    )
+    assert shares == [0.0, 0.5, 0.5, 1.0]
+    before, after = trained.chain.equilibrium, result.network.chain.equilibrium
+    assert abs(after.log_stiffness - before.log_stiffness).max() > 1e-4
+
+
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])

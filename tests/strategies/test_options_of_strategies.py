@@ -44,7 +44,7 @@ CHANGED = {
     "history_noise": 0.1,
     "estimator": EncoderOnly(),
     "planner": replace(BEST.planner, engaged_slopes=not BEST.planner.engaged_slopes),
-    "babbling": "mixed",
+    "babbling": "motor",
     "speeds": (0.02, 0.1),
     "episodes": 9,
     "integral_gain": 0.1,

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 def collect(
     out: Path,
     arm: Arm = "twin_arm",
-    babbling: Literal["staged", "motor", "mixed", "coverage", "coverage-mixed"]
-    | None = None,
+    babbling: Literal["staged", "motor", "coverage"] | None = None,
     episodes: Count = None,
     samples: int = 500,
     seed: int = 0,
@@ -47,10 +46,8 @@ def collect(
 
     Args:
         out: the recording, such as twin.episodes.
-        babbling: staged as in the paper, independent modules (motor), a mixture of
-            both (mixed), targets that cover the configurations of plans (coverage), or
-            one of the last two in each episode (coverage-mixed); default from the
-            recipe.
+        babbling: staged as in the paper, independent modules (motor), or targets that
+            cover the configurations of plans (coverage); default from the recipe.
         episodes: number of episodes, each from rest; default from the recipe.
         samples: control steps per episode.
         seed: random seed.

@@ -1,4 +1,4 @@
-"""Random exploration of an arm: staged, motor and mixed babbling, and coverage."""
+"""Random exploration of an arm: staged and motor babbling, and coverage."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -82,21 +82,6 @@ class CoverageBabbling(Babbling):
         count = 2 + int(exploration.samples * exploration.speeds[1])
         targets = coverage_targets(exploration.geometry, count, exploration.random)
         return motion_through(targets, exploration)
-
-
-@dataclass(frozen=True)
-class OneOf(Babbling):
-    """Babbling of one kind in each episode, drawn at random.
-
-    Attributes:
-        kinds: that are drawn from.
-    """
-
-    kinds: tuple[Babbling, ...]
-
-    def bends(self, exploration: Exploration) -> Bends:
-        kind = self.kinds[exploration.random.integers(len(self.kinds))]
-        return kind.bends(exploration)
 
 
 def coverage_targets(
@@ -196,19 +181,9 @@ def _motor(modules: int, progress: float) -> Shares:
     return np.eye(modules)
 
 
-def _mixed(modules: int, progress: float) -> Shares:
-    """Gradual change from one path for all modules to one for each."""
-    shares = np.hstack(
-        [np.full((modules, 1), 1.0 - progress), progress * np.eye(modules)]
-    )
-    return shares / np.hypot(progress, 1.0 - progress)
-
-
 BABBLING: dict[str, Babbling] = {
     "staged": MixedPaths(staged_shares),
     "motor": MixedPaths(_motor),
-    "mixed": MixedPaths(_mixed),
     "coverage": CoverageBabbling(),
-    "coverage-mixed": OneOf((CoverageBabbling(), MixedPaths(_mixed))),
 }
 """Babbling by name."""

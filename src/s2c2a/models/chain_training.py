@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data.windows import Samples, Split, forward_samples
+from s2c2a.data.windows import Samples, Split, forward_samples, known_samples
 from s2c2a.kinematics import bends_from_states
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
@@ -134,19 +134,21 @@ class ChainOptions(ForwardOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
+        of_all: bool = False,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
         Linear least squares with nonnegative weights fit the hysteresis first, then all
-        parameters are trained together.
+        parameters are trained together; `of_all` samples, if no others shall judge.
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
-        samples = hysteresis_samples(model, data).training
+        split = hysteresis_samples(model, data, of_all)
+        samples = split.training
         known = samples.rows(np.isfinite(samples.targets).any(axis=(1, 2)))
         if np.isfinite(known.targets).all():
             model = _with_fitted_hysteresis(model, known)
-        return _train(model, data, fit, fit_key, progress)
+        return _train(model, data.arm, split, fit, fit_key, progress)
 
     def resume_training(  # type: ignore[override]
         self,
@@ -163,7 +165,8 @@ class ChainOptions(ForwardOptions):
         distribution with the spread of the prior.
         """
         penalty = _Penalty(PRIOR_PENALTY, parameters(model), parameters(spread))
-        return _train(model, data, fit, key, progress, penalty)
+        split = hysteresis_samples(model, data)
+        return _train(model, data.arm, split, fit, key, progress, penalty)
 
     def pretrain(
         self,
@@ -189,7 +192,10 @@ class ChainOptions(ForwardOptions):
         penalty = _Penalty(ARM_PENALTY, parameters(joint.network), [])
         chains = []
         for number, data in enumerate(arms, start=1):
-            trained = _train(joint.network, data, arm_fit, key, quiet, penalty)
+            split = hysteresis_samples(joint.network, data)
+            trained = _train(
+                joint.network, data.arm, split, arm_fit, key, quiet, penalty
+            )
             chains.append(trained.network)
             done = joint_fit.max_epochs + number * arm_fit.max_epochs
             progress(done, epochs, float(trained.curve[:, 2].min()))
@@ -256,23 +262,28 @@ class _ChainLoss(eqx.Module):
 
 def _train(
     model: ChainC2S,
-    data: TrainingData,
+    arm: ArmSpec,
+    split: Split,
     fit: FitOptions,
     key: PRNGKeyArray,
     progress: TrainingProgress,
     penalty: _Penalty | None = None,
 ) -> Trained[ChainC2S]:
     """Train on true states, with a penalty on the change of parameters, if any."""
-    unit = LENGTH_UNIT * data.arm.length
-    return train(
-        model,
-        _ChainLoss(unit, penalty),
-        predicted_targets,
-        hysteresis_samples(model, data),
-        fit,
-        key,
-        progress,
-    )
+    loss = _ChainLoss(LENGTH_UNIT * arm.length, penalty)
+    return train(model, loss, predicted_targets, split, fit, key, progress)
+
+
+def halves(progress: TrainingProgress) -> tuple[TrainingProgress, TrainingProgress]:
+    """Progress of two trainings, each half of it."""
+
+    def first(epoch: int, epochs: int, loss: float) -> None:
+        progress(epoch, 2 * epochs, loss)
+
+    def second(epoch: int, epochs: int, loss: float) -> None:
+        progress(epochs + epoch, 2 * epochs, loss)
+
+    return first, second
 
 
 def shortened(fit: FitOptions, share: float) -> FitOptions:
@@ -317,10 +328,19 @@ def _inputs_along(
     return jax.lax.scan(step, memory, displacements)[1]
 
 
-def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:
-    """`forward_samples` with inputs of the hysteresis in place of configurations."""
-    inputs = hysteresis_inputs(model, data)
-    return forward_samples(inputs, data.states, data.lengths)
+def hysteresis_samples(
+    model: ChainC2S, data: TrainingData, of_all: bool = False
+) -> Split:
+    """`forward_samples` with inputs of the hysteresis in place of configurations.
+
+    Args:
+        model: whose hysteresis it is.
+        data: recorded episodes.
+        of_all: whether all samples are among those for training.
+    """
+    samples = hysteresis_inputs(model, data), data.states, data.lengths
+    split = forward_samples(*samples)
+    return replace(split, training=known_samples(*samples)) if of_all else split
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

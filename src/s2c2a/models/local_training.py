@@ -18,9 +18,11 @@ from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_sam
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
+    halves,
     hysteresis_inputs,
     hysteresis_samples,
     predicted_targets,
+    shortened,
 )
 from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
@@ -34,6 +36,7 @@ from s2c2a.training.trained import Trained, TrainingData, evaluated
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
+WHOLE_EPOCHS = 0.5  # of the first training; all of them gain little more
 SURE = 2.0  # standard errors, which chance exceeds in one of 40 cases
 
 
@@ -84,9 +87,20 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: the chain, then its residual."""
-        chain = self._chain_options(data).train(data, fit, key, progress)
-        return self._with_process(chain, data, key)
+        """See `ForwardOptions`: the chain, then its residual, then a chain of all samples.
+
+        Samples that a chain has seen show nothing of its errors, so the hyperparameters
+        of the process, and whether it has any use, are of the first one.
+        """
+        options = self._chain_options(data)
+        first, second = halves(progress)
+        judged = self._with_process(options.train(data, fit, key, first), data, key)
+        fewer = shortened(fit, WHOLE_EPOCHS)
+        whole = options.train(data, fewer, key, second, of_all=True).network
+        inputs = hysteresis_inputs(whole, data)
+        model = replace(judged.network, chain=whole)
+        network = _given(model, known_samples(inputs, data.states, data.lengths))
+        return replace(judged, network=network)
 
     def _chain_options(self, data: TrainingData) -> ChainOptions:
         """Options of the chain, with widths of play operators for the data."""

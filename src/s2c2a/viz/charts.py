@@ -105,17 +105,15 @@ def label_log_axis(axes: Axes) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
 
 
-def padded_limits(
-    values: np.ndarray, min_span: float = MIN_SPAN
-) -> tuple[float, float]:
-    """Axis limits around all finite values, at least `min_span` apart."""
+def padded_limits(values: np.ndarray) -> tuple[float, float]:
+    """Axis limits around all finite values, at least `MIN_SPAN` apart."""
     low, high = 0.0, 0.0
     finite = values[np.isfinite(values)]
     if finite.size:
         low = finite.min()
         high = finite.max()
     middle = (low + high) / 2
-    half = max(high - low, min_span) / 2
+    half = max(high - low, MIN_SPAN) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
 
 
@@ -297,7 +295,6 @@ def draw_over_time(
     desired: Series,
     values: Callable,
     name=named_error,
-    min_span=MIN_SPAN,
 ) -> None:
     """Draw a quantity of each trace over time, above its desired value.
 
@@ -307,14 +304,13 @@ def draw_over_time(
         desired: desired values of the first trace.
         values: maps a trace to its values, shape (time,).
         name: maps a trace to its label.
-        min_span: smallest range of the values' axis.
     """
     label = "desired" if np.isfinite(desired).any() else None
     axes.plot(traces[0].times, desired, label=label, **DESIRED_LINE)
     colors = colors_by_label(trace.label for trace in traces)
     draw_lines(axes, traces, colors, lambda trace: (trace.times, values(trace)), name)
     shown = np.concatenate([desired, *map(values, traces)])
-    axes.set_ylim(*padded_limits(shown, min_span))
+    axes.set_ylim(*padded_limits(shown))
 
 
 def draw_errors(

@@ -10,7 +10,6 @@ from itertools import cycle
 import numpy as np
 
 DESIRED = "#7b35c9"  # desired paths and targets everywhere; red is the last module
-POINTING = "#e0a100"
 REAL = "#1f5fc4"  # measured path
 OBSTACLE = "#8a93a6"
 UNCOUNTED = "#e6eaf0"  # steps that the mean error leaves out
