@@ -22,7 +22,6 @@ from s2c2a.models.chain_training import (
     hysteresis_inputs,
     hysteresis_samples,
     predicted_targets,
-    shortened,
 )
 from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
@@ -36,7 +35,6 @@ from s2c2a.training.trained import Trained, TrainingData, evaluated
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
-WHOLE_EPOCHS = 0.5  # of the first training; all of them gain little more
 SURE = 2.0  # standard errors, which chance exceeds in one of 40 cases
 
 
@@ -95,8 +93,7 @@ class LocalOptions(ChainOptions):
         options = self._chain_options(data)
         first, second = halves(progress)
         judged = self._with_process(options.train(data, fit, key, first), data, key)
-        fewer = shortened(fit, WHOLE_EPOCHS)
-        whole = options.train(data, fewer, key, second, of_all=True).network
+        whole = options.train(data, fit, key, second, of_all=True).network
         inputs = hysteresis_inputs(whole, data)
         model = replace(judged.network, chain=whole)
         network = _given(model, known_samples(inputs, data.states, data.lengths))
