@@ -63,6 +63,10 @@ def test_a_run_tells_what_it_is(shown):
 
 def test_arms_strategies_and_networks_tell_what_they_are(twin):
     assert str(twin) == "twin_arm, 3 modules of 3 cables, 0.6 m, 0.24 kg, displacement"
+    gripper = twin.tip.model_copy(update={"mass": 0.03})
+    assert "0.27 kg with 30 g at the tip" in str(
+        twin.model_copy(update={"tip": gripper})
+    )
     strategy = s2c2a.pcc_strategy(twin)
     assert str(strategy) == (
         "<Strategy pcc on twin_arm: EncoderEstimator, Planner, InversePCC; "

@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -231,6 +232,13 @@ def test_a_preset_can_be_checked(capsys):
         "twin_arm is valid: twin_arm, 3 modules of 3 cables, 0.6 m, 0.24 kg" in output
     )
     assert "first bending mode" in output
+    assert "cables at mm" in output
+
+
+def test_warnings_are_sentences_without_the_line_of_code():
+    run("--version")
+    shown = warnings.formatwarning("the arm is late", UserWarning, "loop.py", 7)
+    assert shown == "warning: the arm is late\n"
 
 
 def test_an_arm_can_be_copied_changed_and_drawn(tmp_path, capsys):

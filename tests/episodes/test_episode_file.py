@@ -73,6 +73,7 @@ def test_episodes_survive_a_file_bit_for_bit(tmp_path, three):
     assert options == OPTIONS
     for one, other in zip(found, three, strict=True):
         assert_same(one, other)
+        assert list(one.columns) == sorted(one.columns)
 
 
 def test_an_appended_file_has_the_same_content(grown, three):

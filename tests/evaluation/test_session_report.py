@@ -76,6 +76,7 @@ def test_a_motion_is_watched_while_it_goes_on():
         texts.append(watch.text)
     assert set(texts[:-1]) == {""}
     assert "the tip was 15.0 mm from its predictions" in texts[-1]
+    assert "if the arm follows its plan" in texts[-1]
 
 
 @pytest.mark.parametrize("states_age", [True, False])

@@ -30,6 +30,17 @@ def test_errors_on_held_out_samples_are_listed_in_millimeters(networks):
     assert describe_held_out_errors(networks) == []
 
 
+@pytest.mark.parametrize(("percent", "warnings"), [(4.2, 0), (4.3, 1)])
+def test_a_controller_that_errs_by_more_than_a_control_step_is_warned_of(
+    networks, percent, warnings
+):
+    # a step of the twin is 4 deg of bends of 47 deg to both sides: 4.26 %
+    trained = {"C2S": Trained(None), "C2A": Trained(None, percent=(percent, 1.0))}
+    lines = describe_held_out_errors(replace(networks, trained=trained))
+    assert len(lines) == warnings
+    assert all("C2A errs by more than a control step (4.3 %)" in line for line in lines)
+
+
 @pytest.mark.parametrize(
     ("percent", "without", "text"),
     [

@@ -315,7 +315,29 @@ class Shorter(Reach):
         return self.arm.model_copy(update={"modules": self.arm.modules[:1]})
 
 
+class Short(Reach):
+    """Its goals end before an episode."""
+
+    def goals(self, random, tip):
+        return np.tile(tip, (self.steps, 1))
+
+
+class Nowhere(Reach):
+    """Its goals are no places."""
+
+    def goals(self, random, tip):
+        return np.full((self.steps + 2, 3), np.nan)
+
+
 SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
+
+
+@pytest.mark.parametrize(("task", "steps"), [(Short, 10), (Nowhere, 12)])
+def test_goals_of_another_shape_or_without_numbers_are_refused(task, steps):
+    env = gymnasium.make("S2C2A/Task-v0", task=task, arm=FINGER, seconds=1.0)
+    told = f"(steps + 2, 3), here (12, 3); got shape ({steps}, 3)"
+    with pytest.raises(S2C2AError, match=re.escape(told)):
+        env.reset(seed=0)
 
 
 def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():

@@ -134,6 +134,14 @@ def _choice(
         tasks = [replace(each, scenes=1) for each in tasks if each.name in SMOKE]
     if not entrants:
         raise S2C2AError("--smoke leaves out entrants with training; give others")
+    compared = {each.arm.name for each in arms}
+    for each in entrants:
+        if each.weights and compared.isdisjoint(each.arms):
+            raise S2C2AError(
+                f"the networks of {each.name} are for the arm {', '.join(each.arms)}, and "
+                f"--arm has {', '.join(sorted(compared))}; add the preset or file of that "
+                "arm to --arm"
+            )
     if not tasks:
         raise S2C2AError(f"--smoke has the tasks {' and '.join(SMOKE)}; give these")
     return _Choice(entrants, tasks, arms, tuple(jobs.checked_seeds(0, count)), smoke)

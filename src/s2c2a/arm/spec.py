@@ -374,7 +374,8 @@ class ArmSpec(Frozen):
     def __str__(self) -> str:
         """Name, size and kind; `s2c2a arm check` and the arm file have the rest."""
         size = f"{self.layout}, {self.length:.3g} m, {self.mass:.3g} kg"
-        return f"{self.name}, {size}, {self.actuation}"
+        tip = f" with {1e3 * self.tip.mass:.3g} g at the tip" if self.tip.mass else ""
+        return f"{self.name}, {size}{tip}, {self.actuation}"
 
     @model_validator(mode="after")
     def _validate(self):

@@ -82,8 +82,7 @@ def check(arm: File) -> None:
         )
     if spec.actuation != "displacement":
         print(_full_bends(spec))
-    for line in _hardware_lines(spec):
-        print(line)
+    _print_hardware(spec)
     if spec.sensors.imu is not None and find_spec("vqf") is None:
         print(
             "missing: [sensors.imu] needs the package vqf; install it, in your clone "
@@ -107,18 +106,16 @@ def _full_bends(spec: ArmSpec) -> str:
     )
 
 
-def _hardware_lines(spec: ArmSpec) -> list[str]:
+def _print_hardware(spec: ArmSpec) -> None:
     """Describe servos and tracking, where the arm file has them."""
-    lines = []
     if spec.servos is not None:
         for part, ids in spec.servos.parts():
             place = f"on {part.port}" if part.port else "on the port of an option"
-            lines.append(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
+            print(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
     if spec.tracking is not None:
         bodies = (spec.tracking.base, *spec.tracking.end_names(spec.module_count))
         names = ", ".join(filter(None, bodies))
-        lines.append(f"tracking: {names} by {spec.tracking.source}")
-    return lines
+        print(f"tracking: {names} by {spec.tracking.source}")
 
 
 def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:
@@ -128,7 +125,7 @@ def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:
         "module": str(number + 1),
         "length m": f"{module.length:g}",
         "cables deg": " ".join(f"{angle:g}" for angle in module.cable_angles_deg),
-        "radius mm": f"{1e3 * module.cable_radius:g}",
+        "cables at mm": f"{1e3 * module.cable_radius:g}",
         "mass g": f"{1e3 * module.mass:g}",
         "EI N m2": f"{module.bending_stiffness:g}",
         "bend deg": f"{module.bend_limit_deg:g}",

@@ -130,15 +130,6 @@ def print_results(
         header.append("paper")
     # the paper's numbers come last
     print_table(title, header, [row[: len(header)] for row in cells])
-    modes = {
-        row.arm: (row.first_mode_hz, row.damping_ratio)
-        for row in rows
-        if row.first_mode_hz is not None
-    }
-    for arm, (frequency, damping) in modes.items():
-        print(
-            f"{arm}: first bending mode {frequency:.2f} Hz, damping ratio {damping:.2f}"
-        )
     for picture in pictures:
         label = "replay" if picture.suffix == ".html" else "figure"
         print(f"{label}: {picture}")

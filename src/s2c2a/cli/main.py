@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 
@@ -113,6 +114,7 @@ for name, (group, help_text) in GROUPS.items():
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    warnings.formatwarning = _as_sentence
     if given == ["--version"]:
         print(f"s2c2a {s2c2a.__version__}")
         return
@@ -137,6 +139,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             verb = next(iter(given), "")
             print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
             sys.exit(INTERRUPTED)
+
+
+def _as_sentence(message: Warning | str, *_: object, **__: object) -> str:
+    """A warning for a reader, who does not need the line of code that it is from."""
+    return f"warning: {message}\n"
 
 
 def _run_command(arguments: Sequence[str]) -> None:

@@ -392,7 +392,7 @@ def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> st
     text += ", and moved to the nearest shapes" if moves else ""
     text += f": {spans} s"
     depth = -100 * reached.clearances[missed].min()
-    if depth > 0.0:
+    if round(depth, 1) > 0.0:
         text += (
             f"\nthese shapes are up to {depth:.1f} cm within obstacles: none is clear"
         )

@@ -134,8 +134,8 @@ def open_blocks(path: str | os.PathLike, mode: str = "rb", buffering: int = -1) 
             f"{path} has {size} bytes; files of episodes have at most {MAX_BYTES}"
         )
     raise DamagedRecordingError(
-        f"{path} is no file of episodes, or its beginning is damaged; "
-        "collect, run or import it again"
+        f"{path} is no file of episodes, such as `s2c2a collect`, `run` or `import` "
+        "writes, or its beginning is damaged; give another, or make it again"
     )
 
 

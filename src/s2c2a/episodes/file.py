@@ -255,7 +255,8 @@ def _unpack(content: bytes, arm: ArmSpec, path: str | os.PathLike) -> Episode:
     try:
         header = from_json(content[LENGTH : LENGTH + _header_length(content)])
         options = from_json(header["__metadata__"]["options"])
-        return Episode(arm, load(content), dict(options))
+        # safetensors returns them in another order in every process
+        return Episode(arm, dict(sorted(load(content).items())), dict(options))
     except (
         SafetensorError,
         ValueError,

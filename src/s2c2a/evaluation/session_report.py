@@ -107,8 +107,8 @@ def describe_disagreement(episode: Episode) -> str:
     stated = 1000 * np.sqrt((std[known] ** 2).mean())
     return (
         f"the tip was {distance:.1f} mm from its predictions, which state {stated:.1f} "
-        "mm: if it moves slowly, and nothing hangs at it or pushes it, the arm has "
-        "changed since the training; run `s2c2a session` with its weights"
+        "mm: if the arm follows its plan slowly, and nothing hangs at it or pushes it, "
+        "it has changed since the training; run `s2c2a session` with its weights"
     )
 
 

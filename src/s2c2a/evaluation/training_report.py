@@ -7,13 +7,27 @@ MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
 
 
 def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
-    """A line of errors at the tip [mm] for each network that predicts it."""
-    return [
+    """A line of errors at the tip [mm] for each network that predicts it.
+
+    And a warning of a C2A that errs by more than a control step may change: the arm then
+    moves elsewhere than planned, and integral correction does not bring it back.
+    """
+    lines = [
         f"{name} at the tip: {1e3 * error:.1f} mm (mean) on {samples}, which have gaps of "
         "time to those of the training"
         for name, result in networks.trained.items()
         for samples, error in result.errors.items()
     ]
+    smallest_bend = min(module.bend_limit_deg for module in networks.arm.modules)
+    # bends go to both sides
+    step = 100.0 * networks.arm.step_limit_deg / (2.0 * smallest_bend)
+    if "C2A" in networks.trained and networks.trained["C2A"].percent[0] > step:
+        lines.append(
+            f"warning: C2A errs by more than a control step ({step:.1f} %), so that the "
+            "arm may move elsewhere than planned; train on a longer recording, or drive "
+            "the arm with --strategy pcc. Or the commands do not follow from the motion"
+        )
+    return lines
 
 
 def describe_modal_model(networks: TrainedNetworks) -> str:

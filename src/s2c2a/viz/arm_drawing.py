@@ -71,10 +71,7 @@ def arm_figure(arm: ArmSpec, path: str | Path) -> Path:
     grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
     # write the arm's name, description and totals
     axes = _bare_axes(figure, grid[0, :-1])
-    totals = (
-        f"{arm.layout}  ·  {arm.length:.4g} m  ·  "
-        f"{arm.mass:.4g} kg  ·  actuated by {arm.actuation}  ·  {arm.control_rate:.4g} Hz"
-    )
+    totals = f"{arm}, {arm.control_rate:.4g} Hz".removeprefix(f"{arm.name}, ")
     description = shorten(arm.description, 104, placeholder="…")
     left: dict[str, Any] = {"ha": "left", "va": "top"}
     _write(axes, (0, 1), arm.name, 15, fontweight="bold", **(left | {"color": INK}))

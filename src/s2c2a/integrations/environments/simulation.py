@@ -266,7 +266,14 @@ class SimulationBatch:
         self._cables[number] = robot.measure_cables()
         self._states[number] = robot.states()
         scenario = self.family.scenario(random, self._states[number, -1, POSITION])
-        self._goals[number] = scenario.goals
+        goals = np.asarray(scenario.goals)
+        shape = self._goals[number].shape
+        if goals.shape != shape or not np.isfinite(goals).all():
+            raise S2C2AError(
+                f"the goals of {type(self.family).__name__} are finite numbers of shape "
+                f"(steps + 2, 3), here {shape}; got shape {goals.shape}"
+            )
+        self._goals[number] = goals
         self._forces[number] = scenario.forces
         self._obstacles[number] = scenario.obstacle
         self._elapsed[number] = 0
