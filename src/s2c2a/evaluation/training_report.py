@@ -9,8 +9,8 @@ MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
 def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
     """A line of errors at the tip [mm] for each network that predicts it.
 
-    And a warning of a C2A that errs by more than a control step may change: the arm then
-    moves elsewhere than planned, and integral correction does not bring it back.
+    A warning follows if the C2A errs by more than a command may change in a control step:
+    the arm then moves elsewhere than planned, and no integral correction brings it back.
     """
     lines = [
         f"{name} at the tip: {1e3 * error:.1f} mm (mean) on {samples}, which have gaps of "
@@ -23,9 +23,9 @@ def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
     step = 100.0 * networks.arm.step_limit_deg / (2.0 * smallest_bend)
     if "C2A" in networks.trained and networks.trained["C2A"].percent[0] > step:
         lines.append(
-            f"warning: C2A errs by more than a control step ({step:.1f} %), so that the "
-            "arm may move elsewhere than planned; train on a longer recording, or drive "
-            "the arm with --strategy pcc. Or the commands do not follow from the motion"
+            f"warning: C2A errs by more than a control step ({step:.1f} %): the arm may "
+            "move elsewhere than planned. Use --strategy pcc, or train on more samples, "
+            "without cables that pull together: one motion then has many commands"
         )
     return lines
 

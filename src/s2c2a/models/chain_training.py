@@ -139,7 +139,8 @@ class ChainOptions(ForwardOptions):
         """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
         Linear least squares with nonnegative weights fit the hysteresis first, then all
-        parameters are trained together; `of_all` samples, if no others shall judge.
+        parameters are trained together. If `of_all`, the samples that are held out
+        otherwise train it, too, and its stated error is no longer one of unseen samples.
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)

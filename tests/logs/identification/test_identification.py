@@ -106,37 +106,38 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     )
 
 
-def test_mass_and_stiffness_without_separate_effects_are_reported(make_arm):
-    """Rest under gravity alone determines their ratio, not their size."""
-    arm = make_arm(
+@pytest.fixture
+def level(make_arm):
+    """A module that gravity bends, with cables that are pulled by forces."""
+    return make_arm(
         modules=1,
         actuation="tension",
         module={"tension_range": 5.0},
         gravity_direction=(1.0, 0.0, 0.0),
     )
+
+
+def test_mass_and_stiffness_without_separate_effects_are_reported(level):
+    """Rest under gravity alone determines their ratio, not their size."""
     how = Replay(settling=2.0)
-    seen = recorded(arm, 8, how=how, moved=False)
-    unknowns = unknowns_of(arm, ("stiffness", "mass"), moving=False)
+    seen = recorded(level, 8, how=how, moved=False)
+    unknowns = unknowns_of(level, ("stiffness", "mass"), moving=False)
     texts = undetermined_combinations(
-        identify(arm, unknowns, [seen], IdentificationOptions(how, rounds=2)).posterior
+        identify(
+            level, unknowns, [seen], IdentificationOptions(how, rounds=2)
+        ).posterior
     )
     assert len(texts) == 1
     assert "modules.0.bending_stiffness" in texts[0]
     assert "+ 0." in texts[0] or "- 0." in texts[0]
 
 
-def test_a_mass_at_the_tip_is_identified_from_rest_under_gravity(make_arm):
-    arm = make_arm(
-        modules=1,
-        actuation="tension",
-        module={"tension_range": 5.0},
-        gravity_direction=(1.0, 0.0, 0.0),
-    )
+def test_a_mass_at_the_tip_is_identified_from_rest_under_gravity(level):
     how = Replay(settling=2.0)
-    unknowns = unknowns_of(arm, ("tip",), moving=False)
-    loaded = arm_at(arm, unknowns, [1.0])
+    unknowns = unknowns_of(level, ("tip",), moving=False)
+    loaded = arm_at(level, unknowns, [1.0])
     seen = recorded(loaded, 8, how=how, moved=False)
-    fit = identify(arm, unknowns, [seen], IdentificationOptions(how, rounds=3))
+    fit = identify(level, unknowns, [seen], IdentificationOptions(how, rounds=3))
     assert loaded.tip.mass == pytest.approx(0.05)
     assert fit.arm.tip.mass == pytest.approx(0.05, abs=0.005)
     assert "[tip]" in fitted_toml(fit)
