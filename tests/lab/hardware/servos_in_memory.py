@@ -45,6 +45,11 @@ class ServosInMemory:
         taut: position beyond which no motor can wind in [ticks].
         watch: called after every packet.
         lags: whether every other answer arrives only after the next request.
+        sent: what was written.
+        loses: whether an instruction is lost on its way.
+        spoil: changes of the answers of a servo, by id.
+        echoes: whether the adapter returns what was sent.
+        failure: of a port that is gone.
     """
 
     is_open = True
@@ -60,6 +65,11 @@ class ServosInMemory:
         self.lags = False
         self._late = None
         self.taut = -1e9
+        self.sent = []
+        self.loses = lambda instruction: False
+        self.spoil = {}
+        self.echoes = False
+        self.failure = None
         self.watch = lambda: None
         self.disturbances = LineFaults(np.random.default_rng(0))
         self._decoder = self.protocol.decoder()
@@ -71,6 +81,7 @@ class ServosInMemory:
 
     @property
     def in_waiting(self):
+        self._check()
         return len(self._received)
 
     def read(self, count):
@@ -80,14 +91,25 @@ class ServosInMemory:
             time.sleep(0.001)  # a port waits, too
         return data
 
+    def _check(self):
+        if self.failure is not None:
+            raise self.failure
+
     def reset_input_buffer(self):
+        self._check()
         self._received.clear()
 
     def close(self):
         self.is_open = False
 
     def write(self, data):
+        self._check()
+        self.sent.append(data)
+        if self.echoes:
+            self._received += data
         for packet in self._decoder.feed(data, self.clock.now):
+            if self.loses(packet):
+                continue
             answers = self.protocol.answer(packet, self.servos, self.clock.now)
             answers = self.disturbances.disturb(answers)
             self._receive(b"".join(self._on_the_wire(answers)))
@@ -102,7 +124,7 @@ class ServosInMemory:
 
     def _on_the_wire(self, answers):
         if not self.overlaps:
-            return [answer.data for answer in answers]
+            return [self.spoil.get(one.id, bytes)(one.data) for one in answers]
         together = {}
         for answer in answers:
             before = together.get(answer.id, answer.data)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
-from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import servos_of
 from s2c2a.lab.cli import motors
@@ -17,11 +16,6 @@ from s2c2a.spaces import Stage
 
 CYCLES = 3  # in which a fault is seen
 FOURTH = r"servo 4 \(module 2, cable 1\)"
-
-
-@pytest.fixture
-def emulator(monkeypatch):
-    return EmulatorInMemory(monkeypatch)
 
 
 @pytest.fixture

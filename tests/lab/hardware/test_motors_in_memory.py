@@ -25,6 +25,7 @@ from s2c2a.runtime.emergency import EmergencyStopError
 PROTOCOLS = ("dynamixel", "feetech")
 PING_ANSWER = 14  # bytes
 TICK = 2 * 3.14159 * 0.01 / 4096  # m
+GOALS = {"dynamixel": b"\x74\x00", "feetech": b"\x2a"}  # addresses
 WRONG_MODELS = {"dynamixel": 1020, "feetech": 1029}
 STATED = {
     "dynamixel": ("return_delay", "drive_mode", "operating_mode", "current_limit"),
@@ -375,6 +376,18 @@ def test_a_servo_that_restarts_before_it_is_switched_on_stays_off(prepared):
     bench.port[2].restart(bench.clock.now)
     with pytest.raises(BusError, match="servo 2 has restarted"):
         bus.set_torque([2], on=True)
+    assert not bench.port[2].torque
+
+
+def test_a_servo_is_switched_on_with_a_confirmed_goal_and_off_without_any(prepared):
+    bench, bus = prepared
+    address = GOALS[bench.protocol]
+    bench.port.loses = lambda packet: packet.parameters.startswith(address)
+    with pytest.raises(BusError, match="servo 2 on fake does not answer"):
+        bus.set_torque([2], on=True)
+    assert not bench.port[2].torque
+    bench.port[2]["torque_enable"] = 1
+    bus.set_torque([2], on=False)
     assert not bench.port[2].torque
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
-from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import load_arm, save_arm, servos_of
 from s2c2a.arm.files import arm_from_toml, arm_to_toml
@@ -12,7 +11,6 @@ from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli import motors
 from s2c2a.lab.emulation.lab import open_lab
 from s2c2a.lab.emulation.motive import MotiveOptions
-from s2c2a.lab.hardware import bring_up  # noqa: F401 - before its clock is replaced
 from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.calibration import load_calibration
 
@@ -40,11 +38,6 @@ def arm_on(
     arm = arm_from_toml(text)
     assert arm_from_toml(arm_to_toml(arm)) == arm
     return arm
-
-
-@pytest.fixture
-def emulator(monkeypatch):
-    return EmulatorInMemory(monkeypatch)
 
 
 @pytest.fixture(params=["port-2", ""], ids=["two-ports", "one-port"])

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
-from emulator_in_memory import EmulatorInMemory
 
 from s2c2a.arm import load_arm, save_arm, servos_of
 from s2c2a.arm.files import arm_from_toml, arm_to_toml
 from s2c2a.arm.geometry import cables_present
 from s2c2a.errors import ArmError
 from s2c2a.lab.cli import motors
-from s2c2a.lab.hardware import bring_up  # noqa: F401 - before its clock is replaced
 from s2c2a.lab.hardware.calibration import load_calibration
 
 ANGLES = {
@@ -35,11 +33,6 @@ def arm_with(kind, **servos):
 @pytest.fixture(params=ANGLES)
 def arm(request):
     return arm_with(request.param)
-
-
-@pytest.fixture
-def emulator(monkeypatch):
-    return EmulatorInMemory(monkeypatch)
 
 
 def test_ids_count_the_cables_that_exist(arm):
