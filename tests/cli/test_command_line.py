@@ -17,21 +17,6 @@ from s2c2a_experiments.cli import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-COMMANDS = [
-    "demo",
-    "live",
-    "view",
-    "collect",
-    "train",
-    "reach",
-    "run",
-    "benchmark",
-    "bench",
-    "doctor",
-    "arm",
-    "reproduce",
-]
-
 
 def run(*arguments: str) -> None:
     main(arguments)
@@ -43,14 +28,6 @@ def failing(capsys, *arguments: str) -> str:
         main(arguments)
     assert stopped.value.code == 2
     return capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(command, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "--help"])
-    assert stopped.value.code == 0
-    assert "usage" in capsys.readouterr().out
 
 
 def test_every_table_has_a_line_of_help(capsys):

@@ -7,7 +7,7 @@ import pytest
 
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
-from s2c2a.errors import DamagedRecordingError, RecordingError
+from s2c2a.errors import RecordingError
 
 EPISODES, SAMPLES = 3, 7
 OPTIONS = {
@@ -100,21 +100,6 @@ def test_a_recording_without_a_complete_episode_is_refused(twin, tmp_path):
     EpisodeWriter.create(tmp_path / "empty.episodes", twin, OPTIONS).close()
     with pytest.raises(RecordingError, match="no whole episode"):
         load_recording(tmp_path / "empty.episodes")
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"name = 'arm'", bytes(5000), b"\x89HDF\r\n\x1a\n" + bytes(200)]
-)
-def test_a_file_of_another_kind_is_refused(tmp_path, content):
-    (tmp_path / "other.episodes").write_bytes(content)
-    with pytest.raises(DamagedRecordingError):
-        load_recording(tmp_path / "other.episodes")
-
-
-def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    for path in (tmp_path / "nothing.episodes", tmp_path):
-        with pytest.raises(RecordingError, match="no recording at"):
-            load_recording(path)
 
 
 @pytest.mark.parametrize("name", ["cables", "states", "flex"])

@@ -310,12 +310,6 @@ def test_a_file_of_another_kind_is_refused(tmp_path, content):
         load_episodes(tmp_path / "other")
 
 
-def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    for path in (tmp_path / "nothing.episodes", tmp_path):
-        with pytest.raises(RecordingError, match="no recording at"):
-            load_episodes(path)
-
-
 def written(path, *contents):
     """A file of blocks of some contents, each sound in itself."""
     with open(path, "wb") as file:

@@ -55,6 +55,7 @@ BY_PATH = READERS | {
     "tracking.json": partial(load_tracking_calibration, arm=TWIN),
     "begun.json": partial(load_or_empty, arm=TWIN),
     "camera.json": load_camera,
+    "camera.yaml": load_camera,
     "layout.json": load_layout,
     "picture.png": lambda path: read_pictures([Path(path)]),
     "video.avi": lambda path: open_device(str(path)),
@@ -74,7 +75,23 @@ STRANGE = {
     "json": b"[1, 2",
     "another table": b'strange = 1\nother = "x"\n',
     "utf-16": "name = 'x'".encode("utf-16"),
+    "blank": b" " * 2_000_000 + b"\n\n",
 }
+JSON = {
+    "null": b"null",
+    "list": b"[3]",
+    "no keys": b"{}",
+    "no tags": b'{"tags": []}',
+    "one key": b'{"arm": 1e400}',
+    "digits": b"9" * 10_000,
+    "deep": b"[" * 100_000,
+}
+KINDS = [
+    (name, kind)
+    for name in BY_PATH | TABLES
+    for kind in ("folder", "missing", "pipe", *STRANGE, *JSON)
+    if kind not in JSON or "json" in name
+]
 
 
 @pytest.fixture
@@ -133,16 +150,15 @@ def test_every_reader_rejects_links_to_other_files(tmp_path, name, target):
         READERS[name](tmp_path / name)
 
 
-@pytest.mark.parametrize("name", [*BY_PATH, *TABLES])
-@pytest.mark.parametrize("kind", ["folder", "missing", "pipe", *STRANGE])
+@pytest.mark.parametrize(("name", "kind"), KINDS)
 def test_every_reader_names_the_strange_file_that_it_rejects(tmp_path, name, kind):
     path = tmp_path / f"ä {name}"
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
         os.mkfifo(path)
-    elif kind in STRANGE:
-        path.write_bytes(STRANGE[kind])
+    elif kind != "missing":
+        path.write_bytes((STRANGE | JSON)[kind])
     elif name == "begun.json":
         return
     with pytest.raises(S2C2AError, match=f"ä {name}"):

@@ -9,10 +9,6 @@ from scipy.interpolate import PchipInterpolator
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.data import load_recording
-from s2c2a.logs import load_map
-from s2c2a.logs.reading import read_table
-from s2c2a.logs.tables import ColumnRequest
-from s2c2a.logs.take import build_take
 from s2c2a.robots.simulation import SimulatedRobot
 
 SPAN = 45.0  # s
@@ -100,28 +96,6 @@ def sample(samples, time, values):
 def write(path, header, time, values):
     table = np.column_stack([time, values])
     np.savetxt(path, table, "%.6f", ",", header=header, comments="")
-
-
-@pytest.mark.slow
-def test_the_tip_is_joined_at_the_true_times_of_the_drives(folder):
-    log_map = load_map(folder / "map.toml")
-    paths = [folder / "motors.csv", folder / "camera.csv"]
-    request = ColumnRequest(log_map.number_columns, log_map.label_columns)
-    tables = [read_table(path, request) for path in paths]
-    take = build_take(tables, log_map)
-    (clock,) = take.clocks
-    error = abs(clock.offset - true_offset(clock.middle))
-    assert error < 0.01
-    assert error < 3 * clock.offset_std
-    camera = tables[1].numbers
-    true_time = OFFSET + (1 + DRIFT) * camera["seconds"]
-    motor_time = tables[0].numbers["stamp"]
-    expected = np.interp(motor_time, true_time, camera["x"])
-    measured = 1e3 * take.positions[:, 0, 0]  # mm
-    known = np.isfinite(measured)
-    assert known.mean() > 0.95
-    errors = measured[known] - expected[known]
-    assert np.sqrt(np.mean(errors**2)) < 1.0
 
 
 def true_offset(camera_time):

@@ -193,16 +193,6 @@ def test_broken_json_is_refused_with_its_line_or_a_gap(log, tmp_path):
     assert take_of(path, allowed).broken_rows == 1
 
 
-@pytest.mark.parametrize(
-    "content", ["[1, 2]\n", "[" * 10_000, '{"t": 1' + "0" * 5000 + "}\n", "\n", "{}"]
-)
-def test_other_json_is_refused(log, tmp_path, content):
-    path = tmp_path / "log.jsonl"
-    path.write_text(content)
-    with pytest.raises(LogError):
-        take_of(path, log[0].map)
-
-
 def test_an_export_of_motive_is_the_same_take(log, tmp_path):
     simulated, columns = log
     drives = {name: columns[name] for name in columns if name[0] in "cm"}

@@ -79,13 +79,6 @@ def test_a_damaged_file_is_refused(tmp_path, calibration, change, message):
         load_tracking_calibration(path, ARM)
 
 
-def test_a_file_without_json_is_refused(tmp_path):
-    path = tmp_path / "damaged.json"
-    path.write_text("{")
-    with pytest.raises(TrackingCalibrationError, match="no tracking calibration"):
-        load_tracking_calibration(path, ARM)
-
-
 def test_an_offset_of_an_unknown_body_is_refused(tmp_path, calibration):
     path = tmp_path / "bodies.json"
     ends = {"end-9": calibration.end_offsets["end-1"]}

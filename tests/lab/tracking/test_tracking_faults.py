@@ -158,7 +158,9 @@ def test_a_flipped_body_is_missing_from_the_first_frame_on(module):
 
 
 def test_a_flipped_base_loses_all_modules():
-    assert_from_the_first_frame_on(Run("0.5 flipped base"), [1, 2, 3])
+    run = Run("0.5 flipped base")
+    assert_from_the_first_frame_on(run, [1, 2, 3])
+    assert run.steps[-1].reasons[0] == "does not fit the base"
 
 
 @pytest.mark.parametrize(("body", "rows"), [("end-2", [2]), ("base", [1, 2, 3])])

@@ -5,6 +5,7 @@ import random
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -116,6 +117,7 @@ def test_closing_twice_and_starting_again_works():
         _ = tracker.address
     with tracker:
         assert tracker.address[0] == "127.0.0.1"
+    assert "UdpTracker" not in [one.name for one in threading.enumerate()]
 
 
 def test_the_example_sender_moves_a_module_end(tracker):
