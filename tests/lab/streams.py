@@ -10,6 +10,7 @@ import numpy as np
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
+from waiting import until as wait_until
 
 PATIENCE = 300.0  # s, on a busy machine
 QUARTER = np.sqrt(0.5)
@@ -25,13 +26,6 @@ def free_port(kind=socket.SOCK_DGRAM):
     with socket.socket(socket.AF_INET, kind) as opened:
         opened.bind(("127.0.0.1", 0))
         return opened.getsockname()[1]
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 def frames_arrive(tracker, count=5):

@@ -36,7 +36,10 @@ def test_faults_are_parsed():
 
 @pytest.mark.parametrize(
     "text",
-    ["", "gone 4", "3", "3 flood", "3 lost", "3 lost 1.5", "3 gone 4 1 2", "-1 hot 2"],
+    [
+        *("", "3", "gone 4", "-1 hot 2", "inf hot 2", "3 flood", "3 gone 4 1 2"),
+        *("3 lost", "3 lost x", "3 lost nan", "3 lost 1.5", "3 lost 0.1 0.2"),
+    ],
 )
 def test_an_invalid_fault_names_the_allowed_kinds(text):
     with pytest.raises(S2C2AError, match=r"late SECONDS SHARE.*gone ID \[SECONDS\]"):

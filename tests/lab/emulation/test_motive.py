@@ -2,11 +2,10 @@
 
 import socket
 import threading
-import time
 
 import numpy as np
 import pytest
-from streams import PATIENCE, free_port
+from streams import PATIENCE, free_port, wait_until
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
@@ -17,6 +16,7 @@ from s2c2a.lab.emulation.mocap import MocapEmulator, SlowMotion
 from s2c2a.lab.emulation.mocap_server import GRAMMAR
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
 from s2c2a.lab.emulation.plant import FramePose
+from s2c2a.lab.emulation.qtm import QtmOptions
 from s2c2a.lab.emulation.tracked_bodies import to_stream
 from s2c2a.lab.tracking import ModuleEnds, NatNetTracker
 
@@ -134,23 +134,7 @@ def test_a_body_and_seconds_are_parsed():
     assert hidden == Fault(3.0, "hidden", ("end-1",), (1.5,))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "3",
-        "x lost 0.1",
-        "-1 lost 0.1",
-        "inf lost 0.1",
-        "1 lost 2",
-        "1 lost nan",
-        "1 lost",
-        "1 lost 0.1 0.2",
-        "1 burnt 1",
-        "1 swapped base",
-        "1 hidden base x",
-    ],
-)
+@pytest.mark.parametrize("text", ["1 gone 4", "1 swapped base", "1 hidden base x"])
 def test_an_invalid_fault_lists_the_kinds(text):
     with pytest.raises(S2C2AError, match=r"hidden BODY \[SECONDS\]"):
         GRAMMAR.parse((text,), NAMES)
@@ -163,20 +147,25 @@ def test_a_fault_of_an_unknown_body_lists_the_bodies(text):
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("kind", "option"),
     [
-        {"version": "5.0"},
-        {"up": "x"},
-        {"rate": 0.0},
-        {"noise": float("nan")},
-        {"latency": -1.0},
-        {"command_port": 0},
-        {"multicast": "10.0.0.1"},
+        (MotiveOptions, {"version": "5.0"}),
+        (MotiveOptions, {"up": "x"}),
+        (MotiveOptions, {"rate": 0.0}),
+        (MotiveOptions, {"noise": float("nan")}),
+        (MotiveOptions, {"latency": -1.0}),
+        (MotiveOptions, {"command_port": 0}),
+        (MotiveOptions, {"multicast": "10.0.0.1"}),
+        (QtmOptions, {"version": "2.0"}),
+        (QtmOptions, {"port": 0}),
+        (EmulatorOptions, {"pose_rate": 0.0}),
+        (EmulatorOptions, {"firmware": 0}),
+        (EmulatorOptions, {"duration": float("nan")}),
     ],
 )
-def test_invalid_options_are_refused(options):
+def test_invalid_options_are_refused(kind, option):
     with pytest.raises(S2C2AError, match="not allowed; give"):
-        MotiveOptions(**options)
+        kind(**option)
 
 
 def test_an_unknown_motion_is_refused():
@@ -200,14 +189,6 @@ def in_thread(emulator):
     return run
 
 
-def first_states(tracker):
-    deadline = time.monotonic() + PATIENCE
-    while tracker.latest() is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    return ModuleEnds.of(ARM.module_count).states(tracker.latest())
-
-
 @pytest.mark.parametrize("has_servos", [False, True])
 def test_the_tracker_sees_the_states_of_a_straight_arm(has_servos, tmp_path):
     port = free_port() + 1
@@ -222,7 +203,8 @@ def test_the_tracker_sees_the_states_of_a_straight_arm(has_servos, tmp_path):
     run = in_thread(emulator)
     try:
         with NatNetTracker(command_port=port - 1, timeout=PATIENCE) as tracker:
-            states = first_states(tracker)
+            wait_until(lambda: tracker.latest() is not None)
+            states = ModuleEnds.of(ARM.module_count).states(tracker.latest())
     finally:
         emulator.stop()
         run.join()

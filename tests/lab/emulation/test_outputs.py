@@ -86,11 +86,3 @@ def test_the_record_has_a_row_for_every_period(emulator, tmp_path):
 def test_an_invalid_address_names_an_example(text):
     with pytest.raises(S2C2AError, match=r"127\.0\.0\.1:9700"):
         parse_address(text)
-
-
-@pytest.mark.parametrize(
-    "options", [{"pose_rate": 0.0}, {"firmware": 0}, {"duration": float("nan")}]
-)
-def test_invalid_options_are_refused(options):
-    with pytest.raises(S2C2AError, match="not allowed"):
-        EmulatorOptions(**options)
