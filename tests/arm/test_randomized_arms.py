@@ -112,18 +112,8 @@ def test_randomized_arms_are_stable(base, seed):
 
 
 def test_the_command_writes_the_sampled_arm(tmp_path, capsys):
-    main(
-        [
-            "arm",
-            "random",
-            "--seed",
-            "3",
-            "--strength",
-            "0.5",
-            "--out",
-            str(tmp_path / "drawn.toml"),
-        ]
-    )
+    command = ["arm", "random", "--seed", "3", "--strength", "0.5", "--out"]
+    main([*command, str(tmp_path / "drawn.toml")])
     assert (tmp_path / "drawn.toml").read_text() == arm_to_toml(
         randomized_arm(TWIN, 3, 0.5)
     )

@@ -339,14 +339,8 @@ def test_collect_train_and_run_work_on_an_arm_without_tuning(
 
 
 def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):
-    output = failing(
-        capsys,
-        "collect",
-        "--out",
-        str(tmp_path / "twin.episodes"),
-        "--cluster",
-        "nowhere",
-    )
+    command = ["collect", "--cluster", "nowhere", "--out"]
+    output = failing(capsys, *command, str(tmp_path / "twin.episodes"))
     assert "no cluster 'nowhere'" in output
     assert "local for this machine" in output
     assert list(tmp_path.iterdir()) == []
@@ -355,16 +349,8 @@ def test_an_unknown_cluster_is_rejected_before_collecting(tmp_path, capsys):
 def test_a_folder_that_is_no_run_directory_is_never_overwritten(tmp_path, capsys):
     precious = tmp_path / "precious.txt"
     precious.write_text("mine")
-    failing(
-        capsys,
-        "run",
-        "circle",
-        "--strategy",
-        "pcc",
-        "--out",
-        str(tmp_path),
-        "--overwrite",
-    )
+    command = ["run", "circle", "--strategy", "pcc", "--overwrite", "--out"]
+    failing(capsys, *command, str(tmp_path))
     assert precious.read_text() == "mine"
 
 

@@ -31,7 +31,10 @@ POSES = {
         np.array([0.125, -0.25, 0.5]), np.array([QUARTER, 0.0, 0.0, QUARTER])
     ),
 }
-NASTY = [b"NaN", b"Infinity", b"-1", b"1e999", b"9" * 400, b"null", b"{}", b"[" * 999]
+NASTY = [
+    *b"NaN Infinity -Infinity -1 1e999 1e308 null true {} mm".split(),
+    *(b'"', b"\xff", b"9" * 400, b"[" * 999),
+]
 
 
 def streamed(up):
@@ -109,8 +112,7 @@ QTM_PARAMETERS = qualisys_protocol.encode_parameters("1.20", list(POSES), "z")
 QTM_FRAME = qualisys_protocol.encode_frame(7, 1.5, streamed("z").values())
 READERS = {
     "json": Reader([encode_poses(7, 1.5, streamed("z"))], read_json, False),
-    "natnet 3.1": read_natnet("3.1"),
-    "natnet 4.1": read_natnet("4.1"),
+    **{f"natnet {version}": read_natnet(version) for version in ("3.1", "4.1", "4.2")},
     "qualisys": Reader(
         [QTM_FRAME, QTM_FRAME, QTM_PARAMETERS, QTM_VERSION], read_qualisys, True
     ),

@@ -3,24 +3,13 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmSpec, Module
+from s2c2a.arm import ArmSpec
 from s2c2a.viz import Trace
 
 RADIUS = 0.22  # m
 HEIGHT = 0.54  # m
 STEPS = 200
 BEND = 0.26  # rad
-
-
-def _module(cables: int = 3, **changes) -> Module:
-    angles = tuple(360.0 * cable / cables for cable in range(cables))
-    values = {
-        "length": 0.2,
-        "cable_radius": 0.027,
-        "mass": 0.075,
-        "bending_stiffness": 0.16,
-    }
-    return Module(**{**values, "cable_angles_deg": angles, **changes})
 
 
 def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarray:
@@ -37,25 +26,11 @@ def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarra
 
 
 @pytest.fixture
-def make_module():
-    """Build a module of 0.2 m with evenly spaced cables."""
-    return _module
-
-
-@pytest.fixture
-def make_arm():
-    """Build an arm of equal modules."""
+def make_arm(make_arm):
+    """Build an arm of 0.6 m of equal modules."""
 
     def make(modules: int = 3, cables: int = 3, **changes) -> ArmSpec:
-        kinds = (_module(cables, length=0.6 / modules),) * modules
-        return ArmSpec(
-            **{
-                "name": "test_arm",
-                "actuation": "displacement",
-                "modules": kinds,
-                **changes,
-            }
-        )
+        return make_arm(modules, cables, {"length": 0.6 / modules}, **changes)
 
     return make
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmSpec, load_arm, preset_names
+from s2c2a.arm import load_arm, preset_names
 from s2c2a.viz import arm_figure
 from s2c2a.viz.arm_drawing import kinds_of_module
 
@@ -11,11 +11,11 @@ def test_every_preset_is_drawn(name, tmp_path):
     assert arm_figure(load_arm(name), tmp_path / "arm.png").stat().st_size > 20_000
 
 
-def test_modules_with_equal_cable_arrangements_share_a_cross_section(make_module):
-    turned = make_module(cable_angles_deg=(60.0, 180.0, 300.0))
-    modules = (make_module(3), turned, make_module(3))
-    arm = ArmSpec(name="mixed", actuation="displacement", modules=modules)
-    assert list(kinds_of_module(arm).items()) == [("A", [1, 3]), ("B", [2])]
+def test_modules_with_equal_cable_arrangements_share_a_cross_section(arm):
+    first, second, third = arm.modules
+    turned = second.model_copy(update={"cable_angles_deg": (60.0, 180.0, 300.0)})
+    mixed = arm.model_copy(update={"modules": (first, turned, third)})
+    assert list(kinds_of_module(mixed).items()) == [("A", [1, 3]), ("B", [2])]
 
 
 MOUNTS = [

@@ -1,7 +1,7 @@
 """Datagrams are parsed strictly, and frames never go back."""
 
 import json
-import random
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -17,26 +17,8 @@ from s2c2a.lab.tracking.datagrams import (
 )
 from s2c2a.lab.tracking.tracker import PoseFrame
 
-MUTATIONS = 20_000
 ARRIVAL = 100.0  # s
 BODY = {"position": [0.1, 0.2, 0.3], "rotation": [0.0, 0.0, 0.0, 1.0]}
-TOKENS = (
-    b"NaN",
-    b"-Infinity",
-    b"1e999",
-    b"1e308",
-    b"null",
-    b"true",
-    b'"',
-    b"{",
-    b"[" * 50,
-    b"9" * 400,
-    b"\xff",
-    b"\x00",
-    b"mm",
-    b"-",
-    b",",
-)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: (
@@ -78,26 +60,10 @@ def is_valid(datagram):
     )
 
 
-def accepted_or_dropped(content):
-    """One if a datagram is accepted, zero if it is dropped."""
-    try:
-        datagram = parse_datagram(content, ARRIVAL)
-    except DatagramError:
-        return 0
-    assert is_valid(datagram), content
-    return 1
-
-
-def mutated(content, rng):
-    """A datagram with a few bytes replaced, cut, repeated, or tokens inserted."""
-    data = bytearray(content)
-    for _ in range(rng.randint(1, 4)):
-        start = rng.randrange(len(data) + 1)
-        end = min(start + rng.randint(0, 8), len(data))
-        data[start:end] = rng.choice(
-            (rng.randbytes(rng.randint(0, 4)), rng.choice(TOKENS), data[end:start:-1])
-        )
-    return bytes(data)
+def check(content):
+    """A datagram is valid, or dropped."""
+    with suppress(DatagramError):
+        assert is_valid(parse_datagram(content, ARRIVAL)), content
 
 
 def test_a_datagram_gives_time_frame_and_seen_bodies():
@@ -166,34 +132,19 @@ def test_an_oversized_datagram_is_dropped_before_it_is_parsed():
     assert drop_reason(encoded() + b" " * MAX_BYTES) is DropReason.OVERSIZED
 
 
-def test_mutated_datagrams_are_dropped_or_valid():
-    rng = random.Random(0)
-    content = encoded()
-    accepted = sum(accepted_or_dropped(mutated(content, rng)) for _ in range(MUTATIONS))
-    # some mutations change only a digit or a name; most break the datagram
-    assert 0 < accepted < MUTATIONS / 4
-
-
-def test_random_bytes_are_dropped():
-    rng = random.Random(1)
-    assert not any(
-        accepted_or_dropped(rng.randbytes(rng.randint(0, 60))) for _ in range(2000)
-    )
-
-
 @given(JSON)
 def test_any_json_is_dropped_or_valid(value):
-    accepted_or_dropped(json.dumps(value).encode())
+    check(json.dumps(value).encode())
 
 
 @given(JSON, st.sampled_from(["time", "frame", "bodies", "units", "more"]))
 def test_any_value_of_a_key_is_dropped_or_valid(value, key):
-    accepted_or_dropped(encoded(**{key: value}))
+    check(encoded(**{key: value}))
 
 
 @given(JSON, st.sampled_from(["position", "rotation", "more"]))
 def test_any_value_of_a_body_is_dropped_or_valid(value, key):
-    accepted_or_dropped(encoded(bodies={"base": BODY | {key: value}}))
+    check(encoded(bodies={"base": BODY | {key: value}}))
 
 
 def order_with(frame=10, time=5.0, arrival=100.0):

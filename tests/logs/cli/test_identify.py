@@ -31,16 +31,11 @@ def files(make_arm, tmp_path_factory):
 
 
 def command(files, *more: str) -> None:
-    words = [
-        files / "soft.episodes",
-        "--arm",
-        files / "start.toml",
-        "--out",
-        files / "fitted.toml",
-        "--jobs",
-        "1",
-    ]
-    main(["identify", *map(str, words), "--fit", "stiffness", "--rounds", "4", *more])
+    recording, start, out = (
+        str(files / name) for name in ("soft.episodes", "start.toml", "fitted.toml")
+    )
+    options = ["--jobs", "1", "--fit", "stiffness", "--rounds", "4"]
+    main(["identify", recording, "--arm", start, "--out", out, *options, *more])
 
 
 def test_the_fitted_arm_has_a_smaller_error_which_is_reported(files, capsys):
