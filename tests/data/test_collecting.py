@@ -20,7 +20,7 @@ from s2c2a.data import (
     episode_actions,
     load_recording,
 )
-from s2c2a.episodes import Episode, EpisodeWriter
+from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, RobotError, S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Sensor, Stage
@@ -212,21 +212,6 @@ def test_a_short_gap_is_interpolated_and_marked_by_its_stage(gather):
     expected = np.linspace(cables[3], cables[6], 4)
     np.testing.assert_allclose(cables[3:7], expected, atol=1e-5)
     assert np.flatnonzero(episode["stage"] == Stage.HOLD).tolist() == [4, 5]
-
-
-def test_two_writers_of_one_file_are_refused(gather, tmp_path):
-    gather()
-    writer = EpisodeWriter(tmp_path / "one.episodes")
-    for how in ({"resume": True}, {"overwrite": True}):
-        with pytest.raises(RecordingError, match="in use by another process"):
-            gather(**how)
-    writer.close()
-
-
-def test_what_is_no_file_of_episodes_is_not_resumed(gather, tmp_path):
-    (tmp_path / "one.episodes").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(RecordingError, match="no file of episodes"):
-        gather(resume=True)
 
 
 class _Torn(SimulatedRobot):

@@ -1,7 +1,5 @@
 """A custom forward model, from data to a run, through the command line."""
 
-import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,9 +7,8 @@ import tomli_w
 
 from s2c2a.cli.main import main
 from s2c2a.errors import StrategyError
-from s2c2a.jobs.artifacts import digest_of
 from s2c2a.models.registry import MODELS
-from s2c2a.strategies import load_networks, load_recipe, recipe_named, save_recipe
+from s2c2a.strategies import load_networks, load_recipe, save_recipe
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "extending" / "own_model.py"
 MODEL = f"{EXAMPLE}:ArcsOptions"
@@ -76,27 +73,6 @@ def test_its_options_round_trip_through_recipe_and_strategy_file(
     assert again.training == load_recipe(recipe).training
 
 
-@pytest.mark.slow
-def test_a_strategy_file_alone_does_not_run_its_code(
-    strategy, forged, tmp_path, monkeypatch, capsys
-):
-    """It names a module that Python would find, and that nobody has imported."""
-    (tmp_path / "never_imported.py").write_text(EXAMPLE.read_text())
-    monkeypatch.syspath_prepend(tmp_path)
-
-    def rename(metadata, _arrays):
-        metadata["recipe"]["c2s"]["model"] = "never_imported:ArcsOptions"
-
-    file = forged(strategy, rename)
-    with pytest.raises(SystemExit) as stopped:
-        main(["run", str(waypoints(tmp_path)), "--weights", str(file)])
-    assert stopped.value.code == 2
-    error = capsys.readouterr().err
-    assert "'never_imported:ArcsOptions'" in error
-    assert "--trust" in error
-    assert "never_imported" not in sys.modules
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -110,14 +86,3 @@ def test_invalid_options_are_rejected(recipe, tmp_path, change, message):
     (tmp_path / "wrong.toml").write_text(tomli_w.dumps(table))
     with pytest.raises(StrategyError, match=message):
         load_recipe(tmp_path / "wrong.toml")
-
-
-def test_networks_of_edited_code_have_another_cache_key(tmp_path):
-    """The cache key includes the code, which a user changes more often than numbers."""
-    file = tmp_path / "edited_model.py"
-    file.write_text(EXAMPLE.read_text())
-    model = f"{file}:ArcsOptions"
-    recipe = replace(recipe_named("paper"), c2s=MODELS.named(model)(model=model))
-    before = digest_of(recipe.training)
-    file.write_text(EXAMPLE.read_text() + "# edited\n")
-    assert digest_of(recipe.training) != before

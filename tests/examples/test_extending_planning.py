@@ -1,7 +1,6 @@
 """A custom cost term and a custom solver, from the command line and from Python."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
 
@@ -10,19 +9,14 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
-from s2c2a.errors import S2C2AError, UntrustedCodeError
+from s2c2a.errors import S2C2AError
 from s2c2a.estimation import Estimate
 from s2c2a.kinematics import bends_from_configurations, states_from_configurations
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import Goal, Planner
-from s2c2a.plugins.discovery import trust_of_one_command
 from s2c2a.strategies import (
-    load_networks,
     load_recipe,
-    planning_as,
     recipe_named,
-    s2c2a_strategy,
-    save_networks,
     save_recipe,
 )
 
@@ -90,24 +84,6 @@ def test_a_recipe_with_custom_components_round_trips(tmp_path):
         load_recipe(save_recipe(recipe, tmp_path / "again.toml")).planner
         == recipe.planner
     )
-
-
-def test_a_strategy_file_imports_no_code(
-    tiny_best_networks, tiny_best_recipe, tmp_path
-):
-    """The file loads, refuses to plan, and plans with a recipe of the user."""
-    with trust_of_one_command():
-        planner = load_recipe(EXTENDING / "own_term.toml").planner
-    own = replace(tiny_best_recipe, planner=planner)
-    save_networks(replace(tiny_best_networks, recipe=own), tmp_path / "own.safetensors")
-    loaded = load_networks(tmp_path / "own.safetensors", TWIN)
-    assert loaded.recipe.planner == own.planner
-    with pytest.raises(
-        UntrustedCodeError, match="is code, which a recording or a weig"
-    ):
-        s2c2a_strategy(loaded)
-    load_recipe(EXTENDING / "own_term.toml")
-    assert planning_as(loaded, own).recipe.planner.build()[1][-1].height == 0.42
 
 
 RECIPE = 'based_on = "best"\n[[planner.terms]]\nname = "{}"\n{}'

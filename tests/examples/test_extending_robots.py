@@ -128,13 +128,6 @@ def test_a_custom_robot_runs_on_the_live_page(weights):
     np.testing.assert_allclose(control.latest.step.action, 0.0, atol=1e-9)
 
 
-def test_an_invalid_option_of_a_custom_robot_is_reported(capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(f"robot check --robot {ROBOT}:LaggingArm --robot-option lag=long".split())
-    assert caught.value.code == 2
-    assert "option lag=long of LaggingArm" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_a_custom_sensor_is_checked_recorded_and_trained_on(
     twin, recipe, tmp_path, capsys

@@ -307,19 +307,6 @@ def test_a_lost_port_ends_the_run_and_the_motors_brake(emulator, fast_arm):
 
 
 @pytest.mark.slow
-def test_motors_without_a_port_stop_before_their_target(emulator, arm):
-    emulator.board.speed = SLOW
-    with winch(arm, emulator) as robot:
-        robot.send(bend(0.008, arm))
-        time.sleep(0.1)
-        emulator.unplug()
-        time.sleep(1e-6 * WATCHDOG + 0.3)
-        stopped = emulator.board.positions
-        assert 80 < stopped[1] < 0.008 / STEP - 50
-        assert not emulator.board.speeds.any()
-
-
-@pytest.mark.slow
 def test_a_lost_port_is_opened_anew(emulator, arm):
     robot = winch(arm, emulator)
     robot.open()

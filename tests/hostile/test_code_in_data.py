@@ -259,7 +259,9 @@ def test_train_runs_no_code_of_a_recording_without_its_arm_file(
 def test_train_refuses_an_arm_that_the_recording_is_not_of(recording, tmp_path, capsys):
     save_episodes(list(recording.episodes), tmp_path / "r.episodes")
     with pytest.raises(SystemExit):
-        main(["train", "r.episodes", "--arm", "simulated_arm", "--out", "w.safetensors"])
+        main(
+            ["train", "r.episodes", "--arm", "simulated_arm", "--out", "w.safetensors"]
+        )
     assert "differs from simulated_arm in" in capsys.readouterr().err
 
 

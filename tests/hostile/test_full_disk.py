@@ -120,30 +120,3 @@ def gather_path(gather, folder):
     """A small file of episodes."""
     gather(folder / "one.episodes", CollectOptions(episodes=1, samples=5))
     return folder / "one.episodes"
-
-
-def test_a_truncated_last_episode_is_ignored_and_replaced(gather, tmp_path):
-    path = tmp_path / "x.episodes"
-    gather(path)
-    whole = path.read_bytes()
-    for cut in (1, 15, 17, 1000):
-        path.write_bytes(whole[:-cut])
-        assert len(load_recording(path).episodes) == 4
-    gather(path, resume=True)
-    (tmp_path / "whole.episodes").write_bytes(whole)
-    assert_same(path, tmp_path / "whole.episodes")
-
-
-def test_a_damaged_length_is_no_truncated_episode(gather, tmp_path):
-    """Otherwise the next resume would cut off all later episodes."""
-    path = tmp_path / "x.episodes"
-    gather(path)
-    content = bytearray(path.read_bytes())
-    place = content.find(b"S2C2A\n", 10) + 6 + 5
-    content[place] ^= 1
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match="do not follow each other"):
-        load_recording(path)
-    with pytest.raises(RecordingError, match="do not follow each other"):
-        gather(path, resume=True)
-    assert path.read_bytes() == bytes(content)

@@ -242,25 +242,6 @@ def test_episodes_too_large_to_read_are_not_written(tmp_path, episode, monkeypat
 
 
 @pytest.mark.parametrize(
-    "kind",
-    ["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?", ">f8"],
-)
-def test_all_number_types_round_trip(tmp_path, episode, kind):
-    columns = {**episode.columns, "sensor.mine": np.array([0, 1, 1, 0], kind)}
-    save_episodes([Episode(TWIN, columns)], tmp_path / "x.episodes")
-    np.testing.assert_array_equal(
-        load_recording(tmp_path / "x.episodes").sensor("mine")[0], [0, 1, 1, 0]
-    )
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), "\udc80", {(1, 2): 3}])
-def test_options_that_cannot_be_stored_are_rejected_before_writing(tmp_path, value):
-    with pytest.raises(RecordingError, match="cannot be kept"):
-        EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {"mine": value})
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
     "text",
     [
         "[" * 100_000,
