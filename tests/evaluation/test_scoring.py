@@ -149,7 +149,7 @@ OBSTACLE = REST.with_obstacles([[0.3, 0, 0.5]], [0.1])
 TIPS = np.array([[0, 0, 0.5], [0.15, 0, 0.5], [0.1, 0, 0.5]])
 
 
-def lines_to(tips, bulge=0.0):
+def lines_to(tips, bulge):
     """Center lines of two moments and ten points; the first tip is off by `bulge`."""
     lines = np.zeros((len(tips), 2, 10, 3))
     lines[:, :, -1] = tips[:, None]
@@ -165,31 +165,22 @@ def test_clearance_without_center_lines_is_the_smallest_at_control_steps():
     assert not result.averaged
 
 
-def test_clearance_with_center_lines_includes_moments_between_control_steps():
-    goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    assert value(
-        goals, states, "clearance", center_lines=lines_to(TIPS, bulge=0.07)
-    ) == pytest.approx(-2, abs=1e-5)
-
-
-def test_clearance_at_steps_excludes_moments_between_control_steps():
-    goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    result = value(
-        goals, states, "clearance at steps", center_lines=lines_to(TIPS, bulge=0.07)
-    )
-    assert result == pytest.approx(5, abs=1e-5)
-
-
-def test_clearance_is_of_the_tip_and_not_of_the_rest_of_the_arm():
-    lines = lines_to(TIPS)
-    lines[:, :, 3] = [0.3, 0, 0.45]
-    goals, states = [OBSTACLE] * 3, states_at(TIPS)
-    assert value(goals, states, "clearance", center_lines=lines) == pytest.approx(
-        5, abs=1e-5
-    )
-    assert value(
-        goals, states, "clearance of the arm", center_lines=lines
-    ) == pytest.approx(-5, abs=1e-5)
+@pytest.mark.parametrize(
+    ("metric", "bulge", "middle", "expected"),
+    [
+        ("clearance", 0.07, 0.0, -2),
+        ("clearance at steps", 0.07, 0.0, 5),
+        ("clearance", 0.0, [0.3, 0, 0.45], 5),
+        ("clearance of the arm", 0.0, [0.3, 0, 0.45], -5),
+    ],
+)
+def test_clearance_is_of_all_moments_and_of_the_tip_unless_said_otherwise(
+    metric, bulge, middle, expected
+):
+    lines = lines_to(TIPS, bulge)
+    lines[:, :, 3] = middle
+    found = value([OBSTACLE] * 3, states_at(TIPS), metric, center_lines=lines)
+    assert found == pytest.approx(expected, abs=1e-5)
 
 
 def test_clearance_of_the_arm_without_center_lines_uses_module_ends():

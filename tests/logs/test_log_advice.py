@@ -53,14 +53,16 @@ def test_text_of_western_windows_programs_is_read(tmp_path):
     assert len(take) == 3
 
 
-def test_names_below_other_lines_need_skip_lines(tmp_path):
-    with pytest.raises(LogError, match=r"set rows\.skip_lines"):
-        read(tmp_path / "log.csv", "logger 3\n\nt,a,x,y,z\n" + rows(range(3)))
-
-
-def test_a_missing_column_comes_with_those_that_are_there(tmp_path):
-    with pytest.raises(LogError, match=r"names: a; it has others: motor"):
-        read(tmp_path / "log.csv", "t,motor,x,y,z\n" + rows(range(3)))
+@pytest.mark.parametrize(
+    ("head", "told"),
+    [
+        ("logger 3\n\nt,a,x,y,z\n", r"set rows\.skip_lines"),
+        ("t,motor,x,y,z\n", r"names: a; it has others: motor"),
+    ],
+)
+def test_a_log_without_the_named_columns_says_what_it_has(tmp_path, head, told):
+    with pytest.raises(LogError, match=told):
+        read(tmp_path / "log.csv", head + rows(range(3)))
 
 
 def test_an_end_without_position_says_why_it_needs_one():

@@ -190,7 +190,7 @@ def test_damaged_files_are_errors(tmp_path, ending):
         path.write_bytes(gzip.compress("\n".join(lines).encode(), mtime=0))
     content = path.read_bytes()
     errors = 0
-    count = 16 if ending == "mat" else 150  # a process each
+    count = 8 if ending == "mat" else 150  # a process each
     for _ in range(count):
         damaged = bytearray(content)
         if random.random() < 0.3:
