@@ -11,13 +11,11 @@ from jaxtyping import Bool, Float, Int
 
 from s2c2a.errors import TargetError
 from s2c2a.files.text import LARGEST
-from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances
 from s2c2a.plugins.immutable import immutable
 from s2c2a.printing import short_text
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
-DETOUR = 3.0  # chosen: time around an obstacle, over that straight on at full speed
 START_TIME = 1.0  # s; chosen: until an arm moves, see `planning.Detour`
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
@@ -42,9 +40,6 @@ class Goal(NamedTuple):
         change_weight: mu_d.
         preview: positions [m] and axes of the goals of the next moments, shape
             (PREVIEW, modules, 6); NaN where they are not known (`previewed`).
-        beyond: position [m] and axis of the tip where the targets to come have passed
-            the obstacle that they soon enter, shape (6,); NaN where none is known to
-            lie on their way, or the arm still has time (`previewed`).
         shape: desired bends of all modules [rad], shape (modules, 2), module frames.
         shape_weight: of these bends; zero if no shape is desired.
     """
@@ -59,7 +54,6 @@ class Goal(NamedTuple):
     obstacle_weight: Float[Numbers, ""]
     change_weight: Float[Numbers, ""]
     preview: Float[Numbers, "moments modules 6"]
-    beyond: Float[Numbers, "6"]
     shape: Float[Numbers, "modules 2"]
     shape_weight: Float[Numbers, ""]
 
@@ -81,7 +75,6 @@ class Goal(NamedTuple):
             obstacle_weight=np.array(1.0, np.float32),
             change_weight=_weight(change_weight),
             preview=np.full((PREVIEW, modules, 6), np.nan, np.float32),
-            beyond=np.full(6, np.nan, np.float32),
             shape=np.zeros((modules, 2), np.float32),
             shape_weight=np.array(0.0, np.float32),
         ).frozen()
@@ -237,7 +230,6 @@ def previewed(
     goals: Sequence[Goal],
     period: float,
     farthest: float = np.inf,
-    margin: float = 0.0,
 ) -> Iterator[Goal]:
     """Goals that know those after them; the last goal lasts.
 
@@ -250,7 +242,6 @@ def previewed(
         farthest: change of the way per control step [m]. Where a target changes it by
             more, it jumps; then goals know those before the jump alone, since an arm
             that goes there at once vibrates (`planning.motion`).
-        margin: of the tip from obstacles [m]; a nearer target is within one.
     """
     stacked = Goal.stacked(goals)
     targets = [stacked.desired_positions(), stacked.desired_axes()]
@@ -259,44 +250,9 @@ def previewed(
     turns = np.linalg.norm(np.diff(ways, axis=0, prepend=ways[:1]), axis=-1)
     ends = np.append(np.flatnonzero((turns > farthest).any(axis=-1)), len(goals) - 1)
     later = preview_stride(period) * np.arange(1, PREVIEW + 1) - 1
-    pace = farthest / preview_stride(period)
-    beyond = _beyond_obstacles(stacked, period, pace, margin)
-    tips = np.append(known[:, -1], np.full((1, 6), np.nan, np.float32), axis=0)
     for number, goal in enumerate(goals):
         preview = known[np.minimum(number + later, ends[ends >= number][0])]
-        yield goal._replace(preview=preview, beyond=tips[beyond[number]]).frozen()
-
-
-def _beyond_obstacles(
-    goals: Goal, period: float, pace: float, margin: float
-) -> Int[np.ndarray, " goals"]:
-    """Numbers of the goals that have passed the next obstacle on the way of the tip.
-
-    Args:
-        goals: one for every control step.
-        period: of the control steps [s].
-        pace: fastest way of the tip in a control step [m].
-        margin: see `previewed`.
-
-    Returns:
-        -1 where the way is free, or the arm still has time to follow it.
-    """
-    count = len(goals.positions)
-    rows = goals.obstacles_in_use()
-    gaps = distances(goals.positions[:, -1:], rows[..., CENTER], rows[..., CORE])
-    thresholds = rows[..., THRESHOLD]
-    within = (thresholds > 0.0) & (gaps < thresholds + margin)
-    is_within = within.any(axis=-1) & (goals.position_weights[:, -1] > 0.0)
-    numbers = np.arange(count)
-    entered = np.minimum.accumulate(np.where(is_within, numbers, count)[::-1])[::-1]
-    left = np.minimum.accumulate(np.where(is_within, count, numbers)[::-1])[::-1]
-    passed = left[np.minimum(entered, count - 1)]
-    ends = goals.positions[np.minimum(passed, count - 1), -1]
-    ways = np.linalg.norm(ends - goals.positions[:, -1], axis=-1)
-    needed = START_TIME / period + DETOUR * ways / pace
-    enters = entered < numbers + PREVIEW * preview_stride(period)
-    is_time = enters | (passed < numbers + needed)
-    return np.where((entered < passed) & (passed < count) & is_time, passed, -1)
+        yield goal._replace(preview=preview).frozen()
 
 
 def _numbers(

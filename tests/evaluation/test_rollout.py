@@ -170,18 +170,6 @@ def test_the_strategy_gets_the_reading_before_its_action_and_the_goal_of_the_ste
     assert [reading.time for reading in script.starts] == [0.0]
 
 
-def test_foreseen_goals_pass_obstacles_by_the_margin_of_the_strategy(
-    robot, script, task, monkeypatch
-):
-    asked = []
-    monkeypatch.setattr(
-        Task, "shown_goals", lambda *given: asked.append(given) or task.goals
-    )
-    script.margin = 0.25
-    rollout(robot, script, task)
-    assert [margin for _, _, margin in asked] == [0.25]
-
-
 def test_actions_are_the_sent_ones_within_the_step_limit(run, robot, script, twin):
     """0.05 of the range a step is allowed; the last step is limited to 4 deg."""
     high = ArmGeometry.of(twin).action_high

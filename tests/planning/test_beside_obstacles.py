@@ -7,11 +7,12 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
+from s2c2a.goals import Goal
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Planner
 from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
-from s2c2a.tasks import load_task
+from s2c2a.tasks import Task, load_task
 
 from marks import slow_after
 
@@ -37,10 +38,36 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     plan = planner.start(Estimate(STRAIGHT))
     points_of = GuardedPoints.of(TWIN, "arm")
     clearances = []
-    for goal in list(task.shown_goals(TWIN, planner.margin))[:60]:
+    for goal in list(task.shown_goals(TWIN))[:60]:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
         points = np.asarray(points_of(plan.expectation.states))
         distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)
         used = goal.thresholds > 0.0
         clearances.append((distances - goal.thresholds)[:, used].min())
     assert min(clearances) > least
+
+
+@pytest.mark.parametrize("foreseen", [True, False])
+def test_the_tip_skirts_a_sphere_on_the_path_of_its_target(foreseen):
+    """It neither waits before the sphere nor jumps past it."""
+    turns = np.linspace(-1.2, 1.2, 60)[:, None]
+    path = np.hstack([0.18 * np.cos(turns), 0.18 * np.sin(turns), 0.56 + 0.0 * turns])
+    center, threshold = np.array([0.18, 0.01, 0.57]), 0.04
+    goal = Goal.of(3).with_obstacles([center], [threshold])
+    task = replace(Task.along("arc", path, goal), foreseen=foreseen)
+    planner = Planner(TWIN, PCCForwardModel.of(TWIN), BEST)
+    plan = planner.start(Estimate(STRAIGHT))
+    goals = list(task.shown_goals(TWIN))
+    tips = []
+    for goal in [goals[0]] * 30 + goals:
+        plan = planner.plan(plan, Estimate(plan.configurations), goal)
+        tips.append(np.asarray(plan.expectation.states)[-1, :3])
+    ways = np.linalg.norm(np.diff(tips, axis=0), axis=1)[30:]
+    tips = np.array(tips[30:])
+    kept = threshold + 0.04 * TWIN.length
+    depths = np.maximum(kept - np.linalg.norm(path - center, axis=1), 0.0)
+    errors = np.linalg.norm(tips - path, axis=1)
+    assert np.linalg.norm(tips - center, axis=1).min() > threshold + 0.01
+    assert errors[depths > 0.0].mean() < 1.5 * depths[depths > 0.0].mean()
+    assert ways.max() < 0.03
+    assert ways.min() > 0.0005

@@ -2,7 +2,6 @@
 
 import threading
 from dataclasses import replace
-from itertools import pairwise
 
 import jax
 import numpy as np
@@ -31,12 +30,6 @@ LEAST, MARGIN = 0.006, 0.024
 @pytest.fixture(scope="module")
 def roadmap():
     return Roadmap(TWIN, MODEL, "arm")
-
-
-@pytest.mark.parametrize("margin", [0.01, 0.08])
-def test_a_planner_tells_the_margin_of_its_recipe(margin):
-    planner = Planner(TWIN, MODEL, replace(BEST, guides=(Detour(margin),)))
-    assert planner.margin == pytest.approx(margin * TWIN.length)
 
 
 states_of = jax.jit(jax.vmap(lambda bends: states_from_bends(bends, LENGTHS)))
@@ -243,22 +236,3 @@ def test_in_real_time_a_step_waits_for_no_search(monkeypatch):
 def test_without_a_longest_way_there_is_no_guide():
     leader = Detour(longest=0.0).leader(TWIN, MODEL, "tip")
     assert leader.lead(STRAIGHT, goal_with(*SPHERES), Outcome.STALLED) is None
-
-
-def test_goals_on_the_way_through_an_obstacle_know_where_it_ends():
-    path = np.linspace([0.0, 0.0, 0.5], [0.3, 0.0, 0.5], 31)
-    sphere = np.array([[0.15, 0.0, 0.5]])
-    rest = Goal.of(1).with_obstacles(sphere, [0.05])
-    goals = [rest.with_position(point) for point in path]
-    beyond = np.array([goal.beyond[:3] for goal in previewed(goals, 0.1, margin=0.025)])
-    first_free = path[np.flatnonzero(path[:, 0] > 0.225)[0]]
-    is_soon = (path[:, 0] < 0.225) & (np.arange(31) >= 9 - 50)
-    np.testing.assert_allclose(
-        beyond[is_soon], np.tile(first_free, (is_soon.sum(), 1)), atol=1e-6
-    )
-    assert np.isnan(beyond[~is_soon]).all()
-    ends_within = [goal.beyond for goal in previewed(goals[:16], 0.1)]
-    assert np.isnan(ends_within).all()
-    assert all(
-        np.isnan(goal.beyond).all() for goal, _ in pairwise(previewed([rest], 0.1))
-    )

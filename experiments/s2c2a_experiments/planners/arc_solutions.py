@@ -260,16 +260,6 @@ class ArcSolutions:
         return _gaps_of(points, chosen) - self._points.radii
 
 
-def aimed(goal: Goal) -> Goal:
-    """The goal, or where its targets leave the obstacles that they are about to enter."""
-    beyond = goal.beyond[:3]
-    if goal.position_weights[-1] == 0.0 or not np.isfinite(beyond).all():
-        return goal
-    positions = np.array(goal.positions)
-    positions[-1] = beyond
-    return goal._replace(positions=positions)
-
-
 def _float32(values: np.ndarray) -> np.ndarray:
     return np.asarray(values, np.float32)
 

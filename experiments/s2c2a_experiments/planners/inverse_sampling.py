@@ -24,7 +24,6 @@ from s2c2a_experiments.planners.arc_solutions import (
     Batch,
     SolvedShapes,
     Values,
-    aimed,
 )
 
 SOLVED = 2  # outer modules for a position: two arcs reach it if it is in reach
@@ -83,7 +82,6 @@ class SampledInverse:
         """Toward the best sample."""
         if not goal.has_target:
             return moment.bends
-        goal = aimed(goal)
         solver = self._solver
         last = moment.bends
         samples = self._samples(last)

@@ -25,7 +25,6 @@ from s2c2a_experiments.planners.arc_solutions import (
     ArcSolutions,
     Batch,
     Values,
-    aimed,
 )
 
 MOMENTS = (3, 7, 11)  # of the preview, beside the present: all of its time
@@ -87,7 +86,6 @@ class ChosenSolutions:
         """Toward the present's part of the best sequence of solutions."""
         if not goal.has_target:
             return moment.bends
-        goal = aimed(goal)
         solver = self._solver
         last = moment.bends
         layers = self._layers(last, goal)

@@ -20,7 +20,7 @@ from s2c2a.goals import Goal
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
 from s2c2a_experiments.planners.arc_driver import TINY, BendPlanning, Bends, Moment
-from s2c2a_experiments.planners.arc_solutions import ArcSolutions, Batch, aimed
+from s2c2a_experiments.planners.arc_solutions import ArcSolutions, Batch
 
 ENDS = 8  # shapes that reach the target
 BATCH = 16  # samples whose edges are checked in one call
@@ -206,7 +206,6 @@ class TreePlanner:
         if not goal.has_target:
             self._goal = None
             return last
-        goal = aimed(goal)
         self._aim(last, goal)
         self._way = self._shortened(last, goal)
         if not len(self._way):

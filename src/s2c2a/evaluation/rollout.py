@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from s2c2a.episodes import Episode
-from s2c2a.errors import ControllerError, S2C2AError
+from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.runtime import Clock, Driver, Loop, StepRecord, StepRequest, build_episode
-from s2c2a.runtime.border import attribute
 from s2c2a.runtime.operator import OPERATOR
 from s2c2a.spaces import Stage
 from s2c2a.tasks import Task
@@ -138,9 +137,8 @@ def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Epi
         )
 
     try:
-        margin = attribute(loop.driver, "margin", ControllerError, 0.0)
         # append the record of every step, as soon as it is done
-        for number, goal in enumerate(task.shown_goals(loop.arm, margin), 1):
+        for number, goal in enumerate(task.shown_goals(loop.arm), 1):
             steps.append(loop.tick(StepRequest(goal)))
             while steps[-1].stage is Stage.START:
                 steps.append(loop.tick(StepRequest(goal)))

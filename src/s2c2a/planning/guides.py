@@ -62,12 +62,10 @@ class Leader(ABC):
         verdict: why no way leads to the goal, as far as it knows; None without a reason.
         waits: whether `lead` waits for a search that takes long; a simulation does, so
             that its results do not depend on the computer.
-        margin: distance that the way keeps from obstacles where there is room [m].
     """
 
     verdict: Outcome | None = None
     waits = True
-    margin = 0.0
 
     @abstractmethod
     def lead(self, bends: Shape, goal: Goal, outcome: Outcome) -> Lead | None:
@@ -152,7 +150,7 @@ class WayLeader(Leader):
         self._options = options
         self._patience = round(SEARCH_TIME * arm.control_rate)
         self._length = arm.length
-        self.margin = options.margin * arm.length
+        self._margin = options.margin * arm.length
         self._nearly = SIGNIFICANT * arm.length
         self._map: Roadmap | None = None
         self._worker = ThreadPoolExecutor(1, "ways")
@@ -192,36 +190,33 @@ class WayLeader(Leader):
         if not (self._options.longest and _needs_ways(goal)):
             self.reset()
             return None
-        has_jumped = self._has_jumped(goal)
-        knows_beyond = bool(np.isfinite(goal.beyond[:3]).all())
-        if knows_beyond:
-            # the goal with the target of the tip beyond the next obstacle
-            positions, axes = np.array(goal.positions), np.array(goal.axes)
-            positions[-1] = goal.beyond[:3]
-            if goal.axis_weights[-1] > 0.0:
-                axes[-1] = goal.beyond[3:]
-            goal = goal._replace(positions=positions, axes=axes)
-        self._take_result(knows_beyond)
+        last, self._last = self._last, goal
+        is_elsewhere = last is None or self._differs(goal, last, ("positions",))
+        moves = self._moves(goal, goal if last is None or is_elsewhere else last)
+        if moves and self._way is None and outcome is not Outcome.STALLED:
+            # the tip slides along the obstacles (`GoalMotion.beside`)
+            self._search, self._stands = None, False
+            return None
+        self._take_result()
         known = self._known
         if known is not None and self._have_moved(goal, known):
             # obstacles that are faster than searches are left to the horizon
             self._way, self.verdict = None, None
         is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
-        needs = knows_beyond or outcome is not Outcome.SOLVED or self._way is not None
-        self._stands |= knows_beyond or has_jumped
+        needs = outcome is not Outcome.SOLVED or self._way is not None
+        self._stands |= is_elsewhere and not moves
         may_search = is_new or self._is_elsewhere(bends)
         if self._search is None and (needs or self._stands) and may_search:
             self._begin_search(bends, goal)
         self._stands &= self._search is not None
-        return self._along(bends, knows_beyond)
+        return self._along(bends)
 
-    def _has_jumped(self, goal: Goal) -> bool:
-        """Whether a target appears elsewhere, and stays there as far as is known."""
-        last, self._last = self._last, goal
-        steps = goal.preview[:, -1, POSITION] - goal.positions[-1]
-        moves = (np.abs(steps) > MOVED * self._length).any()
-        is_elsewhere = last is None or self._differs(goal, last, ("positions",))
-        return bool(is_elsewhere and not moves)
+    def _moves(self, goal: Goal, last: Goal) -> bool:
+        """Whether the target of the tip moves on, as it tells, or with equal steps."""
+        step = goal.positions[-1] - last.positions[-1]
+        told = goal.preview[:, -1, POSITION] - goal.positions[-1]
+        ways = np.where(np.isnan(told), PREVIEW * self._stride * step, told)
+        return bool((np.abs(ways) > MOVED * self._length).any())
 
     def _is_elsewhere(self, bends: Shape) -> bool:
         """Whether a plan that follows no way is far from where the last search began."""
@@ -242,12 +237,12 @@ class WayLeader(Leader):
         """See `Search.result`; runs in the worker."""
         if self._map is None:
             self._map = Roadmap(*self._parts)
-        least = CLOSEST * self.margin
-        way = self._map.find(bends, goal, least, self.margin)
+        least = CLOSEST * self._margin
+        way = self._map.find(bends, goal, least, self._margin)
         longest = self._options.longest * self._length
         return way if way and way.length <= longest else None
 
-    def _take_result(self, is_led: bool) -> None:
+    def _take_result(self) -> None:
         search = self._search
         if search is None:
             return
@@ -262,14 +257,9 @@ class WayLeader(Leader):
         self.verdict = self._verdict_on(way)
         if self._way is None:
             self._speed = 0.0
-        is_open = way is not None and way.is_straight and way.room.min() > self.margin
-        self._way = None if is_open and not (is_led or self._is_blocked) else way
+        is_open = way is not None and way.is_straight and way.room.min() > self._margin
+        self._way = None if is_open and self.verdict is not Outcome.BLOCKED else way
         self._progress = 0.0
-
-    @property
-    def _is_blocked(self) -> bool:
-        """Whether the arm stays at the end of its way, which obstacles keep off its goal."""
-        return self.verdict is Outcome.BLOCKED
 
     def _verdict_on(self, way: Way | None) -> Outcome | None:
         """Why a way does not end at the goal; None if it does."""
@@ -289,7 +279,7 @@ class WayLeader(Leader):
         largest = max(np.abs(change).max() for change in changes)
         return bool(largest > MOVED * self._length)
 
-    def _along(self, bends: Shape, stays: bool) -> Lead | None:
+    def _along(self, bends: Shape) -> Lead | None:
         """The next moments on the way, from where the plan is; None at its end."""
         if self._way is None:
             if self._search is None or not (self._stands or self._known is None):
@@ -305,7 +295,8 @@ class WayLeader(Leader):
         near, _, _ = way.at(np.minimum(window, end))
         distances = np.linalg.norm(near - bends, axis=(1, 2))
         self._progress = float(window[np.argmin(distances)])
-        if self._progress >= end and not (stays or self._is_blocked):
+        # an arm that obstacles keep off its goal stays at the end of its way
+        if self._progress >= end and self.verdict is not Outcome.BLOCKED:
             self._way = None
             return None
         self._progress = min(self._progress, end)

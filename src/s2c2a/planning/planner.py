@@ -371,8 +371,13 @@ class Step(NamedTuple):
         motion, ahead = last.motion.after(
             self._near(goal), candidate.states, self.approach, load
         )
+        tip = candidate.states[-1, POSITION]
+        keeping = [term for term in self.terms if isinstance(term, terms.Obstacles)]
+        if keeping:
+            margin = keeping[0].margin * self.arm.length + self.arm.modules[-1].radius
+            motion, ahead = motion.beside(ahead, tip, self.approach, margin)
         if lead is not None:
-            ahead = led(ahead, lead, candidate.states[-1, POSITION])
+            ahead = led(ahead, lead, tip)
             is_led = jnp.asarray(lead.weight) > 0.0
             first = jax.tree.map(lambda values: values[0], ahead)
             goal = select(is_led, first, goal)
@@ -444,8 +449,6 @@ class Planner:
         self.step = step = Step.of(arm, model, options, factors)
         _, _, guides = options.build()
         self._leaders = [guide.leader(arm, model, options.guard) for guide in guides]
-        # distance of the tip from obstacles [m] that ways around them keep
-        self.margin = max((leader.margin for leader in self._leaders), default=0.0)
         self._no_lead = Lead.none(arm.module_count)
         self._start = compiled(Step.started, step)
         self._next = compiled(Step.next_plan, step)
@@ -480,7 +483,7 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        lead = self._lead(plan, goal) if self._leaders else self._no_lead
+        lead = self._lead(plan, goal)
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
         known = configuration, goal, disturbances, hysteresis
         planned = self._next(plan, *known, lead, estimate.seen)
@@ -500,11 +503,8 @@ class Planner:
     def _lead(self, plan: Plan, goal: Goal) -> Lead:
         """Where the first guide that leads, leads to."""
         bends = np.asarray(plan.bends)
-        for leader in self._leaders:
-            lead = leader.lead(bends, goal, plan.outcome)
-            if lead is not None:
-                return lead
-        return self._no_lead
+        leads = (leader.lead(bends, goal, plan.outcome) for leader in self._leaders)
+        return next((lead for lead in leads if lead is not None), self._no_lead)
 
 
 def _with_slopes(values: Numbers, slopes: Array) -> Array:

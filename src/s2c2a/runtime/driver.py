@@ -18,8 +18,7 @@ class Driver(Protocol[EstimateT, PlanT]):
 
     Its types are those of its estimates and plans, which the loop only passes on. If it has
     a method `set_real_time(is_real)`, the loop calls it before the arm moves: in real
-    time, nothing may compile in a step, and no step may wait. Goals that a task foresees
-    pass obstacles by its attribute `margin` [m], if it has one.
+    time, nothing may compile in a step, and no step may wait.
     """
 
     @property

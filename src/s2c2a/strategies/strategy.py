@@ -27,7 +27,6 @@ class Strategy:
         estimator: from readings to the state.
         planner: from state and goal to the next configuration.
         controller: from the planned configuration to the command.
-        margin: distance of the tip from obstacles [m] that its ways keep.
     """
 
     def __init__(
@@ -52,7 +51,6 @@ class Strategy:
         self.sensors = estimator.sensors
         self.estimator = estimator
         self.planner = planner
-        self.margin = planner.margin
         self.controller = controller
         self._start_controller = compiled(type(controller).start, controller)
         self._act = compiled(type(controller).act, controller)

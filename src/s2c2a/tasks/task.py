@@ -89,20 +89,10 @@ class Task:
         ]
         return replace(self, goals=tuple(goals))
 
-    def shown_goals(self, arm: ArmSpec, margin: float = 0.0) -> Iterable[Goal]:
-        """The goals as the arm gets them, with those ahead if it knows them.
-
-        Args:
-            arm: that moves.
-            margin: distance of its tip from obstacles [m], where there is room.
-        """
+    def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
+        """The goals as an arm gets them, with those ahead if it knows them."""
         turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
-        shown = previewed(
-            self.goals,
-            arm.control_period,
-            turn * arm.length,
-            margin + arm.modules[-1].radius,
-        )
+        shown = previewed(self.goals, arm.control_period, turn * arm.length)
         return shown if self.foreseen else self.goals
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
