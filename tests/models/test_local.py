@@ -100,6 +100,22 @@ def test_samples_that_judge_train_the_model_that_is_kept_too(arm, trained):
     assert abs(after.log_stiffness - before.log_stiffness).max() > 1e-4
 
 
+@pytest.mark.slow
+def test_a_network_that_only_learns_noise_is_left_out(arm):
+    data = data_of(arm)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, data.states.shape)
+    bends = bends_from_configurations(jnp.asarray(data.sensed))
+    lengths = np.array([module.length for module in arm.modules], np.float32)
+    straight = np.asarray(jax.jit(states_from_bends)(bends, lengths))
+    options = replace(SIZE, hidden=64, depth=2)
+    fit = FitOptions(learning_rate=0.01, max_epochs=40, patience=40)
+    for states, is_left_out in ((straight + noise, True), (data.states, False)):
+        noisy = replace(data, states=states.astype(np.float32))
+        network = options.train(noisy, fit, jax.random.key(0)).network.chain.network
+        largest = max(float(abs(layer.weight).max()) for layer in network.layers)
+        assert (largest < 0.1) == is_left_out
+
+
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):
     data = data_of(arm, seed=1)
     along, memory = SIZE.predictions(trained, data)[0], trained.start(data.sensed[0, 0])

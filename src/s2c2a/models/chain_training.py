@@ -72,12 +72,13 @@ class ChainOptions(ForwardOptions):
         0.002,
         0.005,
         0.011,
-        0.019,
-        0.026,
-        0.033,
-        0.041,
+        0.02,
+        0.03,
+        0.04,
         0.052,
         0.067,
+        0.09,
+        0.13,
     )
     creep_times: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0)
     statics: bool = True
@@ -134,6 +135,7 @@ class ChainOptions(ForwardOptions):
         fit: FitOptions,
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
+        ridge: float = 0.0,
         of_all: bool = False,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`; on whole episodes from rest: the model has memory.
@@ -141,6 +143,7 @@ class ChainOptions(ForwardOptions):
         Linear least squares with nonnegative weights fit the hysteresis first, then all
         parameters are trained together. If `of_all`, the samples that are held out
         otherwise train it, too, and its stated error is no longer one of unseen samples.
+        `ridge` is the weight of the network's squared weights in the loss.
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
@@ -149,7 +152,7 @@ class ChainOptions(ForwardOptions):
         known = samples.rows(np.isfinite(samples.targets).any(axis=(1, 2)))
         if np.isfinite(known.targets).all():
             model = _with_fitted_hysteresis(model, known)
-        return _train(model, data.arm, split, fit, fit_key, progress)
+        return _train(model, data.arm, split, fit, fit_key, progress, ridge=ridge)
 
     def resume_training(  # type: ignore[override]
         self,
@@ -244,10 +247,12 @@ class _ChainLoss(eqx.Module):
 
     Attributes:
         unit: of position errors [m].
+        ridge: weight of the squared weights of the network.
         penalty: on the change of parameters; None for none.
     """
 
     unit: float
+    ridge: Float[Array, ""]
     penalty: _Penalty | None = None
 
     def __call__(
@@ -256,9 +261,11 @@ class _ChainLoss(eqx.Module):
         error = known_error(predicted_targets(model, batch), batch["targets"])
         positions = jnp.mean((error[..., :3] / self.unit) ** 2)
         mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
-        if key is None or self.penalty is None:
+        if key is None:
             return mean
-        return mean + self.penalty(model)
+        squares = [jnp.sum(layer.weight**2) for layer in model.network.layers]
+        mean += self.ridge * sum(squares)
+        return mean if self.penalty is None else mean + self.penalty(model)
 
 
 def _train(
@@ -269,9 +276,10 @@ def _train(
     key: PRNGKeyArray,
     progress: TrainingProgress,
     penalty: _Penalty | None = None,
+    ridge: float = 0.0,
 ) -> Trained[ChainC2S]:
-    """Train on true states, with a penalty on the change of parameters, if any."""
-    loss = _ChainLoss(LENGTH_UNIT * arm.length, penalty)
+    """Train on true states, with penalties on weights and on the change of parameters."""
+    loss = _ChainLoss(LENGTH_UNIT * arm.length, jnp.asarray(ridge), penalty)
     return train(model, loss, predicted_targets, split, fit, key, progress)
 
 
