@@ -236,9 +236,9 @@ def paths_table() -> str:
         for task in ("square", "eight", "helix", "star")
     ]
     columns = [
-        Column("`best`", "best", {"strategy": "s2c2a"}),
-        Column("`pcc-fitted`", "best", {"strategy": "pcc-fitted"}),
-        Column("`pcc`", "best", {"strategy": "pcc"}),
+        Column("`best`", "paths", {"strategy": "s2c2a"}),
+        Column("`pcc-fitted`", "paths", {"strategy": "pcc-fitted"}),
+        Column("`pcc`", "paths", {"strategy": "pcc"}),
     ]
     return table_of(lines, columns)
 
@@ -283,22 +283,23 @@ def _mean_row(file: str, which: str, match: dict[str, str]) -> dict[str, Any] | 
 def randomized_table() -> str:
     """Ten arms at strength 0.5."""
     strategies = ("best", "paper", "pcc", "pcc-fitted")
-    return _mean_and_worst("randomised-arms/strength-0.5.json", strategies)
+    return _mean_and_worst("randomised-arms/randomised-arms.json", strategies)
 
 
 @shown_as("randomized-strong")
 def strong_mismatch_table() -> str:
     """Three arms at strength 1."""
     strategies = ("best", "best-long", "paper", "pcc-fitted")
-    return _mean_and_worst("randomised-arms/strength-1.0.json", strategies)
+    return _mean_and_worst("randomised-arms-strong/randomised-arms.json", strategies)
 
 
 @shown_as("paces")
 def paces_table() -> str:
     """Paths at two paces on randomized arms."""
     lines = []
-    for strength in ("0.5", "1.0"):
-        file = f"randomised-arms/paths-strength-{strength}.json"
+    folders = {"0.5": "randomised-arms-paths", "1.0": "randomised-arms-paths-strong"}
+    for strength, folder in folders.items():
+        file = f"{folder}/randomised-arms.json"
         for metric, unit in (
             ("position", " [cm]"),
             ("errors within twice the std", ""),
@@ -367,7 +368,7 @@ def sensor_options_table() -> str:
 def _sensor_row(sensors: str, payload: int) -> dict[str, Any]:
     """The circle of `twin_arm` with a set of sensors and a payload [g]."""
     return find_row(
-        "sensors/twin_arm.json",
+        "sensors/results.json",
         task="circle",
         strategy=f"{sensors}, {payload} g",
         metric="position",
@@ -429,7 +430,7 @@ def _circle(folder: str, strategy: str) -> str:
 
 
 def _strong_mismatch(recipe: str) -> str:
-    file = "randomised-arms/strength-1.0.json"
+    file = "randomised-arms-strong/randomised-arms.json"
     return number(_mean_value(file, "circle", "position", recipe))
 
 
@@ -449,7 +450,7 @@ def real_table() -> str:
     rows = [
         (file, row)
         for file in REAL_FILES
-        for row in find_rows(f"real/{file}.json")
+        for row in find_rows(f"{file}/real.json")
         if row["metric"] in REAL_SCORES
     ]
     models = list(dict.fromkeys(row["strategy"] for _, row in rows))
@@ -467,7 +468,7 @@ def real_table() -> str:
 @shown_as("payloads")
 def payloads_table() -> str:
     """Payloads of a real arm: tip error without and with estimation."""
-    file = "payloads/stanford_trunk.json"
+    file = "payloads/results.json"
     strategies = list(dict.fromkeys(row["strategy"] for row in find_rows(file)))
     tasks = list(dict.fromkeys(row["task"] for row in find_rows(file)))
     lines = []
@@ -493,7 +494,7 @@ MOTION_METRICS = (
     ("plan stands", 0),
 )
 JUMP_METRICS = (("overshoot", 1), ("until within 1 cm", 1))
-MOTION_FILES = ("motion/results.json", "motion/randomised.json")
+MOTION_FILES = ("motion/results.json", "motion-randomised/results.json")
 
 
 @shown_as("motion")

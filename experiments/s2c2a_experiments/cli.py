@@ -19,6 +19,7 @@ from s2c2a.cli.console import (
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
 from s2c2a.errors import S2C2AError, counted, did_you_mean
 from s2c2a_experiments import beyond_the_paper
+from s2c2a_experiments.everything import everything
 
 PAPER = {
     "simulation": "Table I: ours, motor babbling, lstm and pcc, with both couplings",
@@ -83,6 +84,10 @@ TABLES["all"] = (
     partial(_paper_tables, "all", tuple(name for name in PAPER if name != "paths")),
 )
 TABLES |= beyond_the_paper.TABLES
+TABLES["everything"] = (
+    "all rows of results/, in parts that are kept",
+    partial(everything, TABLES),
+)
 
 
 def reproduce(

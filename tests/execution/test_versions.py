@@ -1,24 +1,18 @@
 """Results say which sources made them."""
 
-import subprocess
+import pytest
 
 from s2c2a.execution import versions
 
 
-def test_the_commit_of_a_checkout_says_whether_its_sources_were_changed(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr(versions, "CHECKOUT", tmp_path)
-    commit = versions._commit.__wrapped__
-    assert commit() == ""
-    git = ("git", "-C", tmp_path, "-c", "user.name=A", "-c", "user.email=a@b.example")
-    for command in (["init", "-q"], ["commit", "-q", "--allow-empty", "-m", "First"]):
-        subprocess.run([*git, *command], check=True)
-    clean = commit()
-    assert len(clean) == 40
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "new.md").touch()
-    assert commit() == clean
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src" / "new.py").touch()
-    assert commit() == f"{clean} with changes"
+@pytest.mark.parametrize("name", ["made.py", "arms/mine.toml"])
+def test_another_file_of_the_package_is_another_digest(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(versions, "PACKAGE", tmp_path)
+    digest_of = versions._sources.__wrapped__
+    before = digest_of()
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("a = 1")
+    after = digest_of()
+    file.write_text("a = 2")
+    assert len({before, after, digest_of()}) == 3

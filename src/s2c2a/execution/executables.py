@@ -171,7 +171,7 @@ def _machine(files: tuple[Path, ...]) -> bytes:
         lines = PROCESSOR.read_text("utf-8").splitlines()
         # of Intel and AMD, and of ARM
         kinds |= {line for line in lines if re.match("flags|model|Features|CPU ", line)}
-    told = versions() | {"commit": ""}  # the sources count by themselves
+    told = versions() | {"sources": ""}  # those of the program count by themselves
     return blake2b(sources).digest() + repr([told, sorted(kinds)]).encode()
 
 

@@ -1,0 +1,71 @@
+"""All results come from one command, in parts that are kept."""
+
+import json
+
+import pytest
+
+from s2c2a.errors import S2C2AError
+from s2c2a_experiments import cli, everything
+
+
+@pytest.fixture
+def make(monkeypatch, tmp_path):
+    """A function that makes two small parts; the second one fails if it is told to."""
+    monkeypatch.chdir(tmp_path)
+    calls = []
+
+    def parts(tables, out):
+        def one(work):
+            calls.append(work.out.name)
+            work.out.mkdir(parents=True, exist_ok=True)
+            (work.out / "results.json").write_text(f'["{work.out.name}"]')
+            (work.out / "figure.png").touch()
+
+        def two(work):
+            one(work)
+            if broken:
+                raise KeyboardInterrupt
+
+        return {"one": one, "two": two}
+
+    broken = False
+    monkeypatch.setattr(everything, "_parts", parts)
+
+    def make(fails=False):
+        nonlocal broken
+        broken = fails
+        calls.clear()
+        everything.everything({})
+        return list(calls)
+
+    make.calls = calls
+    return make
+
+
+def test_an_interrupted_command_continues_with_the_part_that_it_left(make, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        make(fails=True)
+    assert make.calls == ["one", "two"]
+    assert make() == ["two"]
+    assert make() == []
+    results = tmp_path / "runs" / "everything" / "results"
+    files = sorted(str(path.relative_to(results)) for path in results.rglob("*.*"))
+    assert files == ["made.json", "one/results.json", "two/results.json"]
+    made = json.loads((results / "made.json").read_text())
+    assert all(part["finished"] for part in made.values())
+    assert len({part["sources"] for part in made.values()}) == 1
+
+
+def test_parts_of_other_sources_are_refused(make, monkeypatch):
+    make()
+    monkeypatch.setattr(everything, "versions", lambda: {"sources": "others"})
+    with pytest.raises(S2C2AError, match=r"'one' in .* other sources"):
+        make()
+
+
+def test_every_table_that_needs_no_files_is_a_part(tmp_path):
+    parts = everything._parts(cli.TABLES, tmp_path)
+    alone = {"all", "real", "payloads", "everything"}
+    of_all = set(cli.PAPER) - {"paths"}
+    assert set(cli.TABLES) - alone - of_all <= set(parts)
+    assert {"best", "paper", "planners", *everything.REAL} <= set(parts)
