@@ -71,7 +71,8 @@ def describe_disagreement(episode: Episode) -> str:
     """Describe that the seen tip is farther from its prediction than the model states.
 
     The prediction is that of the plan, moved by how far the sensed arm is from the plan:
-    a goal that is not reached is no fault of the model. It counts within its data.
+    a goal that is not reached is no fault of the model. It counts within its data, and
+    where the sensed arm is as near to the plan as the stated deviation.
 
     The squared errors, relative to the stated variance (the normalized innovation
     squared), are compared with the chi-square distribution of as many independent
@@ -88,9 +89,11 @@ def describe_disagreement(episode: Episode) -> str:
     std = episode["predictive_std"][steps]
     outside = is_outside_data(std, episode["extrapolation"][steps])
     sensed = module_ends(episode.arm, episode["sensed"][steps + 1])
-    tracked = sensed - module_ends(episode.arm, episode["planned"][steps])
-    predicted = episode["predicted"][steps][..., POSITION] + tracked
-    columns = np.column_stack([predicted[:, -1], std[:, -1], outside])
+    tracked = (sensed - module_ends(episode.arm, episode["planned"][steps]))[:, -1]
+    # far from the plan, arcs do not tell where the model expects the tip
+    outside |= np.linalg.norm(tracked, axis=-1) > std[:, -1]
+    predicted = episode["predicted"][steps, -1, POSITION] + tracked
+    columns = np.column_stack([predicted, std[:, -1], outside])
     # a held arm has no prediction
     has_prediction = np.isfinite(columns).all(axis=-1)
     steps, columns = steps[has_prediction], columns[has_prediction]
