@@ -75,7 +75,7 @@ class LSTMComparison(StrategyOptions):
 
         recording.check_complete()
         tips = recording.sensor("states")[:, :, -1, POSITION]
-        if not np.isfinite(tips).all():
+        if not np.isfinite(tips).any():
             raise RecordingError(
                 "this recording lacks true states, which the LSTM reads; record with "
                 "motion capture on"

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data import Split
+from s2c2a.data import Samples, Split
 from s2c2a.data.windows import history_samples
 from s2c2a.models.actions import Actions, NoisyLoss
 from s2c2a.models.layers import Scaling, Size, SumAndRange
@@ -184,14 +184,14 @@ def lstm_samples(
     """Samples for the LSTM: p_{t+1}, p_{t-4} to p_t, A_{t-5} to A_{t-1} in, A_t out.
 
     Source: Chen et al. 2025, sec. IV-A2. The oldest step of a history is first. Borders
-    and starts are as in `controller_samples`.
+    and starts are as in `controller_samples`. Windows with an unknown tip are dropped.
 
     Args:
-        positions: positions of the tip [m], base frame.
+        positions: positions of the tip [m], base frame; NaN: unknown.
         actions: actions that were sent [m or N].
         neutral: action at rest [m or N].
     """
-    return history_samples(
+    split = history_samples(
         "positions",
         positions,
         actions,
@@ -200,6 +200,14 @@ def lstm_samples(
         action_ages=range(ACTION_HISTORY, 0, -1),
         axis=1,
     )
+    return Split(*map(_known, split.parts))
+
+
+def _known(samples: Samples) -> Samples:
+    """Samples whose positions are known."""
+    inputs = samples.inputs
+    positions = np.concatenate([inputs["positions"], inputs["desired"][:, None]], 1)
+    return samples.rows(np.isfinite(positions).all(axis=(1, 2)))
 
 
 def _predict_lstm(model: TipLSTM, batch: Batch) -> Array:

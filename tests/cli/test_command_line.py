@@ -212,10 +212,17 @@ def test_a_preset_can_be_checked(capsys):
     assert "cables at mm" in output
 
 
-def test_warnings_are_sentences_without_the_line_of_code():
-    run("--version")
-    shown = warnings.formatwarning("the arm is late", UserWarning, "loop.py", 7)
-    assert shown == "warning: the arm is late\n"
+def test_warnings_of_a_command_are_sentences_without_the_line_of_code(monkeypatch):
+    def show(_):
+        warning = ("the arm is late", UserWarning, "loop.py", 7)
+        shown.append(warnings.formatwarning(*warning))
+
+    shown = []
+    before = warnings.formatwarning
+    monkeypatch.setattr("s2c2a.cli.main._run_command", show)
+    run()
+    assert shown == ["warning: the arm is late\n"]
+    assert warnings.formatwarning is before
 
 
 def test_an_arm_can_be_copied_changed_and_drawn(tmp_path, capsys):

@@ -1,12 +1,16 @@
 """What `train` prints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.train import report
 from s2c2a.estimation import MODAL_MODEL
+from s2c2a.estimation.modal_model import ModalFactors
 from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.strategies.pcc import GAINS, FittedGains
 from s2c2a.training import Trained
 
 
@@ -21,7 +25,7 @@ def networks() -> TrainedNetworks:
         0,
         {
             "C2S": Trained(None, percent=(1.5, 2.0), errors=errors),
-            MODAL_MODEL: Trained(None, curve, (60.0, 0.0)),
+            MODAL_MODEL: Trained(ModalFactors.nominal(), curve, (60.0, 0.0)),
         },
     )
 
@@ -37,6 +41,12 @@ def test_errors_are_in_percent_and_in_millimeters_on_held_out_samples(networks, 
         "training\n"
         "modal model: it reduces the fast part of the C2S error by 40 %\n"
     )
+
+
+def test_what_is_fitted_without_held_out_data_has_no_error(networks, capsys):
+    gains = Trained(FittedGains(np.ones(3)))
+    report(replace(networks, trained={GAINS: gains}), None)
+    assert capsys.readouterr().out == ""
 
 
 def test_the_modal_model_of_a_prior_is_not_reported(networks, capsys):

@@ -12,7 +12,6 @@ from s2c2a.cli.run import (
     _reach_model,
     _report_waypoints,
 )
-from s2c2a.errors import S2C2AError
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning.reach import Reachability
 from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
@@ -22,6 +21,7 @@ from s2c2a.tasks.projection import projected
 from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
+FINGER = load_arm("planar_finger")
 ARCS = PCCForwardModel.of(TWIN)
 
 
@@ -82,16 +82,22 @@ def test_targets_that_a_model_does_not_reach_are_said_with_their_times(tmp_path)
 
 
 def test_a_model_is_asked_where_weights_hold_one_and_the_task_is_no_named_one(
-    tmp_path,
+    tmp_path, capsys
 ):
-    path = tmp_path / "gains.safetensors"
-    gains = Trained(FittedGains(jnp.ones(3)))
-    networks = TrainedNetworks(TWIN, recipe_named("best"), 0, {GAINS: gains})
-    networks = replace(networks, strategy="pcc-fitted")
-    save_networks(networks, path)
-    assert _reach_model("way.csv", TWIN, path, "", False, 0.05) is None
-    with pytest.raises(S2C2AError, match="hold no forward model"):
-        _reach_model("way.csv", TWIN, path, "", True, 0.0)
+    def saved(arm):
+        path = tmp_path / f"{arm.name}.safetensors"
+        gains = Trained(FittedGains(jnp.ones(arm.module_count)))
+        networks = TrainedNetworks(arm, recipe_named("best"), 0, {GAINS: gains})
+        save_networks(replace(networks, strategy="pcc-fitted"), path)
+        return path
+
+    assert _reach_model("way.csv", TWIN, saved(TWIN), "", False, 0.05) is None
+    assert capsys.readouterr().out == ""
+    # named tasks are made for arms that bend every way, and fingers do not
+    for task, arm, projects in (("way.csv", TWIN, True), ("circle", FINGER, False)):
+        arcs = _reach_model(task, arm, saved(arm), "", projects, 0.0)
+        assert isinstance(arcs, PCCForwardModel)
+        assert "has no model (those of s2c2a have one)" in capsys.readouterr().out
     shipped = Path("shipped")
     for task in ("way.csv", "own.py:task", None):
         model = _reach_model(task, TWIN, shipped, "", False, 0.05)

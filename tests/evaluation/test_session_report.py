@@ -10,12 +10,25 @@ from s2c2a.evaluation import (
     DisagreementWatch,
     describe_disagreement,
 )
+from s2c2a.evaluation.lasting_error import module_ends
+from s2c2a.kinematics import configurations_from_bends
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
 
 TWIN = load_arm("twin_arm")
 STEPS = 300
 STD = 3e-3  # m, of a position in space
+
+
+def still(rows: int) -> dict[str, np.ndarray]:
+    """Columns of an arm that is where it was planned, within the data of its model."""
+    straight = np.zeros((rows, 3, 3))
+    straight[..., 2] = np.array([module.length for module in TWIN.modules])
+    return {
+        "sensed": straight,
+        "planned": straight,
+        "extrapolation": np.zeros(rows),
+    }
 
 
 def run(scale: float, shift: float = 0.0, seen: bool = True) -> Episode:
@@ -30,6 +43,7 @@ def run(scale: float, shift: float = 0.0, seen: bool = True) -> Episode:
         "actions": np.zeros((STEPS, 3, 3)),
         "predicted": predicted,
         "predictive_std": np.full((STEPS, 3), STD),
+        **still(STEPS),
     }
     if seen:
         columns["sensor.states"] = states
@@ -59,13 +73,38 @@ def test_steps_in_which_the_arm_is_held_have_no_prediction_and_count_for_nothing
     assert describe_disagreement(Episode(TWIN, columns)) == ""
 
 
+@pytest.mark.parametrize(("bend", "moves_with_it"), [(0.002, True), (0.1, False)])
+def test_an_arm_that_does_not_follow_its_plan_has_not_changed(bend, moves_with_it):
+    columns = dict(run(0.97).columns)
+    bent = configurations_from_bends(np.full((3, 2), bend, np.float32))
+    columns["sensed"] = np.tile(np.asarray(bent), (STEPS, 1, 1))
+    moved = module_ends(TWIN, columns["sensed"]) - module_ends(TWIN, columns["planned"])
+    # near its plan, the tip is expected where the sensed arm is; else nowhere
+    assert (np.linalg.norm(moved[0, -1]) < STD) == moves_with_it
+    assert np.linalg.norm(moved[0, -1]) > 0.5 * STD
+    states = columns["sensor.states"].copy()
+    columns["sensor.states"] = states
+    states[..., :3] += moved
+    assert describe_disagreement(Episode(TWIN, columns)) == ""
+    states[..., :3] -= 3.0 * moved
+    told = describe_disagreement(Episode(TWIN, columns))
+    assert ("`s2c2a session`" in told) == moves_with_it
+
+
+def test_errors_where_the_model_has_no_data_are_no_change_of_the_arm():
+    columns = dict(run(0.97, shift=2.0 * STD).columns)
+    columns["extrapolation"] = np.full(STEPS, 0.9 * STD)
+    assert describe_disagreement(Episode(TWIN, columns)) == ""
+
+
 def test_a_motion_is_watched_while_it_goes_on():
     watch = DisagreementWatch(TWIN)
     states = np.zeros((3, 6))
     states[:, 5] = 1.0
     predicted = states.copy()
     predicted[-1, 0] = 5.0 * STD
-    told = {"predicted": predicted, "predictive_std": np.full(3, STD)}
+    told = {name: values[0] for name, values in still(1).items()}
+    told |= {"predicted": predicted, "predictive_std": np.full(3, STD)}
     texts = []
     for number in range(STEPS):
         reading = Reading(0.1 * number, {"states": states})
@@ -76,7 +115,7 @@ def test_a_motion_is_watched_while_it_goes_on():
         texts.append(watch.text)
     assert set(texts[:-1]) == {""}
     assert "the tip was 15.0 mm from its predictions" in texts[-1]
-    assert "if the arm follows its plan" in texts[-1]
+    assert "if nothing hangs at the arm or pushes it" in texts[-1]
 
 
 @pytest.mark.parametrize("states_age", [True, False])
@@ -98,6 +137,7 @@ def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
         "predicted": predicted,
         "predictive_std": np.full((STEPS, 3), STD),
         "sensor.camera_positions": pictures,
+        **still(STEPS),
     }
     if states_age:
         columns["sensor.camera_age"] = np.full(STEPS, 0.1 * late)

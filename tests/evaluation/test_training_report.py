@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.cli.run import _given_networks
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation import describe_held_out_errors, describe_modal_model
-from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.live.cli.driven_arm import print_remarks
+from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
+from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.training import Trained
 
 
@@ -39,6 +42,19 @@ def test_a_controller_that_errs_by_more_than_a_control_step_is_warned_of(
     lines = describe_held_out_errors(replace(networks, trained=trained))
     assert len(lines) == warnings
     assert all("C2A errs by more than a control step (4.3 %)" in line for line in lines)
+
+
+def test_a_controller_that_errs_is_warned_of_before_it_drives(
+    tmp_path, tiny_networks, capsys
+):
+    weights = tmp_path / "mine.safetensors"
+    erring = replace(tiny_networks.trained["C2A"], percent=(9.0, 1.0))
+    trained = {**tiny_networks.trained, "C2A": erring}
+    save_networks(replace(tiny_networks, trained=trained), weights)
+    _given_networks(weights, tiny_networks.arm, None, "")
+    assert capsys.readouterr().out.startswith("warning: C2A errs by more than")
+    print_remarks([SHIPPED, str(weights)])
+    assert capsys.readouterr().out.startswith(f"{weights}: warning: C2A errs")
 
 
 @pytest.mark.parametrize(

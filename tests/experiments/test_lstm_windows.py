@@ -36,6 +36,15 @@ def test_one_window_at_the_start_of_an_episode_is_as_computed_by_hand():
     )
 
 
+def test_windows_with_an_unknown_tip_are_dropped():
+    positions = POSITIONS.copy()
+    positions[1, 20, 2] = np.nan  # desired once, and five times in a history
+    split = lstm_samples(positions, ACTIONS, NEUTRAL)
+    assert np.isfinite(split.training.inputs["positions"]).all()
+    assert len(split.training.targets) == len(SPLIT.training.targets) - 6
+    np.testing.assert_array_equal(split.test.targets, SPLIT.test.targets)
+
+
 @pytest.mark.parametrize("part", ["training", "validation", "test"])
 def test_the_lstm_and_c2a_have_the_same_targets(part):
     """The same data, split alike: a fair comparison."""

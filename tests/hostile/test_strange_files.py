@@ -34,7 +34,7 @@ from s2c2a.logs.reading import read_table
 from s2c2a.logs.tables import ColumnRequest
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_networks, load_recipe
-from s2c2a.strategies.files import arm_of_strategy
+from s2c2a.strategies.files import stated_errors
 from s2c2a.tasks import load_task, load_waypoints, waypoints_task
 from s2c2a_experiments.table_files import load_rows
 
@@ -60,7 +60,7 @@ BY_PATH = READERS | {
     "picture.png": lambda path: read_pictures([Path(path)]),
     "video.avi": lambda path: open_device(str(path)),
     "first.episodes": load_episodes,
-    "own.safetensors": arm_of_strategy,
+    "own.safetensors": stated_errors,
 }
 """All that reads a file whose path the user gives, beside tables of logs."""
 TABLES = {

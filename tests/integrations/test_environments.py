@@ -329,6 +329,20 @@ class Nowhere(Reach):
         return np.full((self.steps + 2, 3), np.nan)
 
 
+class Flat(Reach):
+    """Its observation has no axis of values."""
+
+    def observe(self, moment):
+        return {"steps": moment.steps}
+
+
+class Square(Reach):
+    """Its rewards are a column, which NumPy would make a square."""
+
+    def rewards(self, moment):
+        return np.zeros((len(moment.steps), 1))
+
+
 SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
 
 
@@ -338,6 +352,24 @@ def test_goals_of_another_shape_or_without_numbers_are_refused(task, steps):
     told = f"(steps + 2, 3), here (12, 3); got shape ({steps}, 3)"
     with pytest.raises(S2C2AError, match=re.escape(told)):
         env.reset(seed=0)
+
+
+@pytest.mark.parametrize(
+    ("task", "told"),
+    [
+        (None, "or give a class of your own with task=Mine"),
+        (Flat, "'steps': give finite numbers of shape (batch, values), here (2, 1)"),
+        (Square, "rewards: give finite numbers of shape (batch,), here (2,)"),
+    ],
+)
+def test_a_task_without_a_class_or_with_values_of_another_shape_is_refused(task, told):
+    def run(**options):
+        env = gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point", **options)
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+
+    with pytest.raises(S2C2AError, match=re.escape(told)):
+        run(**({"task": task} if task else {}))
 
 
 def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():

@@ -47,6 +47,13 @@ def test_another_arm_is_told_to_train(make_arm):
         shipped_networks(make_arm(2))
 
 
+def test_what_differs_from_the_arm_that_networks_come_for_is_named():
+    twin = load_arm("twin_arm")
+    loaded = twin.model_copy(update={"tip": twin.tip.model_copy(update={"mass": 0.02})})
+    with pytest.raises(StrategyError, match="differs from 'twin_arm' in tip;"):
+        shipped_networks(loaded)
+
+
 def test_another_step_limit_needs_no_training():
     faster = load_arm("twin_arm").model_copy(update={"step_limit_deg": 8.0})
     assert shipped_networks(faster).arm == faster

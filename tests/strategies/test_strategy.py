@@ -291,6 +291,14 @@ def test_a_strategy_that_was_not_started_says_so(tiny_networks, twin):
         fresh.diagnostics()
 
 
+def test_the_row_of_a_missing_configuration_is_named(recording, tiny_recipe):
+    cables = recording.episodes[0].sensor("cables").copy()
+    cables[6, 1, 2] = np.nan
+    damaged = changed(recording, **{"sensor.cables": cables})
+    with pytest.raises(RecordingError, match="in 6 rows, first in row 7 of episode 1;"):
+        train_s2c2a(damaged, tiny_recipe, seed=0)
+
+
 @pytest.mark.parametrize(
     ("sensor", "is_there", "message"),
     [

@@ -2,7 +2,6 @@
 
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from s2c2a.arm.fields import (
@@ -97,10 +96,3 @@ class Mismatch(Frozen):
                 f"relaxation_times {list(self.relaxation_times)}: give times above 0 s"
             )
         return self
-
-    @property
-    def rest_bend(self) -> np.ndarray:
-        """Bend without any force [rad], module frame, shape (2,)."""
-        azimuth = np.deg2rad(self.rest_azimuth_deg)
-        direction = np.array([np.cos(azimuth), np.sin(azimuth)])
-        return np.deg2rad(self.rest_bend_deg) * direction

@@ -59,16 +59,6 @@ SENSING = (
 )
 
 
-def are_opposed(angles_deg: tuple[float, ...]) -> bool:
-    """Return whether cables lie on one line, within a degree, and on both sides."""
-    if len(angles_deg) < 2:
-        return False
-    turned = np.deg2rad(np.subtract(angles_deg, angles_deg[0]))
-    tolerance = np.sin(np.deg2rad(MAX_GAP_DEG))
-    is_on_line = np.abs(np.sin(turned)) <= tolerance
-    return bool(is_on_line.all() and np.cos(turned).min() < 0.0)
-
-
 class Cable(Frozen):
     """Transmission from the motors to one module.
 
@@ -179,8 +169,14 @@ class Module(Frozen):
 
     @property
     def is_planar(self) -> bool:
-        """Whether its cables lie on one line, and bend it in one plane."""
-        return are_opposed(self.cable_angles_deg)
+        """Whether its cables lie on one line, on both sides, and bend it in one plane."""
+        angles_deg = self.cable_angles_deg
+        if len(angles_deg) < 2:
+            return False
+        turned = np.deg2rad(np.subtract(angles_deg, angles_deg[0]))
+        tolerance = np.sin(np.deg2rad(MAX_GAP_DEG))
+        is_on_line = np.abs(np.sin(turned)) <= tolerance
+        return bool(is_on_line.all() and np.cos(turned).min() < 0.0)
 
     @model_validator(mode="after")
     def _validate(self):

@@ -82,7 +82,14 @@ def check(arm: File) -> None:
         )
     if spec.actuation != "displacement":
         print(_full_bends(spec))
-    _print_hardware(spec)
+    if spec.servos is not None:
+        for part, ids in spec.servos.parts():
+            place = f"on {part.port}" if part.port else "on the port of an option"
+            print(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
+    if spec.tracking is not None:
+        bodies = (spec.tracking.base, *spec.tracking.end_names(spec.module_count))
+        names = ", ".join(filter(None, bodies))
+        print(f"tracking: {names} by {spec.tracking.source}")
     if spec.sensors.imu is not None and find_spec("vqf") is None:
         print(
             "missing: [sensors.imu] needs the package vqf; install it, in your clone "
@@ -104,18 +111,6 @@ def _full_bends(spec: ArmSpec) -> str:
         f"{', '.join(map(str, bends_deg))} deg against their stiffness; their "
         f"bend_limit_deg: {', '.join(map(str, limits_deg))}"
     )
-
-
-def _print_hardware(spec: ArmSpec) -> None:
-    """Describe servos and tracking, where the arm file has them."""
-    if spec.servos is not None:
-        for part, ids in spec.servos.parts():
-            place = f"on {part.port}" if part.port else "on the port of an option"
-            print(f"servos: {len(ids)} {part.model} ({part.protocol}) {place}")
-    if spec.tracking is not None:
-        bodies = (spec.tracking.base, *spec.tracking.end_names(spec.module_count))
-        names = ", ".join(filter(None, bodies))
-        print(f"tracking: {names} by {spec.tracking.source}")
 
 
 def _module_cells(spec: ArmSpec, number: int) -> dict[str, str]:

@@ -139,17 +139,18 @@ def print_results(
 def print_held_out_errors(title: str, networks: "TrainedNetworks") -> None:
     """Print the error of each network in percent of the full range.
 
-    The modal model is left out: its percent are of the fast part of the C2S error
-    (`evaluation.describe_modal_model`).
+    What is fitted without held-out samples has none, nor the modal model
+    (`evaluation.describe_modal_model`): both are `Fixed`.
     """
-    from s2c2a.estimation import MODAL_MODEL
+    from s2c2a.training.fit import is_fixed
 
     errors = [
         (name, "{:.2f} ± {:.2f} %".format(*result.percent))
         for name, result in networks.trained.items()
-        if name != MODAL_MODEL
+        if not is_fixed(result.network)
     ]
-    print_table(title, ("network", "error"), errors)
+    if errors:
+        print_table(title, ("network", "error"), errors)
 
 
 def draw_coverage(recording: "Recording", out: Path) -> Path | None:

@@ -114,10 +114,11 @@ for name, (group, help_text) in GROUPS.items():
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `s2c2a`."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    warnings.formatwarning = _as_sentence
     if given == ["--version"]:
         print(f"s2c2a {s2c2a.__version__}")
         return
+    before = warnings.formatwarning
+    warnings.formatwarning = _as_sentence
     with trust_of_one_command(), manifests_of_one_command():
         try:
             given = _without_trusted_code(given)
@@ -139,6 +140,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             verb = next(iter(given), "")
             print(f"\ns2c2a: interrupted{RESUME_HINTS.get(verb, '')}", file=sys.stderr)
             sys.exit(INTERRUPTED)
+        finally:
+            warnings.formatwarning = before
 
 
 def _as_sentence(message: Warning | str, *_: object, **__: object) -> str:
@@ -227,7 +230,17 @@ def _check_options(given: Sequence[str]) -> None:
                 f"{did_you_mean(value, choices)}; {advice}"
             )
     for name, kind in re.findall(NUMBER, help_text):
-        _check_number(name, kind, _value_of(name, words))
+        convert, low, high = RANGES[kind]
+        value = _value_of(name, words)
+        try:
+            number = convert(value or "")
+        except ValueError:  # none is given, or tyro names the fault
+            continue
+        # a limit of time may be infinite
+        if not (low <= number <= high or number == math.inf):
+            raise S2C2AError(
+                f"{name} {value} is out of range; give a number from {low:.0f} to {high:.0f}"
+            )
 
 
 def help_of(command: Sequence[str]) -> str:
@@ -237,23 +250,6 @@ def help_of(command: Sequence[str]) -> str:
     with redirect_stdout(output), suppress(SystemExit), _at_least(1000):
         _run_command([*command, "--help"])
     return output.getvalue()
-
-
-def _check_number(option: str, kind: str, value: str | None) -> None:
-    """Refuse a number that no computation holds; a limit of time may be infinite.
-
-    Raises:
-        S2C2AError: it is out of range.
-    """
-    convert, low, high = RANGES[kind]
-    try:
-        number = convert(value or "")
-    except ValueError:  # none is given, or tyro names the fault
-        return
-    if not (low <= number <= high or number == math.inf):
-        raise S2C2AError(
-            f"{option} {value} is out of range; give a number from {low:.0f} to {high:.0f}"
-        )
 
 
 @contextmanager

@@ -175,25 +175,21 @@ def trained_model(
 def forward_model_of(
     weights: Path | None, arm: "ArmSpec", payload_g: float = 0.0, session: str = ""
 ) -> "ForwardModel":
-    """The forward model of weights on the day of a session; arcs without weights.
+    """The forward model of weights on the day of a session; arcs where there is none.
 
     Raises:
-        S2C2AError: the weights hold none, or it does not know payloads.
+        S2C2AError: it does not know payloads.
     """
     from s2c2a.models.forward_model import PCCForwardModel
 
-    if weights is None:
+    model = None if weights is None else trained_model(weights, arm, session)
+    if model is None:
+        reason = "without --weights" if weights is None else f"{weights} has no model"
         print(
-            "without --weights, modules bend as arcs of a circle; real ones sag, and "
-            "miss by centimeters what arcs reach"
+            f"{reason} (those of s2c2a have one): modules bend as arcs of a circle; real "
+            "ones sag, and miss by centimeters what arcs reach"
         )
         return PCCForwardModel.of(arm)
-    model = trained_model(weights, arm, session)
-    if model is None:
-        raise S2C2AError(
-            f"the networks of {weights} hold no forward model; give those of s2c2a, or "
-            "leave out --weights"
-        )
     if payload_g and not model.takes_payload:
         raise S2C2AError(
             f"the forward model of {weights} does not depend on payloads; leave out "

@@ -216,7 +216,8 @@ def _given_networks(
     session: str,
 ) -> "jobs.GivenNetworks":
     """The networks of a file with its session, or those of the package."""
-    from s2c2a import jobs, strategies
+    from s2c2a import evaluation, jobs, strategies
+    from s2c2a.strategies.files import stated_errors
     from s2c2a.strategies.shipped import shipped_file
 
     if not _has_own_networks(weights):
@@ -225,7 +226,10 @@ def _given_networks(
     found = strategies.session_of(weights, session)
     if found is not None:
         print(strategies.describe_use(found))
-    return jobs.GivenNetworks.read(weights, spec, recipe, found)
+    given = jobs.GivenNetworks.read(weights, spec, recipe, found)
+    if text := evaluation.describe_controller(*stated_errors(weights)):
+        print(text)
+    return given
 
 
 def _warn_of_age(

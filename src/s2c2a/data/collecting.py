@@ -85,12 +85,6 @@ class CollectOptions:
                 "they must rise from above 0 to at most 1 bend a step"
             )
 
-    def speeds_on(self, arm: ArmSpec) -> tuple[float, float]:
-        """Speeds scaled to the step limit of an arm."""
-        scale = arm.step_limit_deg / PAPER_STEP_LIMIT_DEG
-        slow, fast = self.speeds
-        return min(slow * scale, 1.0), min(fast * scale, 1.0)
-
 
 def collect(
     path: str | os.PathLike,
@@ -223,7 +217,9 @@ def _run_episode(
         RecordingError: a sensor failed; the arm is at rest, and the episode is dropped.
     """
     geometry = ArmGeometry.of(arm)
-    speeds = options.speeds_on(arm)
+    scale = arm.step_limit_deg / PAPER_STEP_LIMIT_DEG
+    slow, fast = options.speeds
+    speeds = (min(slow * scale, 1.0), min(fast * scale, 1.0))
     actions = episode_actions(
         geometry,
         options.babbling,

@@ -59,7 +59,11 @@ class Inclinometer:
         velocities = reading.numbers("angular_velocities", shape)
         if accelerations is None or velocities is None:
             return None
-        if not _usable(accelerations, velocities):
+        if not len(accelerations) or accelerations.shape != velocities.shape:
+            return None
+        in_range = np.abs(accelerations) < MAX_ACCELERATION
+        in_range &= np.abs(velocities) < MAX_ANGULAR_VELOCITY
+        if not in_range.all():
             return None  # the filter would not recover from them
         if not self._repeats.is_repeated("accelerations", accelerations):
             if not self._filters:
@@ -84,13 +88,6 @@ class Inclinometer:
             steady = np.tile(mean, (repeats, 1))
             _down(attitude_filter, steady, np.zeros_like(steady))
             self._filters.append(attitude_filter)
-
-
-def _usable(accelerations: np.ndarray, velocities: np.ndarray) -> bool:
-    if not len(accelerations) or accelerations.shape != velocities.shape:
-        return False
-    in_range = np.abs(accelerations) < MAX_ACCELERATION
-    return bool(in_range.all() and (np.abs(velocities) < MAX_ANGULAR_VELOCITY).all())
 
 
 def _down(

@@ -140,6 +140,7 @@ class DisturbanceFilter(eqx.Module):
         latest = max((sensor.max_delay for sensor in self.sensors), default=0.0)
         steps = MIN_HISTORY + int(latest / self.period)  # for delayed measurements
         sensed = bends_from_configurations(configuration)
+        sees_ends = any(sensor.sees_ends for sensor in self.sensors)
         return FilterState(
             mean=mean,
             covariance=jnp.diag(initial_std.packed() ** 2),
@@ -153,7 +154,8 @@ class DisturbanceFilter(eqx.Module):
                 SensorHistory.none(sensor.value_count, sensor.initial_lag(bends))
                 for sensor in self.sensors
             ),
-            field=BiasField.empty(bends.size) if self._learns() else None,
+            # biases are learned as a function of the shape
+            field=BiasField.empty(bends.size) if self.estimates and sees_ends else None,
             expected_biases=zeros,
             known_payload=payload,
         )
@@ -433,10 +435,6 @@ class DisturbanceFilter(eqx.Module):
     def external_force(self, bend_biases: Float[Array, " bends"]) -> Float[Array, ""]:
         """Force at the tip that would cause the bend biases [N]."""
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
-
-    def _learns(self) -> bool:
-        """Whether the biases are learned as a function of the shape."""
-        return self.estimates and any(sensor.sees_ends for sensor in self.sensors)
 
 
 def _disturbance_bends(

@@ -29,6 +29,7 @@ from s2c2a.evaluation.session_report import (
     describe_session,
 )
 from s2c2a.evaluation.training_report import (
+    describe_controller,
     describe_held_out_errors,
     describe_modal_model,
 )

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 import numpy as np
 
-from s2c2a.arm import ArmGeometry
+from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.planning import SIGNIFICANT, Outcome
-from s2c2a.spaces import POSITION
+from s2c2a.spaces import POSITION, Configurations
 
 LAST_PART = 0.25  # of a run, in which an error lasts
 CHAIN = {"predicted", "planned", "sensed", "plan_error", "desired_positions"}
@@ -81,8 +81,8 @@ def _distances(
     goals = episode["desired_positions"][steps]
     predicted = episode["predicted"][steps][..., POSITION]
     plan = float(np.median(episode["plan_error"][steps]))
-    tracked = _ends(episode, episode["sensed"][steps + 1])
-    planned = _ends(episode, episode["planned"][steps])
+    tracked = module_ends(episode.arm, episode["sensed"][steps + 1])
+    planned = module_ends(episode.arm, episode["planned"][steps])
     tracking = _median_distance(tracked, planned, goals)
     if "states" not in episode.sensors:
         return max(plan, tracking), plan, tracking, np.nan
@@ -92,11 +92,14 @@ def _distances(
     return error, plan, tracking, model
 
 
-def _ends(episode: Episode, configurations: np.ndarray) -> np.ndarray:
-    """Module ends of an arm of arcs [m], for the effect of bends on them."""
-    lengths = jnp.asarray(ArmGeometry.of(episode.arm).lengths, jnp.float32)
+def module_ends(arm: ArmSpec, configurations: Configurations) -> np.ndarray:
+    """Module ends of an arm of arcs [m], for the effect of bends on them.
+
+    Shape (rows, modules, 3), base frame.
+    """
+    lengths = jnp.asarray(ArmGeometry.of(arm).lengths, jnp.float32)
     bends = bends_from_configurations(jnp.asarray(configurations, jnp.float32))
-    return np.asarray(states_from_bends(bends, lengths))[..., POSITION]
+    return np.array(states_from_bends(bends, lengths)[..., POSITION])
 
 
 def _median_distance(first: np.ndarray, second: np.ndarray, goals: np.ndarray) -> float:

@@ -19,7 +19,9 @@ from s2c2a.tasks.repetition import (
     with_true_targets,
 )
 
-PAUSE = 2.0  # s; at rest between repetitions, so that the vibration decays
+# s; at rest between repetitions: the tip of twin_arm, which swings by 71 mm in the first
+# second after a circle, then moves by 1 mm
+PAUSE = 2.0
 
 StepProgress = Callable[[int, int], None]
 Keep = Callable[[Episode], None]
@@ -117,7 +119,8 @@ def repeated_rollout(
             episodes.append(with_true_targets(episode, task, offsets))
             if number + 1 < repetitions:
                 offsets = learned_offsets(episodes[-1], offsets, sensor)
-                _rest(loop)
+                for _ in range(round(PAUSE * robot.arm.control_rate)):
+                    loop.tick(StepRequest(enabled=False))
     return episodes
 
 
@@ -173,8 +176,3 @@ def _run_task(loop: Loop, task: Task, progress: StepProgress, keep: Keep) -> Epi
             keep(episode(interrupted=str(error) or type(error).__name__))
         raise
     return episode()
-
-
-def _rest(loop: Loop) -> None:
-    for _ in range(round(PAUSE * loop.arm.control_rate)):
-        loop.tick(StepRequest(enabled=False))

@@ -1,5 +1,8 @@
 """Text on trainings: errors on held-out samples, and the modal model."""
 
+from collections.abc import Mapping, Sequence
+
+from s2c2a.arm import ArmSpec
 from s2c2a.estimation import MODAL_MODEL
 from s2c2a.strategies import TrainedNetworks
 
@@ -7,27 +10,37 @@ MIN_REDUCTION = 0.1  # of the error [%]; a reader takes less for none
 
 
 def describe_held_out_errors(networks: TrainedNetworks) -> list[str]:
-    """A line of errors at the tip [mm] for each network that predicts it.
-
-    A warning follows if the C2A errs by more than a command may change in a control step:
-    the arm then moves elsewhere than planned, and no integral correction brings it back.
-    """
+    """A line of errors at the tip [mm] for each network, and `describe_controller`."""
     lines = [
         f"{name} at the tip: {1e3 * error:.1f} mm (mean) on {samples}, which have gaps of "
         "time to those of the training"
         for name, result in networks.trained.items()
         for samples, error in result.errors.items()
     ]
-    smallest_bend = min(module.bend_limit_deg for module in networks.arm.modules)
+    percent = {name: result.percent for name, result in networks.trained.items()}
+    warning = describe_controller(networks.arm, percent)
+    return [*lines, warning] if warning else lines
+
+
+def describe_controller(arm: ArmSpec, percent: Mapping[str, Sequence[float]]) -> str:
+    """Warn of a C2A that errs by more than a command may change in a control step.
+
+    The arm then moves elsewhere than planned, and no integral correction brings it back.
+
+    Args:
+        arm: that it was trained for.
+        percent: mean errors of its networks, as in their file.
+    """
+    smallest_bend = min(module.bend_limit_deg for module in arm.modules)
     # bends go to both sides
-    step = 100.0 * networks.arm.step_limit_deg / (2.0 * smallest_bend)
-    if "C2A" in networks.trained and networks.trained["C2A"].percent[0] > step:
-        lines.append(
-            f"warning: C2A errs by more than a control step ({step:.1f} %): the arm may "
-            "move elsewhere than planned. Use --strategy pcc, or train on more samples, "
-            "without cables that pull together: one motion then has many commands"
-        )
-    return lines
+    step = 100.0 * arm.step_limit_deg / (2.0 * smallest_bend)
+    if "C2A" not in percent or not percent["C2A"][0] > step:
+        return ""
+    return (
+        f"warning: C2A errs by more than a control step ({step:.1f} %): the arm may "
+        "move elsewhere than planned. Use --strategy pcc, or train on more samples, "
+        "without cables that pull together: one motion then has many commands"
+    )
 
 
 def describe_modal_model(networks: TrainedNetworks) -> str:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec, load_arm, preset_names
-from s2c2a.estimation import MODAL_MODEL
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
 from s2c2a.robots.simulation.modes import first_mode
 from s2c2a.strategies import TrainedNetworks
+from s2c2a.training.fit import is_fixed
 
 Floats = Sequence[float]
 
@@ -161,7 +161,8 @@ def describe_repetitions(run: Run) -> str:
 def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[Row]:
     """Make a row of the held-out error of each network [% of full range].
 
-    The modal model has none: its percentage is a share of the vibration.
+    Fixed parts have none, such as the modal model: its percentage is a share of the
+    vibration.
 
     Args:
         experiment: its name.
@@ -172,7 +173,7 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
     heading = Heading(experiment, first.arm, first.recipe.name, seeds)
     rows = []
     for name in first.trained:
-        if name == MODAL_MODEL:
+        if is_fixed(first.trained[name].network):
             continue
         percents = [networks.trained[name].percent for networks in trained]
         means = [mean for mean, _ in percents]

@@ -20,6 +20,7 @@ from s2c2a.live.window import Window, checked_value
 from s2c2a.live.workspace import arcs, bends_of, workspace
 from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
+from s2c2a.training.fit import is_fixed
 from s2c2a.viz import Trace
 from s2c2a.viz.coverage import coverage_image
 
@@ -87,6 +88,8 @@ def _training_text(networks: TrainedNetworks, name: str) -> str:
     """Length of a training and its error, of the modal model in its own words."""
     if name == MODAL_MODEL:
         return describe_modal_model(networks)
+    if is_fixed(networks.trained[name].network):
+        return f"{name}: fitted, without held-out data"
     mean, std = networks.trained[name].percent
     return (
         f"{name}: {counted(len(networks.trained[name].curve), 'epoch')}; error on "

@@ -1,7 +1,6 @@
 """Strategies: state estimator, planner and controller, composed and chosen by name."""
 
 from s2c2a.strategies.files import (
-    arm_of_strategy,
     check_new_networks,
     load_networks,
     save_networks,

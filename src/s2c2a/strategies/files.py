@@ -29,7 +29,7 @@ from s2c2a.strategies.checkpoint import (
     read,
     write,
 )
-from s2c2a.strategies.recipe import Recipe, recipe_in
+from s2c2a.strategies.recipe import recipe_in
 from s2c2a.strategies.registry import STRATEGIES
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import Trained
@@ -114,7 +114,12 @@ def load_networks(
             "this arm with `s2c2a train`"
         )
     with damaged(path):
-        recipe = _recipe(metadata.recipe)
+        # the file is of unknown origin: its recipe imports nothing
+        recipe = recipe_in(metadata.recipe, Registry.imported)
+        try:
+            _ = recipe.estimator_options
+        except S2C2AError:  # the user's own: a recipe file has to name it again
+            recipe = replace(recipe, estimator=EncoderOnly())
         kind = STRATEGIES.imported(metadata.strategy)
         strategy = TypeAdapter(kind).validate_python(metadata.strategy_options)
         # shapes of the networks that the file holds
@@ -156,23 +161,14 @@ def load_networks(
     )
 
 
-def arm_of_strategy(path: str | os.PathLike) -> ArmSpec:
-    """The arm that networks were trained for.
+def stated_errors(path: str | os.PathLike) -> tuple[ArmSpec, Mapping[str, Any]]:
+    """The arm that networks were trained for, and their errors (`Trained.percent`).
 
     Raises:
         StrategyError: no such file, damaged, or of another schema.
     """
-    return _arm(read(path)[0], path)
-
-
-def _recipe(table: dict[str, Any]) -> Recipe:
-    """The recipe of a file of unknown origin: it imports nothing."""
-    recipe = recipe_in(table, Registry.imported)
-    try:
-        _ = recipe.estimator_options
-    except S2C2AError:  # the user's own: a recipe file has to name it again
-        return replace(recipe, estimator=EncoderOnly())
-    return recipe
+    metadata, _ = read(path)
+    return _arm(metadata, path), metadata.percent
 
 
 def _arm(metadata: Metadata, path: str | os.PathLike) -> ArmSpec:

@@ -18,7 +18,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.randomized import without_mismatch
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import RecordingError, StrategyError
+from s2c2a.errors import RecordingError, StrategyError, counted
 from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Guard, Planner, PlannerOptions
@@ -213,10 +213,13 @@ def training_data(recording: Recording, recipe: Recipe) -> TrainingData:
         )
     configuration_map = recipe.configuration_map(recording.arm)
     sensed = configuration_map.configurations(recording.readings())
-    if not np.isfinite(sensed).all():
+    missing = np.argwhere(~np.isfinite(sensed).all(axis=(2, 3)))
+    if len(missing):
+        episode, row = missing[0] + 1
         raise RecordingError(
-            "this recording lacks sensed configurations in some rows; record again with "
-            "all sensors on"
+            f"this recording lacks sensed configurations in {counted(len(missing), 'row')}"
+            f", first in row {row} of episode {episode}; record again with all sensors on "
+            "(--recipe best needs those of the cables alone)"
         )
     arm = recipe.seen_arm(recording.arm)
     return TrainingData(

@@ -10,7 +10,7 @@ from pathlib import Path
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import StrategyError
 from s2c2a.strategies.checkpoint import SHIPPED
-from s2c2a.strategies.files import arm_of_strategy, load_networks
+from s2c2a.strategies.files import load_networks, stated_errors
 from s2c2a.strategies.recipe import recipe_named
 from s2c2a.strategies.s2c2a import WEIGHTS
 from s2c2a.strategies.session import session_of, with_session
@@ -24,15 +24,20 @@ def shipped_file(arm: ArmSpec) -> Iterator[Path]:
     Raises:
         StrategyError: there are none for this arm.
     """
+    others: dict[str, list[str]] = {}
     for file in sorted(WEIGHTS.iterdir(), key=lambda file: file.name):
         if not file.name.endswith(".safetensors"):
             continue
         with resources.as_file(file) as path:
-            if not arm_of_strategy(path).differences(arm):
+            trained_for, _ = stated_errors(path)
+            others[trained_for.name] = trained_for.differences(arm)
+            if not others[trained_for.name]:
                 yield path
                 return
+    nearest = min(others, key=lambda name: len(others[name]))
     raise StrategyError(
-        f"no trained networks come with the package for '{arm.name}'; collect data with "
+        f"no trained networks come with the package for '{arm.name}', which differs from "
+        f"'{nearest}' in {', '.join(others[nearest])}; collect data with "
         "`s2c2a collect`, train with `s2c2a train`, and give the file with --weights"
     )
 

@@ -76,7 +76,8 @@ def run_figure(
     for axis, axes in enumerate(coordinates):
         draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
-    if (predicted := predictions.trace_with_band(traces)) is not None:
+    predicted = next((trace for trace in traces if trace.has_band), None)
+    if predicted is not None:
         color = colors[predicted.label]
         predictions.draw_bands(coordinates, error, predicted, color)
         predictions.draw_tube(above, predicted, view, color)

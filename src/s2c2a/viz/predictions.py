@@ -25,14 +25,6 @@ MAX_BAND = 3.0  # of the largest error: a higher band leaves the panel
 LABEL = "predicted ± 2 std"
 
 
-def trace_with_band(traces: Sequence[Trace]) -> Trace | None:
-    """The first run whose model predicts an uncertainty, or None."""
-    for trace in traces:
-        if trace.has_band:
-            return trace
-    return None
-
-
 def draw_bands(
     coordinates: Sequence[Axes], error: Axes, trace: Trace, color: str
 ) -> None:

@@ -227,23 +227,14 @@ def _outermost_module(desired: np.ndarray) -> int:
     return int(modules[-1]) if modules.size else desired.shape[1] - 1
 
 
-def check_not_empty(traces: Collection) -> None:
-    """Check that there is at least one trace.
-
-    Raises:
-        S2C2AError: there is no trace.
-    """
-    if not traces:
-        raise S2C2AError("there is no trace to draw; give at least one")
-
-
 def check_same_arm(traces: Collection[Trace], arm: ArmSpec) -> None:
     """Check that there is a trace and that all have as many modules as the arm.
 
     Raises:
         S2C2AError: there is no trace, or one does not fit the arm.
     """
-    check_not_empty(traces)
+    if not traces:
+        raise S2C2AError("there is no trace to draw; give at least one")
     for trace in traces:
         count = trace.episode.arm.module_count
         if count != arm.module_count:

@@ -14,7 +14,7 @@ from s2c2a.lab.cli import motors
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
 from s2c2a.lab.emulation.servo import MotorState
 from s2c2a.lab.emulation.xl330 import firmware_of
-from s2c2a.lab.hardware.bus import WrongModelError
+from s2c2a.lab.hardware.bus import BusError, WrongModelError
 from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.dynamixel import tables
 
@@ -59,6 +59,16 @@ def test_servos_of_every_model_are_prepared_and_read(bench, model):
     missing = [math.isnan(states[id].current) for id in (1, 2)]
     assert missing == 2 * [not bus.has_current]
     assert port[1]["operating_mode"] == (5 if bus.has_current else 4)
+
+
+def test_an_impossible_goal_is_refused_and_no_servo_gets_one(bench):
+    port, arm = bench("xl330-m288", MODEL_NUMBERS["dynamixel"]["xl330-m288"])
+    with opened(arm) as bus:
+        bus.prepare([1, 2], 0.5, 5.0)
+        before = [servo["goal_position"] for servo in port.servos]
+        with pytest.raises(BusError, match=r"2: 1048576.*1048575"):
+            bus.send_goals({1: START + 10, 2: 1_048_576})
+        assert [servo["goal_position"] for servo in port.servos] == before
 
 
 @pytest.mark.parametrize("model", WITHOUT_CURRENT)

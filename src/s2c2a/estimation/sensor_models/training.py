@@ -257,21 +257,17 @@ def measure_errors(
     initial_bias = np.fmax(np.sqrt(_mean(biases**2)), MIN_BIAS * half_range)
     drift = np.sqrt(np.maximum(long - short, 0.0) / (LONG_LAG - SHORT_LAG))
     drift = np.fmax(drift, MIN_DRIFT * half_range)
-    noise = np.where(_varies(samples.values), noise, LARGEST)
+    # a value that never changes says nothing of its noise
+    is_known = np.isfinite(samples.values)
+    low = np.where(is_known, samples.values, np.inf).min(axis=0)
+    high = np.where(is_known, samples.values, -np.inf).max(axis=0)
+    noise = np.where(high > low, noise, LARGEST)
     return SensorErrors(
         jnp.asarray(noise, jnp.float32),
         jnp.asarray(initial_bias, jnp.float32),
         jnp.asarray(drift, jnp.float32),
         jnp.asarray(backlash, jnp.float32),
     )
-
-
-def _varies(values: Float[np.ndarray, "samples values"]) -> Bool[np.ndarray, " values"]:
-    """Which values change at all."""
-    is_known = np.isfinite(values)
-    low = np.where(is_known, values, np.inf).min(axis=0)
-    high = np.where(is_known, values, -np.inf).max(axis=0)
-    return high > low
 
 
 def _change(

@@ -13,7 +13,7 @@ from s2c2a.live.cli.driven_arm import (
     SIMULATED_ARM,
     DrivenArm,
     print_end,
-    print_sessions,
+    print_remarks,
     seed_where_used,
 )
 from s2c2a.live.cli.live import PREPARING, signal_stops, wait_for_interrupt
@@ -67,7 +67,7 @@ def ros(
         timeout=timeout,
     )
     factory = driven.factory()
-    print_sessions(driven.weights)
+    print_remarks(driven.weights)
     control_options = driven.control_options(strategy)
     log = partial(print, flush=True)
     with running_bridge(arm, factory, options, log, **control_options) as control:

@@ -8,8 +8,8 @@ from gymnasium.envs.registration import register
 PACKAGE = "s2c2a.integrations.environments"
 NAMES = ("Reach", "Track", "Avoid", "Hold", "Follow")
 """As `tasks.FAMILIES`, which loads JAX."""
-TASKS = {name: {"task": name} for name in NAMES}
-TASKS["Task"] = {}  # the user gives a class
+TASKS: dict[str, dict[str, str | None]] = {name: {"task": name} for name in NAMES}
+TASKS["Task"] = {"task": None}  # the user gives a class
 
 for name, arguments in TASKS.items():
     register(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.rollout import Rollout
+from numpy.typing import ArrayLike
 
 from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.geometry import cables_present
@@ -80,10 +81,10 @@ class SimulationBatch:
         self.arm = arm if isinstance(arm, ArmSpec) else load_arm(arm)
         self.controls = Controls.of(self.arm)
         family = FAMILIES.get(task) if isinstance(task, str) else task
-        if family is None:
+        if not isinstance(family, type):
             raise S2C2AError(
                 f"no task '{task}'{did_you_mean(str(task), FAMILIES)}; choose one of "
-                f"{', '.join(FAMILIES)}, or give a class of your own"
+                f"{', '.join(FAMILIES)}, or give a class of your own with task=Mine"
             )
         steps = seconds * self.arm.control_rate
         if not 1 <= steps <= MAX_STEPS:
@@ -169,17 +170,27 @@ class SimulationBatch:
         self._advance()
         self._elapsed += 1
         moment = self.moment()
+        shape = self._elapsed.shape
+        rewards = self.family.rewards(moment)
+        rewards = self._checked("rewards", "(batch,)", rewards, shape)
+        ends = self._checked("ends", "(batch,)", self.family.ends(moment), shape)
         return BatchStep(
             self.observations(),
-            np.where(self._diverged, DIVERGED, self.family.rewards(moment)),
-            self._diverged | self.family.ends(moment),
+            np.where(self._diverged, DIVERGED, rewards),
+            self._diverged | (ends != 0),
             self._elapsed >= self.family.steps,
             np.linalg.norm(moment.tips - moment.goals, axis=-1),
         )
 
     def observations(self) -> Float[np.ndarray, "batch values"]:
         """What is observed now; see `spaces`."""
-        return joined(self.family.observe(self.moment()))
+        parts = self.family.observe(self.moment())
+        for name, part in parts.items():
+            # one value of each arm has an axis, too
+            values = np.shape(part)[-1] if np.ndim(part) > 1 else 1
+            shape = (len(self._elapsed), values)
+            self._checked(f"observe: '{name}'", "(batch, values)", part, shape)
+        return joined(parts)
 
     def moment(self) -> BatchMoment:
         """All arms now."""
@@ -212,6 +223,18 @@ class SimulationBatch:
         self._rollout.close()
         if self._pool is not None:
             self._pool.shutdown()
+
+    def _checked(
+        self, what: str, axes: str, given: ArrayLike, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """What the task gives, where NumPy would broadcast another shape."""
+        values = np.asarray(given)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise S2C2AError(
+                f"{type(self.family).__name__}, {what}: give finite numbers of shape "
+                f"{axes}, here {shape}; got shape {values.shape}"
+            )
+        return values
 
     def _check_alike(self, arm: ArmSpec) -> None:
         """Refuse a sampled arm that takes other commands, or another time for a step."""
@@ -266,16 +289,14 @@ class SimulationBatch:
         self._cables[number] = robot.measure_cables()
         self._states[number] = robot.states()
         scenario = self.family.scenario(random, self._states[number, -1, POSITION])
-        goals = np.asarray(scenario.goals)
-        shape = self._goals[number].shape
-        if goals.shape != shape or not np.isfinite(goals).all():
-            raise S2C2AError(
-                f"the goals of {type(self.family).__name__} are finite numbers of shape "
-                f"(steps + 2, 3), here {shape}; got shape {goals.shape}"
-            )
-        self._goals[number] = goals
-        self._forces[number] = scenario.forces
-        self._obstacles[number] = scenario.obstacle
+        for name, axes, values in (
+            ("goals", "(steps + 2, 3)", self._goals),
+            ("forces", "(steps, 3)", self._forces),
+            ("obstacle", "(4,)", self._obstacles),
+        ):
+            given = getattr(scenario, name)
+            shape = values[number].shape
+            values[number] = self._checked(name, axes, given, shape)
         self._elapsed[number] = 0
         self._commands[number] = self._desired[number] = self._limits.rest
         self._changes[number] = 0.0

@@ -259,6 +259,7 @@ class ServoBus(ABC):
             goals: position by id [ticks].
 
         Raises:
+            BusError: a goal is beyond the range of the servos; none is sent.
             PortLostError: the port is gone.
         """
 

@@ -82,13 +82,21 @@ seed_where_used = effective(
 )
 
 
-def print_sessions(weights: Iterable[str]) -> None:
-    """Say which sessions correct the weights."""
+def print_remarks(weights: Iterable[str]) -> None:
+    """Say which sessions correct the weights, and warn of controllers that err much."""
+    from s2c2a.evaluation import describe_controller
     from s2c2a.strategies import describe_use, session_of
+    from s2c2a.strategies.checkpoint import SHIPPED
+    from s2c2a.strategies.files import stated_errors
 
-    for session in map(session_of, weights):
+    for file in weights:
+        if file == SHIPPED:
+            continue
+        session = session_of(file)
         if session is not None:
             print(describe_use(session))
+        if text := describe_controller(*stated_errors(file)):
+            print(f"{file}: {text}")
 
 
 def print_end(arm: str, control: "ControlProcess") -> None:

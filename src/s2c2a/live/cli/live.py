@@ -19,7 +19,7 @@ from s2c2a.live.cli.driven_arm import (
     SIMULATED_ARM,
     DrivenArm,
     print_end,
-    print_sessions,
+    print_remarks,
     seed_where_used,
 )
 from s2c2a.robots.factory import RobotFactory
@@ -72,7 +72,7 @@ def live(
         )
     on_message = partial(print, flush=True)
     options = driven.control_options(strategy) | {"host": host}
-    print_sessions(driven.weights)
+    print_remarks(driven.weights)
     obstacles = _obstacles_of(scene) if scene else ()
     with running_page(arm, factory, port, out, on_message, **options) as (control, _):
         if obstacles:

@@ -62,8 +62,11 @@ class MismatchedModule:
     @property
     def rest_angles(self) -> Float[np.ndarray, "3"]:
         """Rotation about each axis without any force [rad]."""
-        x, y = self.nominal.mismatch.rest_bend
-        return self.axes @ np.array([-y, x, 0.0])  # bending towards x rotates about y
+        mismatch = self.nominal.mismatch
+        azimuth = np.deg2rad(mismatch.rest_azimuth_deg)
+        # bending towards x rotates about y
+        axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        return self.axes @ (np.deg2rad(mismatch.rest_bend_deg) * axis)
 
     def cubic_stiffnesses(self, segments: int) -> Float[np.ndarray, "3"]:
         """Return the cubic stiffness of a segment about each axis [N m/rad3]."""

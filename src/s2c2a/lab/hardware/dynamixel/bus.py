@@ -202,12 +202,13 @@ class DynamixelBus(SerialBus):
 
         One that restarts has no torque, and its goal does not move it.
         """
-        limited = {
-            id: min(max(ticks, -tables.MAX_POSITION), tables.MAX_POSITION)
-            for id, ticks in goals.items()
-        }
-        self._goals |= limited
-        sent = {id: goal for id, goal in limited.items() if id not in self.restarted}
+        if max(map(abs, goals.values()), default=0) > tables.MAX_POSITION:
+            raise BusError(
+                f"goals {dict(goals)} [ticks] exceed +-{tables.MAX_POSITION}, and none "
+                "was sent; home the arm again (`s2c2a motors home`)"
+            )
+        self._goals |= goals
+        sent = {id: goal for id, goal in goals.items() if id not in self.restarted}
         self._sync_write("goal_position", sent)
 
     def _read_states(self, ids: Sequence[int]) -> dict[int, ServoState | None]:

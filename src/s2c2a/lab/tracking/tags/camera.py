@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +136,12 @@ def _load_yaml(path: str | os.PathLike) -> CameraModel:
     try:
         return CameraModel.model_validate(yaml_cameras.camera_values(text))
     except ValidationError as error:
-        heading = f"{path}: {{faults}} in the calibration; {ADVICE}"
+        faults = explained(error, "{faults}", CameraModel.model_fields)
+        for name, key in yaml_cameras.KEYS.items():
+            faults = re.sub(rf"\b{name}\b", key, faults)
+        count, _, lines = faults.partition("\n")
         raise CameraError(
-            explained(error, heading, CameraModel.model_fields)
+            f"{path}: {count} in the calibration; {ADVICE}\n{lines}"
         ) from error
     except (ValueError, RecursionError) as error:
         raise CameraError(

@@ -35,6 +35,15 @@ _DISTORTIONS = (
     "D",
 )
 _ERRORS = ("avg_reprojection_error", "Avg_Reprojection_Error")
+KEYS = {
+    "width": _WIDTHS[0],
+    "height": _HEIGHTS[0],
+    "focal_lengths": f"fx and fy of {_MATRICES[0]}",
+    "center": f"cx and cy of {_MATRICES[0]}",
+    "distortion": _DISTORTIONS[0],
+    "rms": _ERRORS[0],
+}
+"""Of the attributes of a `CameraModel`, what ROS and OpenCV call them."""
 # OpenCV writes a form of its own, which YAML does not allow
 _OPENCV_HEADER = re.compile(r"\A%YAML[: ]1\.\d\s*\n")
 _OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
