@@ -193,8 +193,9 @@ class WayLeader(Leader):
         last, self._last = self._last, goal
         is_elsewhere = last is None or self._differs(goal, last, ("positions",))
         moves = self._moves(goal, goal if last is None or is_elsewhere else last)
-        if moves and self._way is None and outcome is not Outcome.STALLED:
+        if moves and (self._way is None or self.verdict is Outcome.BLOCKED):
             # the tip slides along the obstacles (`GoalMotion.beside`)
+            self._way, self.verdict = None, None
             self._search, self._stands = None, False
             return None
         self._take_result()
@@ -250,8 +251,7 @@ class WayLeader(Leader):
         if search.steps < self._patience or not may_take:
             self._search = search._replace(steps=search.steps + 1)
             return
-        self._search = None
-        self._stands = False
+        self._search, self._stands = None, False
         self._known = search.goal
         way = search.result.result()
         self.verdict = self._verdict_on(way)
