@@ -209,18 +209,23 @@ class GoalMotion(NamedTuple):
             return point, point
 
         slides = (self.aside != 0.0).any()
-        # a tip that cannot follow the point keeps it near
-        start = tip + slides * limit_lengths(target + self.aside - tip, farthest / 2)
-        _, points = jax.lax.scan(follow, start, (ahead, targets, longest))
-        is_within = jax.vmap(gap_of)(targets, ahead) < 0.0
-        is_behind = slides & (jnp.linalg.norm(targets[0] - start) > longest[0])
-        is_beside = is_within.any() | is_behind
-        is_beside &= ahead.position_weights[0, last] > 0.0
-        points = jnp.where(is_beside, points, targets)
-        aside = start + (points[0] - start) / approach.stride - target
-        positions = positions.at[:, last].set(points)
-        motion = self._replace(aside=jnp.where(is_beside, aside, 0.0))
-        return motion, ahead._replace(positions=positions)  # type: ignore[arg-type]
+        is_within = (jax.vmap(gap_of)(targets, ahead) < 0.0).any()
+
+        def slide():
+            # a tip that cannot follow the point keeps it near
+            start = tip + slides * limit_lengths(
+                target + self.aside - tip, farthest / 2
+            )
+            _, points = jax.lax.scan(follow, start, (ahead, targets, longest))
+            is_behind = slides & (jnp.linalg.norm(targets[0] - start) > longest[0])
+            is_beside = is_within | is_behind
+            is_beside &= ahead.position_weights[0, last] > 0.0
+            points = jnp.where(is_beside, points, targets)
+            aside = start + (points[0] - start) / approach.stride - target
+            motion = self._replace(aside=jnp.where(is_beside, aside, 0.0))
+            return motion, ahead._replace(positions=positions.at[:, last].set(points))
+
+        return jax.lax.cond(slides | is_within, slide, lambda: (self, ahead))
 
 
 def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *rest"]:
