@@ -217,7 +217,8 @@ def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     plan = planner.start(Estimate(STRAIGHT))
     goal = Goal.of(3).with_position([0.1, 0.0, 0.58])
     bends = []
-    for _ in range(round(4 * rate)):
+    # near a goal that rests, the steps of a plan are small
+    for _ in range(round(5 * rate)):
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
         bends.append(np.asarray(bends_from_configurations(plan.configurations)))
     last = np.linalg.norm(np.diff(bends[-11:], axis=0), axis=-1)
