@@ -390,3 +390,36 @@ def test_damaged_tables_are_errors(log, tmp_path, ending):
         path.write_bytes(content[:cut])
         with pytest.raises(LogError):
             take_of(path, simulated.map)
+
+
+def test_files_without_names_stand_side_by_side(tmp_path):
+    """Such as an ASCII export of Vicon Nexus beside the values of the motors."""
+    motors = tmp_path / "motors.csv"
+    motors.write_text("1.0,2.0\n3.0,4.0\n")
+    ends = tmp_path / "nexus.csv"
+    names = "Trajectories\n100\n,,Arm:tip,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
+    ends.write_text(f"{names}1,0,10,20,300\n2,0,11,21,299\n")
+    text = """
+        [rows]
+        kind = "steps"
+        skip_lines = [0, 5]
+        [join]
+        files = 2
+        by = "row"
+        [arm]
+        name = "a"
+        modules = 1
+        control_rate = 10
+        [[drives]]
+        commanded = "1:2"
+        unit = "mm"
+        [[ends]]
+        position = ["2:3", "2:4", "2:5"]
+        unit = "mm"
+        """
+    (take,) = _read_takes([motors, ends], map_from_toml(text))
+    np.testing.assert_allclose(take.commanded[:, 0], [0.002, 0.004])
+    np.testing.assert_allclose(take.positions[0, 0], [0.01, 0.02, 0.3])
+    same = text.replace("1:2", "2").replace("2:3", "1")
+    with pytest.raises(LogError, match=r"several of .* write 1:NAME"):
+        _read_takes([motors, ends], map_from_toml(same))

@@ -458,10 +458,22 @@ def _read_tables(paths: Sequence[str | os.PathLike], log_map: LogMap) -> list[Ta
             f"{counted(len(paths), 'file')} given, and the map joins {count} to a take; "
             "give a multiple of that"
         )
-    return [
-        read_table(path, _request(log_map, index % count))
-        for index, path in enumerate(paths)
-    ]
+    tables = []
+    for index, path in enumerate(paths):
+        place = index % count
+        names = _names_in_file(log_map, place) if count > 1 else {}
+        request = _request(log_map, place).in_file(names)
+        tables.append(read_table(path, request).in_map(names))
+    return tables
+
+
+def _names_in_file(log_map: LogMap, place: int) -> dict[str, str]:
+    """Name of a column in the map, such as `2:x` -> in the joined file at this place."""
+    prefix = f"{place + 1}:"
+    wanted = log_map.number_columns | log_map.label_columns
+    return {
+        name: name.removeprefix(prefix) for name in wanted if name.startswith(prefix)
+    }
 
 
 def _build_takes(tables: Sequence[Table], log_map: LogMap) -> list[LogTake]:

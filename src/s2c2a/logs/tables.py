@@ -51,6 +51,22 @@ class Table:
         labels = {name: column[rows] for name, column in self.labels.items()}
         return replace(self, numbers=numbers, labels=labels)
 
+    def in_map(self, names: Mapping[str, str]) -> "Table":
+        """The table with the names of the map.
+
+        Args:
+            names: in the map -> in the file, where they differ.
+        """
+        theirs = {name: named for named, name in names.items()}
+        return replace(
+            self,
+            numbers={
+                theirs.get(name, name): self.numbers[name] for name in self.numbers
+            },
+            labels={theirs.get(name, name): self.labels[name] for name in self.labels},
+            stamps=frozenset(theirs.get(name, name) for name in self.stamps),
+        )
+
 
 @dataclass(frozen=True)
 class ColumnRequest:
@@ -78,6 +94,19 @@ class ColumnRequest:
         """Names of all columns."""
         return {*self.numbers, *self.labels}
 
+    def in_file(self, names: Mapping[str, str]) -> "ColumnRequest":
+        """The request with the names of columns in one file.
+
+        Args:
+            names: in the map -> in the file, where they differ.
+        """
+        return replace(
+            self,
+            numbers={names.get(name, name) for name in self.numbers},
+            labels={names.get(name, name) for name in self.labels},
+            times={names.get(name, name) for name in self.times},
+        )
+
 
 def list_names(names: Collection[str]) -> str:
     """Comma-separated names, shortened to the first dozen."""
@@ -102,7 +131,7 @@ def check_distinct(tables: Iterable["Table"], shared: str) -> None:
     if duplicates:
         raise LogError(
             f"several of the joined files have {list_names(sorted(duplicates))}; "
-            "give each column its own name"
+            "write 1:NAME, 2:NAME, ... in the map for that of the first file, the second, ..."
         )
 
 
