@@ -31,6 +31,7 @@ def test_the_command_drives_and_ends_at_rest(tmp_path):
         text=True,
     )
     try:
+        assert "is being prepared" in process.stdout.readline()
         assert "Ctrl-C ends it" in process.stdout.readline()
         side = RosSide(port)
         target = [0.1, 0.0, 0.6]
