@@ -50,7 +50,7 @@ def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsy
     main(command)
     output = capsys.readouterr().out
     assert "1 episode of 300 steps" in output
-    assert "end of module 2 in 100.0 % of steps, its axis in 0.0 %" in output
+    assert "end of module 3 in 100.0 % of steps, its axis in 0.0 %" in output
     recording = load_recording(out)
     assert recording.arm == load_arm(tmp_path / "opencr.arm.toml")
     assert recording.options["license"] == "MIT"

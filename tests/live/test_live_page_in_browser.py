@@ -69,7 +69,7 @@ def test_s2c2a_live_opens_its_page_before_the_arm_and_then_drives(chromium, tmp_
         _,
     ):
         tab = ready(tabs[0])
-        assert len(texts) == 2
+        assert [text.split()[0] for text in texts[:2]] == ["twin_arm", "open"]
         start = tab.place_of(control.request.target, control.arm)
         end = (start[0] - 110, start[1] + 40)
         tab.drag(start, end)
@@ -129,7 +129,8 @@ def test_the_whole_arm_takes_a_shape_that_is_dragged(control, page, open_tab):
         return np.linalg.norm(reached - wanted, axis=-1).max()
 
     until(lambda: control.request.shape[0] @ side > 0.02, what="the drag")
-    until(lambda: error() < 0.02, what="the shape")
+    # arcs, with which the light strategy plans, err by some centimeters
+    until(lambda: error() < 0.04, what="the shape")
     tab.keep("wide-shape")
     control.reset()
     until(lambda: control.request.shape is None, what="the reset")

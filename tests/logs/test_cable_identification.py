@@ -152,7 +152,8 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     np.testing.assert_array_equal(imported.assignment.modules, modules)
     # a positive displacement releases the cable
     is_reversed = imported.assignment.signs == log.signs
-    ambiguous = {int(text.split()[1].strip(":")) for text in imported.ambiguities}
+    # texts count modules from 1
+    ambiguous = {int(text.split()[1].strip(":")) - 1 for text in imported.ambiguities}
     assert set(modules[is_reversed]) <= ambiguous
     # all cables of a module, or none
     assert all(len(set(is_reversed[modules == module])) == 1 for module in modules)
