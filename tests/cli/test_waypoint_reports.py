@@ -97,7 +97,7 @@ def test_a_model_is_asked_where_weights_hold_one_and_the_task_is_no_named_one(
     for task, arm, projects in (("way.csv", TWIN, True), ("circle", FINGER, False)):
         arcs = _reach_model(task, arm, saved(arm), "", projects, 0.0)
         assert isinstance(arcs, PCCForwardModel)
-        assert "has no model (those of s2c2a have one)" in capsys.readouterr().out
+        assert "has no model, modules bend" in capsys.readouterr().out
     shipped = Path("shipped")
     for task in ("way.csv", "own.py:task", None):
         model = _reach_model(task, TWIN, shipped, "", False, 0.05)

@@ -184,10 +184,10 @@ def forward_model_of(
 
     model = None if weights is None else trained_model(weights, arm, session)
     if model is None:
-        reason = "without --weights" if weights is None else f"{weights} has no model"
+        lacks = f"as {weights} has no model" if weights else "without --weights"
         print(
-            f"{reason} (those of s2c2a have one): modules bend as arcs of a circle; real "
-            "ones sag, and miss by centimeters what arcs reach"
+            f"{lacks}, modules bend as arcs of a circle; real ones sag, and miss by "
+            "centimeters what arcs reach"
         )
         return PCCForwardModel.of(arm)
     if payload_g and not model.takes_payload:

@@ -212,7 +212,7 @@ class GoalMotion(NamedTuple):
         is_within = (jax.vmap(gap_of)(targets, ahead) < 0.0).any()
 
         def slide():
-            # a tip that cannot follow the point keeps it near
+            # a tip that cannot follow keeps the point near; half a step is chosen
             start = tip + slides * limit_lengths(
                 target + self.aside - tip, farthest / 2
             )
