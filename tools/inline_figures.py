@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from tools.results_tables import find_row, find_rows, number
+from tools.page_tables import real_tips
+from tools.results_tables import find_row, find_rows, load_rows, number
 
 
 def _paths_past_obstacles() -> str:
@@ -25,9 +26,44 @@ def _largest_error(metric: str) -> str:
     return f"{number(max(faults), 1)} cm"
 
 
+PAPER_TABLES = ("tracking", "constraint")
+NEAR = 1.05  # of the smallest error: as good, within what seeds change
+
+
+def _as_good_as_the_arm(recipe: str) -> str:
+    """Values of a recipe that are at most those of the paper's arm."""
+    pairs = [
+        (row["mean"], row["paper_mean"])
+        for table in PAPER_TABLES
+        for row in load_rows(f"{recipe}/{table}.json")
+        if row["strategy"] == "s2c2a" and row["paper_mean"] is not None
+        if not row["task"].startswith("mean of")
+    ]
+    return f"{sum(mean <= arm for mean, arm in pairs)} of {len(pairs)}"
+
+
+def _nearest_to_real_arms(model: str) -> str:
+    """Held-out sets on which no model is clearly nearer."""
+    tips = real_tips().values()
+    near = sum(line[model] <= NEAR * min(line.values()) for line in tips)
+    return f"{near} of {len(tips)}"
+
+
+def _deepest_touch() -> str:
+    """Depth of the deepest point of the arm in drawn scenes and crossing spheres."""
+    rows = find_rows("scenes/results.json", metric="smallest clearance of the arm")
+    depth = max(0.0, -10 * min(row["mean"] for row in rows))
+    return f"{number(depth, 1)} mm"
+
+
 FIGURES: dict[str, Callable[[], str]] = {
     "paths-past-obstacles": _paths_past_obstacles,
     "path-without-obstacles": lambda: f"{number(_path_length('reach-0'), 0)} cm",
+    "paper-as-good": lambda: _as_good_as_the_arm("paper"),
+    "best-as-good": lambda: _as_good_as_the_arm("best"),
+    "real-best": lambda: _nearest_to_real_arms("best"),
+    "real-process": lambda: _nearest_to_real_arms("process"),
+    "deepest-touch": _deepest_touch,
     "worst-sensor-fault": lambda: _largest_error("worst error"),
     "worst-recovery": lambda: _largest_error("worst error after recovery"),
 }

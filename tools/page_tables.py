@@ -83,27 +83,38 @@ MAIN_LINES = (
     ),
     _line("moving target, `follow` [cm]", "interaction", "follow", "position"),
     _line("smallest clearance, `flee` [cm]", "interaction", "flee", "clearance"),
-    _line(
-        "`circle`, unknown payload of 50 g [cm]",
-        "tracking",
-        "circle",
-        "position",
-        experiment="tracking, 50 g at the tip",
-    ),
 )
 
 
 @shown_as("main")
 def main_table() -> str:
     """Tasks of the paper on `twin_arm`."""
-    known = _sensor_row("encoders-known-payload", 50)
-    estimated = _sensor_row("imu", 50)
+    return table_of(MAIN_LINES, _columns())
+
+
+@shown_as("summary")
+def summary_table() -> str:
+    """One line for each question of the page of results."""
+    strategies = ("best", "paper", "pcc-fitted", "pcc")
+    label = "`circle`, `twin_arm` [cm]"
+    circle = _line(label, "tracking", "circle", "position")
+    lines = [[label, *(circle.cell(column) for column in _columns())]]
+    for degree, file in STRENGTHS:
+        cells = [mean_value(file, "circle", "position", name) for name in strategies]
+        label = f"`circle`, arms with {degree} mismatch [cm]"
+        lines.append([label, *(number(value) for value in cells), MISSING])
     rest = [MISSING] * 4
-    lines = [
-        ["the same, payload known [cm]", with_spread(known), *rest],
-        ["the same, with inertial sensors [cm]", with_spread(estimated), *rest],
-    ]
-    return table_of(MAIN_LINES, _columns(), lines)
+    seen = with_spread(sensor_row("imu", 50))
+    lines.append(["`circle`, 50 g unknown, inertial sensors [cm]", seen, *rest])
+    fast = {"task": "circle, 5 s a turn", "metric": "position"}
+    for file, title in zip(MOTION_FILES, ("`twin_arm`", "mild mismatch"), strict=True):
+        means = [row["mean"] for row in find_rows(file, **fast)]
+        mean = number(sum(means) / len(means))
+        lines.append([f"circle of 5 s, {title} [cm]", mean, *rest])
+    for title, tips in real_tips().items():
+        errors = [three_digits(tips.get(name)) for name in strategies]
+        lines.append([f"recording {title} [mm]", *errors, MISSING])
+    return table(["", *(column.title for column in _columns())], lines)
 
 
 @shown_as("tilts")
@@ -224,6 +235,21 @@ def networks_table() -> str:
     return table(["", "`best`", "`paper`", "the paper's arm"], lines)
 
 
+@shown_as("calibration")
+def calibration_table() -> str:
+    """Lines of `twin_arm` to which its file was calibrated."""
+    lines = [
+        [
+            f"{row['metric']} [{row['unit']}]",
+            number(row["mean"]),
+            number(row["paper_mean"]),
+        ]
+        for row in find_rows("paper/workspace.json", arm="twin_arm", task="data")
+        if row["strategy"] != "motor babbling"
+    ]
+    return table(["line", "`twin_arm`", "the paper's arm"], lines)
+
+
 @shown_as("paths")
 def paths_table() -> str:
     """Paths that need an S shape."""
@@ -243,32 +269,43 @@ def paths_table() -> str:
     return table_of(lines, columns)
 
 
-UNCERTAINTY = ("model error", "predictive std", "errors within twice the std")
+STRENGTHS = (
+    ("mild", "randomised-arms/randomised-arms.json"),
+    ("strong", "randomised-arms-strong/randomised-arms.json"),
+)
+"""Mismatch of randomized arms, and the file of their rows."""
+RANDOMIZED = (
+    ("circle", "position"),
+    (TILTS, "position"),
+    (TILTS, "tilt"),
+    ("hold-middle", "constraint"),
+    ("hold-middle", "orientation"),
+    ("held", "distance"),
+    ("held", "distance, largest"),
+    ("held", "runaways"),
+    ("beyond", "distance, largest"),
+)
 
 
-def _mean_and_worst(file: str, strategies: Sequence[str]) -> str:
+@shown_as("randomized")
+def randomized_table() -> str:
     """Mean of the arms, and the worst one in brackets."""
-    means = [row for row in find_rows(file) if row["arm"].startswith("mean of")]
-    keys = dict.fromkeys(
-        (row["task"], row["metric"])
-        for row in means
-        if row["metric"] not in UNCERTAINTY
-    )
+    strategies = ("best", "best-long", "paper", "pcc-fitted", "pcc")
     lines = []
-    for task, metric in keys:
-        cells = []
-        unit = ""
-        for strategy in strategies:
-            match = {"task": task, "metric": metric, "strategy": strategy}
-            mean = _mean_row(file, "mean", match)
-            worst = _mean_row(file, "worst", match)
-            if mean is None or worst is None:
-                cells.append(MISSING)
-                continue
-            unit = mean["unit"]
-            cells.append(f"{number(mean['mean'])} ({number(worst['mean'])})")
-        lines.append([f"{task}: {metric} [{unit}]", *cells])
-    return table(["", *(f"`{name}`" for name in strategies)], lines)
+    for degree, file in STRENGTHS:
+        for task, metric in RANDOMIZED:
+            cells = []
+            for strategy in strategies:
+                match = {"task": task, "metric": metric, "strategy": strategy}
+                mean = _mean_row(file, "mean", match)
+                worst = _mean_row(file, "worst", match)
+                if mean is None or worst is None:
+                    cells.append(MISSING)
+                    continue
+                unit = mean["unit"]
+                cells.append(f"{number(mean['mean'])} ({number(worst['mean'])})")
+            lines.append([f"{degree}, {task}: {metric} [{unit}]", *cells])
+    return table(["mismatch, task", *(f"`{name}`" for name in strategies)], lines)
 
 
 def _mean_row(file: str, which: str, match: dict[str, str]) -> dict[str, Any] | None:
@@ -277,20 +314,6 @@ def _mean_row(file: str, which: str, match: dict[str, str]) -> dict[str, Any] | 
         if row["arm"].startswith(f"{which} of"):
             return row
     return None
-
-
-@shown_as("randomized-mild")
-def randomized_table() -> str:
-    """Ten arms at strength 0.5."""
-    strategies = ("best", "paper", "pcc", "pcc-fitted")
-    return _mean_and_worst("randomised-arms/randomised-arms.json", strategies)
-
-
-@shown_as("randomized-strong")
-def strong_mismatch_table() -> str:
-    """Three arms at strength 1."""
-    strategies = ("best", "best-long", "paper", "pcc-fitted")
-    return _mean_and_worst("randomised-arms-strong/randomised-arms.json", strategies)
 
 
 @shown_as("paces")
@@ -304,13 +327,13 @@ def paces_table() -> str:
             ("position", " [cm]"),
             ("errors within twice the std", ""),
         ):
-            cells = [number(_mean_value(file, task, metric, "best")) for task in PACES]
+            cells = [number(mean_value(file, task, metric, "best")) for task in PACES]
             label = f"strength {strength}, `best`: {metric}{unit}"
             lines.append([label, *cells])
     return table(["", *(f"`{task}`" for task in PACES)], lines)
 
 
-def _mean_value(file: str, task: str, metric: str, strategy: str) -> float | None:
+def mean_value(file: str, task: str, metric: str, strategy: str) -> float | None:
     match = {"task": task, "metric": metric, "strategy": strategy}
     row = _mean_row(file, "mean", match)
     return None if row is None else row["mean"]
@@ -332,7 +355,7 @@ def sensors_table() -> str:
     }
     lines = []
     for sensors, label in names.items():
-        cells = [with_spread(_sensor_row(sensors, payload)) for payload in PAYLOADS_G]
+        cells = [with_spread(sensor_row(sensors, payload)) for payload in PAYLOADS_G]
         lines.append([label, *cells])
     return table(["sensors", "no payload", "50 g", "100 g"], lines)
 
@@ -357,15 +380,13 @@ def sensor_options_table() -> str:
     """The circle with payloads, by what a user has."""
     lines = []
     for has, option, sensors in SENSOR_OPTIONS:
-        cells = [
-            number(_sensor_row(sensors, payload)["mean"]) for payload in PAYLOADS_G
-        ]
+        cells = [number(sensor_row(sensors, payload)["mean"]) for payload in PAYLOADS_G]
         lines.append([has, option, *cells])
     head = ["you have", "option or arm file", "0 g", "50 g", "100 g"]
     return table(head, lines)
 
 
-def _sensor_row(sensors: str, payload: int) -> dict[str, Any]:
+def sensor_row(sensors: str, payload: int) -> dict[str, Any]:
     """The circle of `twin_arm` with a set of sensors and a payload [g]."""
     return find_row(
         "sensors/results.json",
@@ -392,14 +413,14 @@ def choosing_table() -> str:
         ],
         ["no tracking and no log", "`--strategy pcc`", _circle("best", "pcc")],
         [
-            "no tracking, but time for a simulation of your arm file",
-            "a [prior](transfer.md) without data",
-            "1.39 (three randomized arms; 0.91 with all data)",
+            "the same, and a clone; cables not coupled",
+            "`--strategy pseudo-rigid` if weight and stiffness are known, else `diff-ik`",
+            "[compared](../results/planners.md#results)",
         ],
         [
-            "50 s of tracked motion",
-            "the prior, trained on them",
-            "1.16 (the same arms)",
+            "the same, and time for simulations of your arm file",
+            "a [prior](transfer.md), with 50 s of tracked motion or without",
+            "[measured](transfer.md#errors-from-a-prior)",
         ],
         [
             "a need to explain every parameter, and data",
@@ -431,12 +452,11 @@ def _circle(folder: str, strategy: str) -> str:
 
 def _strong_mismatch(recipe: str) -> str:
     file = "randomised-arms-strong/randomised-arms.json"
-    return number(_mean_value(file, "circle", "position", recipe))
+    return number(mean_value(file, "circle", "position", recipe))
 
 
 REAL_FILES = ("opencr_v4", "stanford_trunk")
 REAL_SCORES = {
-    "tip": "tip [mm]",
     "log likelihood": "log likelihood [nats]",
     "coverage": "coverage",
     "rank correlation": "rank correlation",
@@ -444,9 +464,38 @@ REAL_SCORES = {
 }
 
 
+REAL_TITLES = {
+    "blocks of 25, gap 25": "between its rows",
+    "largest 15 %, gap 25": "beyond its pulls",
+}
+
+
+def real_tips() -> dict[str, dict[str, float]]:
+    """Mean distances of the tip [mm] by held-out rows and model."""
+    tips: dict[str, dict[str, float]] = {}
+    for file in REAL_FILES:
+        for row in find_rows(f"{file}/real.json", metric="tip"):
+            arm, _, split = row["task"].partition(", ")
+            title = f"`{arm}`, {REAL_TITLES.get(split, 'another session')}"
+            tips.setdefault(title, {})[row["strategy"]] = row["mean"]
+    return tips
+
+
+@shown_as("real-tips")
+def real_tips_table() -> str:
+    """Tips of models on recordings of real arms."""
+    tips = real_tips()
+    models = list(next(iter(tips.values())))
+    lines = [
+        [title, *(three_digits(line[model]) for model in models)]
+        for title, line in tips.items()
+    ]
+    return table(["tip [mm]", *(f"`{model}`" for model in models)], lines)
+
+
 @shown_as("real")
 def real_table() -> str:
-    """Scores of models on recordings of real arms: all models and splits of the rows."""
+    """What models on recordings of real arms say of their errors."""
     rows = [
         (file, row)
         for file in REAL_FILES
@@ -507,6 +556,57 @@ def motion_table() -> str:
     ]
     header = ["arm", "task", "error [cm]", "further way [%]", "fast bends [deg]"]
     return table([*header, "plan stands [%]"], lines)
+
+
+TURNS = ("16 s", "8 s", "5 s", "3 s")
+PATHS = ("square", "eight", "helix", "star")
+MOVING_ARMS = ("twin_arm", "twin_arm_50_0", "twin_arm_50_1")
+MOVING_TASKS = (*(f"circle, {turn} a turn" for turn in TURNS), *PATHS)
+
+
+def moving_error(arm: str, task: str) -> float:
+    """Mean error of the tip in motion [cm]."""
+    file = MOTION_FILES[arm != "twin_arm"]
+    match = {"arm": arm, "task": task, "strategy": "encoders, 0 g"}
+    return find_row(file, metric="position", **match)["mean"]
+
+
+@shown_as("limits")
+def limits_table() -> str:
+    """How fast, how far, around what."""
+    lines = [
+        [f"{task} [cm]", *(number(moving_error(arm, task)) for arm in MOVING_ARMS)]
+        for task in MOVING_TASKS
+    ]
+    jump = find_row(
+        MOTION_FILES[0], strategy="encoders, 0 g", metric="until within 1 cm"
+    )
+    lines.append(
+        [
+            "jump by 20 cm: within 1 cm after [s]",
+            number(jump["mean"], 1),
+            MISSING,
+            MISSING,
+        ]
+    )
+    agree = [
+        find_rows("reach/results.json", arm=arm, task="all", metric="verdicts agree")
+        for arm in MOVING_ARMS
+    ]
+    shares = [f"{100 * rows[0]['mean']:.1f}" if rows else MISSING for rows in agree]
+    lines.append(["verdicts of `reach` that a long search shares [%]", *shares])
+    for task in ("drawn scenes", "crossing spheres"):
+        for metric, says in (("reached", "target reached"), ("untouched", "no touch")):
+            row = find_row("scenes/results.json", task=task, metric=metric)
+            lines.append(
+                [
+                    f"{task}: {says} [% of runs]",
+                    f"{100 * row['mean']:.0f}",
+                    MISSING,
+                    MISSING,
+                ]
+            )
+    return table(["", *(f"`{arm}`" for arm in MOVING_ARMS)], lines)
 
 
 @shown_as("jumps")
@@ -757,7 +857,7 @@ def planners_table() -> str:
 def planners_motion_table() -> str:
     """How planners move the arm, and what they cost."""
     step = "step, median; 99 % [ms]"
-    columns = ["entrant", "path length", "jerk", "settling [s]", step, "data", "lines"]
+    columns = ["entrant", "settling [s]", step, "data"]
     return _csv_table("planners.csv", columns)
 
 

@@ -1,8 +1,9 @@
-"""Write the tables and figures of README and documentation from the rows in `results/`.
+"""Write tables, figures and pictures of the documentation from the rows in `results/`.
 
 Run `python -m tools.write_tables` after rows changed. A page marks the place of a table
 with `<!-- table: NAME -->` and `<!-- end of table -->`, and a figure in a sentence with
-`<!-- figure: NAME -->` and `<!-- end -->`.
+`<!-- figure: NAME -->` and `<!-- end -->`. Pictures are those of
+`tools/results_pictures.py`.
 """
 
 import re
@@ -13,6 +14,7 @@ from pathlib import Path
 from tools import ROOT, all_pages
 from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
+from tools.results_pictures import write_pictures
 
 MARKED = re.compile(
     r"(<!-- table: (?P<name>[\w-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL
@@ -46,7 +48,8 @@ def pages_with_tables() -> Iterator[Path]:
 
 
 def main() -> None:
-    """Write all tables."""
+    """Write all of them."""
+    write_pictures()
     for page in pages_with_tables():
         text = page.read_text(encoding="utf-8")
         page.write_text(written(text), encoding="utf-8")
