@@ -464,10 +464,8 @@ REAL_SCORES = {
 }
 
 
-REAL_TITLES = {
-    "blocks of 25, gap 25": "between its rows",
-    "largest 15 %, gap 25": "beyond its pulls",
-}
+REAL_TITLES = {"blocks": "between its rows", "largest": "beyond its pulls"}
+"""What held-out rows of a recording are, by the first word of their name."""
 
 
 def real_tips() -> dict[str, dict[str, float]]:
@@ -476,7 +474,7 @@ def real_tips() -> dict[str, dict[str, float]]:
     for file in REAL_FILES:
         for row in find_rows(f"{file}/real.json", metric="tip"):
             arm, _, split = row["task"].partition(", ")
-            title = f"`{arm}`, {REAL_TITLES.get(split, 'another session')}"
+            title = f"`{arm}`, {REAL_TITLES.get(split.split()[0], 'another session')}"
             tips.setdefault(title, {})[row["strategy"]] = row["mean"]
     return tips
 
