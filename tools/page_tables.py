@@ -344,13 +344,13 @@ def sensors_table() -> str:
     """The circle with unknown payloads, by sensors."""
     names = {
         "encoders": "encoders only",
-        "encoders-known-payload": "encoders, known payload",
-        "imu": "inertial sensors",
-        "current": "motor currents",
-        "camera": "camera",
-        "motion-capture": "motion capture",
-        "bends": "bends",
-        "flex": "flex sensors",
+        "encoders-known-payload": "encoders, `--known-payload`",
+        "imu": "inertial sensors, `[sensors.imu]`",
+        "current": "motor currents, `motor.current_noise`",
+        "camera": "camera that sees the tip, `[sensors.camera]`",
+        "motion-capture": 'motion capture, `sees = "ends"`',
+        "bends": "true bends, `[sensors] bends`",
+        "flex": "flex sensors, `[sensors.flex]`",
         "imu-current-camera": "inertial sensors, currents and camera",
     }
     lines = []
@@ -358,32 +358,6 @@ def sensors_table() -> str:
         cells = [with_spread(sensor_row(sensors, payload)) for payload in PAYLOADS_G]
         lines.append([label, *cells])
     return table(["sensors", "no payload", "50 g", "100 g"], lines)
-
-
-SENSOR_OPTIONS = (
-    ("encoders, and an unknown payload", "", "encoders"),
-    ("the payload, weighed", "`--known-payload 0.05`", "encoders-known-payload"),
-    ("inertial sensors at the module ends", "`[sensors.imu]`", "imu"),
-    ("motor currents", "`motor.current_noise`", "current"),
-    ("a camera that sees the tip", "`[sensors.camera]`", "camera"),
-    (
-        "motion capture in every run",
-        '`[sensors.camera]` with `sees = "ends"`',
-        "motion-capture",
-    ),
-    ("flex sensors", "`[sensors.flex]`", "flex"),
-)
-
-
-@shown_as("sensor-options")
-def sensor_options_table() -> str:
-    """The circle with payloads, by what a user has."""
-    lines = []
-    for has, option, sensors in SENSOR_OPTIONS:
-        cells = [number(sensor_row(sensors, payload)["mean"]) for payload in PAYLOADS_G]
-        lines.append([has, option, *cells])
-    head = ["you have", "option or arm file", "0 g", "50 g", "100 g"]
-    return table(head, lines)
 
 
 def sensor_row(sensors: str, payload: int) -> dict[str, Any]:
@@ -413,13 +387,13 @@ def choosing_table() -> str:
         ],
         ["no tracking and no log", "`--strategy pcc`", _circle("best", "pcc")],
         [
-            "the same, and a clone; cables not coupled",
+            "the same, in a clone; cables not coupled",
             "`--strategy pseudo-rigid` if weight and stiffness are known, else `diff-ik`",
             "[compared](../results/planners.md#results)",
         ],
         [
-            "the same, and time for simulations of your arm file",
-            "a [prior](transfer.md), with 50 s of tracked motion or without",
+            "nothing or 50 s recorded, and time for simulations; cables coupled or not",
+            "a [prior](transfer.md)",
             "[measured](transfer.md#errors-from-a-prior)",
         ],
         [
@@ -460,7 +434,6 @@ REAL_SCORES = {
     "log likelihood": "log likelihood [nats]",
     "coverage": "coverage",
     "rank correlation": "rank correlation",
-    "correlation time": "correlation time [rows]",
 }
 
 
@@ -534,26 +507,7 @@ def payloads_table() -> str:
     return table(["", *(names.get(task, task) for task in tasks)], lines)
 
 
-MOTION_METRICS = (
-    ("position", 2),
-    ("further way", 0),
-    ("planned bends above 0.3 Hz", 2),
-    ("plan stands", 0),
-)
-JUMP_METRICS = (("overshoot", 1), ("until within 1 cm", 1))
 MOTION_FILES = ("motion/results.json", "motion-randomised/results.json")
-
-
-@shown_as("motion")
-def motion_table() -> str:
-    """Paths at several speeds: error, way, and smoothness of plans."""
-    lines = [
-        [*label, *cells]
-        for file in MOTION_FILES
-        for label, cells in _motion_lines(file, MOTION_METRICS, is_jump=False)
-    ]
-    header = ["arm", "task", "error [cm]", "further way [%]", "fast bends [deg]"]
-    return table([*header, "plan stands [%]"], lines)
 
 
 TURNS = ("16 s", "8 s", "5 s", "3 s")
@@ -564,9 +518,30 @@ MOVING_TASKS = (*(f"circle, {turn} a turn" for turn in TURNS), *PATHS)
 
 def moving_error(arm: str, task: str) -> float:
     """Mean error of the tip in motion [cm]."""
+    return _in_motion(arm, task, "position")
+
+
+def _in_motion(arm: str, task: str, metric: str) -> float:
+    """A value of an arm with encoders alone and no payload."""
     file = MOTION_FILES[arm != "twin_arm"]
     match = {"arm": arm, "task": task, "strategy": "encoders, 0 g"}
-    return find_row(file, metric="position", **match)["mean"]
+    return find_row(file, metric=metric, **match)["mean"]
+
+
+@shown_as("motion")
+def motion_table() -> str:
+    """Paths at several speeds: way of the tip, and smoothness of plans."""
+    metrics = ("further way", "planned bends above 0.3 Hz", "plan stands")
+    lines = []
+    for task in (*MOVING_TASKS, "square@0.5", "follow"):
+        cells = []
+        for arm in MOVING_ARMS:
+            further, fast, stands = (_in_motion(arm, task, name) for name in metrics)
+            cells.append(
+                f"{number(further, 0)} / {number(fast, 1)} / {number(stands, 0)}"
+            )
+        lines.append([task, *cells])
+    return table(["", *(f"`{arm}`" for arm in MOVING_ARMS)], lines)
 
 
 @shown_as("limits")
@@ -610,29 +585,14 @@ def limits_table() -> str:
 @shown_as("jumps")
 def jumps_table() -> str:
     """Jumps of the target: time and overshoot."""
-    lines = [
-        [*label, *cells]
-        for label, cells in _motion_lines(MOTION_FILES[0], JUMP_METRICS, is_jump=True)
-    ]
-    return table(["arm", "task", "overshoot [cm]", "within 1 cm after [s]"], lines)
-
-
-def _motion_lines(
-    file: str, metrics: Sequence[tuple[str, int]], is_jump: bool
-) -> list[tuple[list[str], list[str]]]:
-    """Arm and task of each line, and its cells."""
+    file = MOTION_FILES[0]
     lines = []
-    for row in find_rows(file, metric=metrics[0][0]):
-        if (row["task"] == "steps") != is_jump:
-            continue
+    for row in find_rows(file, task="steps", metric="overshoot"):
         match = {name: row[name] for name in ("arm", "task", "strategy")}
-        cells = [
-            number(find_row(file, metric=metric, **match)["mean"], digits)
-            for metric, digits in metrics
-        ]
-        loaded = "" if row["strategy"].endswith(" 0 g") else f", {row['strategy']}"
-        lines.append(([f"`{row['arm']}`", f"{row['task']}{loaded}"], cells))
-    return lines
+        time = find_row(file, metric="until within 1 cm", **match)
+        cells = [number(row["mean"], 1), number(time["mean"], 1)]
+        lines.append([f"`{row['arm']}`, {row['strategy']}", *cells])
+    return table(["target jumps", "overshoot [cm]", "within 1 cm after [s]"], lines)
 
 
 @shown_as("scene-shares")
@@ -653,6 +613,13 @@ def scene_shares_table() -> str:
                 number(smallest["mean"], 2),
             ]
         )
+    turned = [
+        row["mean"]
+        for row in find_rows(file, metric="clearance of the arm")
+        if "turned" in row["task"]
+    ]
+    least = number(min(turned), 2)
+    lines.append(["turned tasks, means of the seeds", MISSING, MISSING, least])
     header = ["scenes", "reached within 1 cm", "no point deeper than 2 mm"]
     return table([*header, "smallest clearance [cm]"], lines)
 
@@ -855,7 +822,7 @@ def planners_table() -> str:
 def planners_motion_table() -> str:
     """How planners move the arm, and what they cost."""
     step = "step, median; 99 % [ms]"
-    columns = ["entrant", "settling [s]", step, "data"]
+    columns = ["entrant", "settling [s]", step]
     return _csv_table("planners.csv", columns)
 
 
@@ -866,8 +833,9 @@ def planners_by_arm_table() -> str:
 
 
 def _csv_table(name: str, columns: Sequence[str] = ()) -> str:
-    """Columns of a table of `results/planners/`, all by default."""
+    """Columns of a table of `results/planners/`, all by default, shares in percent."""
     text = (RESULTS / "planners" / name).read_text(encoding="utf-8")
     rows = list(csv.DictReader(text.splitlines()))
     chosen = columns or list(rows[0])
-    return table(chosen, [[row[column] for column in chosen] for row in rows])
+    cells = [[row[column].replace(" %", "") for column in chosen] for row in rows]
+    return table(chosen, cells)
