@@ -100,6 +100,7 @@ def reproduce(
     recipe: OptionalRecipe = None,
     strategy: StrategyNames = (),
     beside: OptionalPath = None,
+    smoke: bool = False,
     work: Work = ALL_CORES,
 ) -> None:
     """Make one of the project's tables from scratch, with its settings.
@@ -118,6 +119,7 @@ def reproduce(
         recipe: training of the networks and planning.
         strategy: further strategies to compare, by name or your own file.py:Class.
         beside: run directory of the same tables with another recipe, to compare with.
+        smoke: of `everything`, three parts that take minutes together.
         work: run directory and parallel execution.
     """
     if name not in TABLES:
@@ -132,6 +134,7 @@ def reproduce(
         "recipe": recipe,
         "strategy": strategy or None,
         "beside": beside,
+        "smoke": smoke or None,
     }
     options: dict[str, Any] = {
         key: value for key, value in given.items() if value is not None

@@ -33,19 +33,29 @@ REAL: dict[str, tuple[tuple[str, ...], ...]] = {
 """Folder of `LOGS` -> files of each recording; the first one trains."""
 ROWS = "*.json", "planners.csv", "by-arm.csv"
 """Files of a run directory that pages show."""
+SMOKE: dict[str, dict[str, Any]] = {
+    "interaction": {"seeds": 1},
+    "stanford_trunk": {},
+    "planners": {"smoke": True},
+}
+"""Parts that take minutes together, and their options: a table of runs, models on a
+recording, and planners."""
 
 
-def everything(tables: Mapping[str, Table], work: Work = ALL_CORES) -> None:
+def everything(
+    tables: Mapping[str, Table], smoke: bool = False, work: Work = ALL_CORES
+) -> None:
     """Make all parts that are not finished, and collect their rows in `OUT/results`.
 
     Args:
         tables: of `s2c2a reproduce`: name -> summary, and what makes it.
-        work: directory (runs/everything by default) and parallel execution.
+        smoke: make the parts of `SMOKE` alone.
+        work: directory (runs/everything or runs/smoke) and parallel execution.
 
     Raises:
         S2C2AError: a part in the directory was made by other sources.
     """
-    out = work.out or Path("runs/everything")
+    out = work.out or Path("runs/smoke" if smoke else "runs/everything")
     kept = out / PROJECT
     sources = versions()["sources"]
     made = _read(kept / MADE)
@@ -56,6 +66,11 @@ def everything(tables: Mapping[str, Table], work: Work = ALL_CORES) -> None:
                 f"{sources}); choose another --out"
             )
     parts = _parts(tables, out)
+    if smoke:
+        parts = {
+            name: partial(parts.get(name) or tables[name][1], **options)
+            for name, options in SMOKE.items()
+        }
     earlier = _read(PROJECT / MADE)
     for number, (name, make) in enumerate(parts.items(), start=1):
         if made.get(name, {}).get("finished"):

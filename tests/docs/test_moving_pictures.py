@@ -1,4 +1,4 @@
-"""Moving pictures of README and gallery, each with the command that makes it."""
+"""Moving pictures of README, first page and gallery, each with the command that makes it."""
 
 import re
 
@@ -26,7 +26,7 @@ def shown_on(page: str) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     ("page", "commands"),
-    [("README.md", FRONT), ("docs/gallery.md", COMMANDS)],
+    [("README.md", FRONT), ("docs/index.md", FRONT), ("docs/gallery.md", COMMANDS)],
 )
 def test_every_moving_picture_has_its_command_below_it(page, commands):
     assert shown_on(page) == commands

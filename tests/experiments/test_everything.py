@@ -69,3 +69,32 @@ def test_every_table_that_needs_no_files_is_a_part(tmp_path):
     of_all = set(cli.PAPER) - {"paths"}
     assert set(cli.TABLES) - alone - of_all <= set(parts)
     assert {"best", "paper", "planners", *everything.REAL} <= set(parts)
+
+
+def test_the_smoke_version_makes_few_parts_with_options_that_they_take(
+    monkeypatch, tmp_path
+):
+    made = {}
+
+    def part(name):
+        def make(seeds=3, smoke=False, work=None):
+            made[name] = (seeds, smoke, work.out)
+            work.out.mkdir(parents=True)
+
+        return make
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        everything,
+        "_parts",
+        lambda tables, out: {
+            name: part(name) for name in ("best", "stanford_trunk", "planners")
+        },
+    )
+    everything.everything({"interaction": ("", part("interaction"))}, smoke=True)
+    parts = tmp_path / "runs" / "smoke" / "parts"
+    assert made == {
+        "interaction": (1, False, parts.relative_to(tmp_path) / "interaction"),
+        "stanford_trunk": (3, False, parts.relative_to(tmp_path) / "stanford_trunk"),
+        "planners": (3, True, parts.relative_to(tmp_path) / "planners"),
+    }

@@ -1,0 +1,44 @@
+"""Rows that were made now beside those of `results/`."""
+
+import pytest
+
+from tools.compare_results import differing, load_rows
+from tools.results_tables import RESULTS
+
+
+@pytest.fixture
+def published():
+    return load_rows(RESULTS / "best")
+
+
+def changed(rows, change):
+    return {names: row | {"mean": change(row)} for names, row in rows.items()}
+
+
+def test_equal_rows_do_not_differ(published):
+    assert published
+    assert not differing(published, published)
+
+
+def test_a_row_differs_beyond_its_spread(published):
+    accuracy = {
+        names: row for names, row in published.items() if row["unit"] not in ("ms", "")
+    }
+    spread = {names: row for names, row in accuracy.items() if row["std_seeds"]}
+    within = changed(spread, lambda row: row["mean"] + 3.9 * row["std_seeds"])
+    beyond = changed(spread, lambda row: row["mean"] + 4.1 * row["std_seeds"])
+    assert not differing(within, published)
+    assert len(differing(beyond, published)) == len(spread)
+
+
+def test_a_lost_value_differs(published):
+    names = next(names for names, row in published.items() if row["unit"] == "cm")
+    lost = changed({names: published[names]}, lambda row: float("nan"))
+    (line,) = differing(lost, published)
+    assert all(name in line for name in names if name)
+
+
+def test_rows_have_names_of_their_own():
+    """Otherwise one would stand for another."""
+    folders = [folder for folder in RESULTS.iterdir() if folder.is_dir()]
+    assert len(load_rows(RESULTS)) == sum(len(load_rows(each)) for each in folders)
