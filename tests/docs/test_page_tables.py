@@ -52,6 +52,13 @@ def test_tables_of_a_page_agree_with_the_rows(page):
     assert text == written(text), "run python -m tools.write_tables"
 
 
+def test_no_figure_begins_a_line():
+    """A comment there would end the paragraph."""
+    for page in pages_with_tables():
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"^<!-- figure", text, re.MULTILINE), page
+
+
 def test_every_table_stands_on_a_page():
     pages = [page.read_text(encoding="utf-8") for page in pages_with_tables()]
     shown = {found["name"] for page in pages for found in MARKED.finditer(page)}
