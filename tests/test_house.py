@@ -16,7 +16,7 @@ FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.
 WINGS = ("lab", "logs", "live", "integrations")
 MAX_CORE = 23_908
 """Code lines of the core; it only falls, and the aim is 20,000."""
-MAX_NUMBERS = 509
+MAX_NUMBERS = 508
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""
 WITHOUT_SOURCES = {
     "models/prior.py",

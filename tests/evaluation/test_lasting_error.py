@@ -102,6 +102,7 @@ def test_the_plan_of_a_step_is_described_where_it_does_not_get_nearer():
 
     assert describe(Outcome.OUT_OF_REACH) == ("plan out of reach, 2.6 cm from its goal")
     assert describe(Outcome.STALLED) == "plan stalled, 2.6 cm from its goal"
+    assert describe(Outcome.OVERLOADED) == "plan overloaded, 2.6 cm from its goal"
     assert describe(Outcome.SOLVED) == describe(Outcome.MOVING) == ""
     assert describe(np.nan) == describe_step_plan({}) == ""
 

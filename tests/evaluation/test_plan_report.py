@@ -47,26 +47,18 @@ def test_plans_that_the_step_limit_holds_back_are_counted():
     angles = np.deg2rad([0.0, 4.0, 8.0, 11.0])[:, None]
     planned = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=-1)
     planned = planned.repeat(3, axis=1)
-    predicted = np.zeros((4, 3, 6))
-    desired = np.full((4, 3, 3), np.nan)
-    desired[:, -1] = [[0.02, 0, 0], [0, 0, 0], [0, 0.02, 0], [0.02, 0, 0]]
-    episode = make_episode(
-        planned=planned, predicted=predicted, desired_positions=desired
-    )
+    outcome = np.full(4, Outcome.MOVING)
+    outcome[1] = Outcome.SOLVED
+    episode = make_episode(planned=planned, outcome=outcome)
     assert describe_plans(episode) == (
         "the step limit of 4 deg held the plan back in 1 of 4 steps"
     )
 
 
-@pytest.mark.parametrize(
-    ("payload", "text"),
-    [(0.15, ", with up to 150 g (estimated) at its tip"), (0.01, "")],
-)
-def test_a_payload_is_named_where_goals_are_out_of_reach(payload, text):
-    outcome = np.array([0, Outcome.OUT_OF_REACH, Outcome.OUT_OF_REACH, 0])
-    payloads = np.array([0.3, payload, payload, 0.3])
-    assert describe_plans(make_episode(outcome=outcome, payload=payloads)) == (
-        f"the planner found its goal out of reach in 2 of 4 steps{text}"
+def test_an_overloaded_arm_is_named():
+    outcome = np.array([0, Outcome.MOVING, Outcome.OVERLOADED, Outcome.OVERLOADED])
+    assert describe_plans(make_episode(outcome=outcome)) == (
+        "the planner found the arm overloaded in 2 of 4 steps"
     )
 
 

@@ -32,6 +32,7 @@ def test_a_load_is_found_by_a_tip_that_was_seen_and_stays_known(loaded):
     assert found["without estimation", "payload"] == 0.0
     assert found["estimated", "payload"] == pytest.approx(1000 * PAYLOAD, rel=0.3)
     assert found["without estimation", "position"] > 60.0  # mm
+    # of this recording, without a plan; seeds 4 and 5 come from 83 to 64, and 71 to 44 mm
     assert found["estimated", "position"] < 36.0
 
 

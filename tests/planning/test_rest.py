@@ -8,11 +8,11 @@ import pytest
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.goals import PREVIEW, Goal
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST
+from s2c2a.planning import BEST, Outcome
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
 from s2c2a.planning.planner import Step
-from s2c2a.planning.rest import CALM, GROWTH, SHRINKING, Rest, gaps_of, rests
+from s2c2a.planning.rest import CALM, FALLEN, GROWTH, SHRINKING, Rest, gaps_of, rests
 
 ARM = load_arm("twin_arm")
 LIMIT = ArmGeometry.of(ARM).step_limit
@@ -21,12 +21,13 @@ WINDOW = 2 * PREVIEW
 NEAR = jnp.asarray(0.0)
 FAR = jnp.asarray(1.0)
 STEP = Step.of(ARM, PCCForwardModel.of(ARM), BEST)
+BENT = jnp.full((3, 2), 0.1)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
 def step(rest, gaps, ahead, share=1.0):
     """A step of which commands use a share."""
-    return rest.after(share * rest.step, ahead, gaps, ARM, 1)
+    return rest.after(share * rest.step, ahead, gaps, BENT, ARM, 1)
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +35,10 @@ def after():
     return jax.jit(step)
 
 
-def tip_gaps(values):
-    """Gaps of the tip along x [m]."""
-    return [jnp.zeros((3, 3)).at[-1, 0].set(value) for value in values]
+def tip_gaps(values, from_arcs=0.0):
+    """Gaps of the tip from its goal, along x, and from arcs [m]."""
+    none = jnp.zeros((2, 3, 3)).at[1, -1, 0].set(from_arcs)
+    return [none.at[0, -1, 0].set(value) for value in values]
 
 
 def over(after, rest, gaps, share=1.0):
@@ -98,7 +100,7 @@ def test_steps_that_were_not_used_stay(after):
 
 def test_an_arm_that_sees_nothing_becomes_slower(after):
     rest = over(after, Rest.none(ARM), tip_gaps([0.1] * WINDOW))
-    nothing = jnp.full((3, 3), jnp.nan)
+    nothing = jnp.full((2, 3, 3), jnp.nan)
     blind = over(after, rest, [nothing] * WINDOW)
     assert float(blind.step) == pytest.approx(SHRINKING * float(rest.step))
     assert float(blind.error) == pytest.approx(0.1)
@@ -112,14 +114,83 @@ def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):
     assert float(after(rest, *tip_gaps([0.1]), FAR).step) < 2.0 * SLOW
 
 
+FAR_AWAY = 1.1 * FALLEN * ARM.length
+
+
+def test_an_arm_that_lies_far_from_its_goal_for_two_windows_is_overloaded(after):
+    lying = tip_gaps([FAR_AWAY] * WINDOW, from_arcs=FAR_AWAY)
+    rest = over(after, Rest.none(ARM), lying)
+    assert not rest.is_overloaded
+    rest = over(after, rest, lying)
+    assert rest.is_overloaded
+    # until the goal changes; its steps do not shrink
+    rest = over(after, rest, tip_gaps([0.0] * (3 * WINDOW)))
+    assert rest.is_overloaded
+    assert float(rest.step) == pytest.approx(SLOW)
+
+
+@pytest.mark.parametrize(
+    "windows",
+    [
+        [(FAR_AWAY, 0.0)] * 4,  # out of reach, or on its way
+        [(0.0, FAR_AWAY)] * 4,  # a load that is carried
+        [(FAR_AWAY, FAR_AWAY), (0.8 * FAR_AWAY, FAR_AWAY)] * 2,  # falls once
+        [(FAR_AWAY, FAR_AWAY), (np.nan, np.nan)] * 2,  # is not seen
+    ],
+)
+def test_others_are_not(after, windows):
+    rest = Rest.none(ARM)
+    for gap, from_arcs in windows:
+        rest = over(after, rest, tip_gaps([gap] * WINDOW, from_arcs))
+    assert not rest.is_overloaded
+
+
+def test_where_an_arm_stood_still_is_kept_over_goals(after):
+    swaying = tip_gaps([0.1, -0.1] * (WINDOW // 2))
+    rest = over(after, Rest.none(ARM), swaying)
+    np.testing.assert_array_equal(rest.calm, 0.0)
+    rest = over(after, rest, tip_gaps([0.01] * WINDOW))
+    np.testing.assert_array_equal(rest.calm, BENT)
+    lying = tip_gaps([FAR_AWAY] * WINDOW, from_arcs=FAR_AWAY)
+    np.testing.assert_array_equal(over(after, rest, lying).calm, BENT)
+    plan = STEP.started(STRAIGHT)._replace(rest=rest)
+    moved = jax.jit(STEP.next_plan)(
+        plan, STRAIGHT, Goal.of(3).with_position([0, 0, 0.5])
+    )
+    np.testing.assert_array_equal(moved.rest.calm, BENT)
+    assert int(moved.rest.steps) == 1
+
+
+def test_an_overloaded_arm_goes_slowly_to_where_it_is_calm_until_its_goal_changes():
+    next_plan = jax.jit(STEP.next_plan)
+    goal = Goal.of(3).with_position([0.2, 0.0, 0.5])
+    plan = next_plan(STEP.started(STRAIGHT), STRAIGHT, goal)
+    rest = plan.rest._replace(
+        fallen=jnp.asarray(2),
+        calm=BENT,
+        step=jnp.asarray(SLOW),
+        is_slow=jnp.asarray(True),
+    )
+    plan = plan._replace(rest=rest)
+    for _ in range(60):
+        last, plan = plan, next_plan(plan, STRAIGHT, goal)
+        assert plan.outcome is Outcome.OVERLOADED
+        assert float(abs(plan.bends - last.bends).max()) < 1.01 * SLOW
+    np.testing.assert_allclose(plan.bends, BENT, atol=np.deg2rad(0.5))
+    other = goal.with_position([0.1, 0.0, 0.5])
+    assert next_plan(plan, STRAIGHT, other).outcome is Outcome.MOVING
+
+
 def test_gaps_are_of_the_picture_where_there_is_one():
     goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
     ends = jnp.ones((3, 3))
     seen = np.full((3, 3), np.nan, np.float32)
-    assert np.isnan(gaps_of(ends, seen, goal)).all()
-    np.testing.assert_allclose(gaps_of(ends, None, goal)[-1], [0.9, 1.0, 0.5])
+    assert np.isnan(gaps_of(ends, seen, goal, goal.positions)).all()
+    np.testing.assert_allclose(
+        gaps_of(ends, None, goal, goal.positions)[-1], [0.9, 1.0, 0.5]
+    )
     seen[-1] = 0.2, 0.0, 0.5
-    gaps = gaps_of(ends, seen, goal)
+    gaps = gaps_of(ends, seen, goal, goal.positions)
     np.testing.assert_allclose(gaps[-1], [0.1, 0.0, 0.0], atol=1e-7)
     np.testing.assert_array_equal(gaps[:-1], 0.0)
 

@@ -11,18 +11,13 @@ import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.episodes import Episode
+from s2c2a.evaluation.report import PLAN_OUTCOMES
 from s2c2a.kinematics import bends_from_configurations, states_from_bends
 from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Configurations
 
 LAST_PART = 0.25  # of a run, in which an error lasts
 CHAIN = {"predicted", "planned", "sensed", "plan_error", "desired_positions"}
-TROUBLES = {
-    Outcome.STALLED: "stalled",
-    Outcome.OUT_OF_REACH: "out of reach",
-    Outcome.BLOCKED: "blocked",
-}
-"""Outcomes in which a plan does not get nearer to its goal."""
 
 
 def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
@@ -33,10 +28,11 @@ def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
             `plan_error` [m].
     """
     number = float(diagnostics.get("outcome", np.nan))
-    if number not in TROUBLES:
+    if number not in PLAN_OUTCOMES:
         return ""
     distance = 100.0 * float(diagnostics.get("plan_error", np.nan))
-    return f"plan {TROUBLES[Outcome(int(number))]}, {distance:.1f} cm from its goal"
+    outcome = Outcome(int(number)).name.lower().replace("_", " ")
+    return f"plan {outcome}, {distance:.1f} cm from its goal"
 
 
 def describe_lasting_error(episode: Episode) -> str:

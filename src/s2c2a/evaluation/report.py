@@ -19,17 +19,15 @@ from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.planning import SIGNIFICANT, Outcome
-from s2c2a.spaces import POSITION, Stage
+from s2c2a.spaces import Stage
 
 PLAN_OUTCOMES = {
     Outcome.STALLED: "stood still short of its goal",
     Outcome.OUT_OF_REACH: "found its goal out of reach",
     Outcome.BLOCKED: "found no way around the obstacles",
+    Outcome.OVERLOADED: "found the arm overloaded",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
-MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
-WHOLE_STEP = 0.98  # of the step limit, since plans have single precision
-PLAN_COLUMNS = frozenset({"planned", "predicted", "desired_positions"})
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
 
 
@@ -89,32 +87,21 @@ def describe_plans(episode: Episode) -> str:
     Counted are steps in which the planner did not solve its problem (`outcome`), or
     the step limit held the plan back from a goal within reach.
     """
-    counts: dict[str, int] = {}
-    outcomes = episode.ran("outcome") if "outcome" in episode.columns else np.zeros(0)
-    for outcome, text in PLAN_OUTCOMES.items():
-        counts[f"the planner {text}"] = int((outcomes == outcome).sum())
-    limit_text = (
-        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
+    if "outcome" not in episode.columns:
+        return ""
+    outcomes = episode.ran("outcome")
+    held_back = _are_whole_steps(episode) & (outcomes == Outcome.MOVING)
+    steps = {
+        f"the planner {text}": outcomes == outcome
+        for outcome, text in PLAN_OUTCOMES.items()
+    }
+    limit = episode.arm.step_limit_deg
+    steps[f"the step limit of {limit:g} deg held the plan back"] = held_back
+    return ", ".join(
+        f"{text} in {are.sum()} of {len(are)} steps"
+        for text, are in steps.items()
+        if are.any()
     )
-    out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
-    counts[limit_text] = int(_limited_steps(episode).sum())
-    sentences = [
-        f"{text} in {count} of {len(episode.running)} steps"
-        for text, count in counts.items()
-        if count
-    ]
-    if counts.get(out_of_reach) and (payload := _largest_payload(episode)):
-        sentences.append(f"with up to {1000 * payload:.0f} g (estimated) at its tip")
-    return ", ".join(sentences)
-
-
-def _largest_payload(episode: Episode) -> float:
-    """Largest estimated payload where goals are out of reach [kg]; 0 if it is small."""
-    if "payload" not in episode.columns:
-        return 0.0
-    is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
-    payload = float(episode.ran("payload")[is_out_of_reach].max())
-    return payload if payload > MIN_LOAD * episode.arm.mass else 0.0
 
 
 def describe_faults(episode: Episode) -> str:
@@ -172,22 +159,15 @@ def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:
     return f"ends not tracked: {', '.join(texts)} of the steps" if texts else ""
 
 
-def _limited_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
-    """Steps whose plan moved by the whole step limit and still missed its target."""
-    if not episode.columns.keys() >= PLAN_COLUMNS or not len(episode.running):
-        return np.zeros(0, dtype=bool)
-    ends = episode.ran("predicted")[..., POSITION]
-    misses = np.linalg.norm(ends - episode.ran("desired_positions"), axis=-1)
-    largest_miss = np.where(np.isfinite(misses), misses, 0.0).max(axis=-1)
-    missed = largest_miss > SIGNIFICANT * episode.arm.length
+def _are_whole_steps(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    """Steps whose plan moved by the whole step limit."""
+    if "planned" not in episode.columns or not len(episode.running):
+        return np.zeros(len(episode.running), dtype=bool)
     bends = np.asarray(bends_from_configurations(jnp.asarray(episode.ran("planned"))))
     changes = np.diff(bends, axis=0, prepend=bends[:1])
-    largest_change = np.linalg.norm(changes, axis=-1).max(axis=-1)
-    step_limit = ArmGeometry.of(episode.arm).step_limit
-    held_back = missed & (largest_change > WHOLE_STEP * step_limit)
-    if "outcome" in episode.columns:
-        held_back &= episode.ran("outcome") != Outcome.OUT_OF_REACH
-    return held_back
+    # plans have single precision
+    whole = (1.0 - SIGNIFICANT) * ArmGeometry.of(episode.arm).step_limit
+    return np.linalg.norm(changes, axis=-1).max(axis=-1) > whole
 
 
 def save_rows(rows: Iterable[Row], path: str | Path) -> None:

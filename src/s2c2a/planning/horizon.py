@@ -167,20 +167,9 @@ class Horizon(Solver):
         )
         memories = _repeated(problem.memory, len(knots))
         evaluated = _repeated(unknown, 1 + len(knots))
-        counts = (jnp.zeros((), jnp.int32),) * 2
-        goals = unknown, problem.motion
-        return _Search(
-            *counts,
-            last.bends,
-            knots,
-            memories,
-            none,
-            knots,
-            none,
-            none,
-            *goals,
-            evaluated,
-        )
+        zero = jnp.zeros((), jnp.int32)
+        start = zero, zero, last.bends, knots, memories, none, knots, none, none
+        return _Search(*start, unknown, problem.motion, evaluated)
 
     def _pass(self, problem: Problem, moved: Bends, search: _Search) -> _Search:
         """Evaluate the knots, and accept them or a shorter step."""

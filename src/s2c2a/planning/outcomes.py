@@ -43,6 +43,8 @@ class Outcome(IntEnum):
             goal.
         BLOCKED: the plan has not reached its goal, and a search found no way there past
             the obstacles: it goes to the nearest clear point, if there is one.
+        OVERLOADED: the arm has fallen from its goal under its load: the plan goes to
+            the shape in which it stood still last, until the goal changes.
     """
 
     SOLVED = 0
@@ -50,6 +52,7 @@ class Outcome(IntEnum):
     OUT_OF_REACH = 6
     MOVING = 7
     BLOCKED = 8
+    OVERLOADED = 9
 
 
 def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:

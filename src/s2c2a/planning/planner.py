@@ -24,6 +24,7 @@ from s2c2a.kinematics import (
     commanded_part,
     configurations_from_bends,
     limit_lengths,
+    states_from_bends,
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory
@@ -297,7 +298,7 @@ class Step(NamedTuple):
         rest, stride = plan.rest, self.approach.stride
         if rest is not None:
             is_resting = rests(self._near(goal), plan.motion)
-            rest = select(is_resting, rest, Rest.none(self.arm))
+            rest = select(is_resting, rest, Rest.none(self.arm, rest.calm))
         last = plan._replace(memory=memory, disturbances=disturbances, rest=rest)
         problem = self._begun(last, goal, lead)
         planned, motion, solver, tips = self.solver.next(problem, plan.solver)
@@ -308,18 +309,22 @@ class Step(NamedTuple):
             planned.extrapolation,
             tips,
         )
+        judged = judge(planned, problem.situation, lengths)
         if rest is not None:
             move = terms.largest_bend(planned.bends - problem.situation.last.bends)
-            gaps = gaps_of(planned.states[:, POSITION], seen, goal)
+            arcs = states_from_bends(planned.bends, lengths)[:, POSITION]
+            both = jnp.stack([goal.positions, arcs])
+            gaps = gaps_of(planned.states[:, POSITION], seen, goal, both)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            rest = rest.after(move, ahead, gaps, self.arm, stride)
+            rest = rest.after(move, ahead, gaps, planned.bends, self.arm, stride)
+            judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
             "solver": solver,
             "motion": motion,
             "rest": rest,
-            "judged": judge(planned, problem.situation, lengths),
+            "judged": judged.astype(jnp.int32),
             "expectation": expectation,
         }
         old = {name: getattr(plan, name) for name in new}
@@ -371,6 +376,8 @@ class Step(NamedTuple):
         motion, ahead = last.motion.after(
             self._near(goal), candidate.states, self.approach, load
         )
+        if last.rest is not None:
+            ahead = last.rest.led(ahead)
         tip = candidate.states[-1, POSITION]
         keeping = [term for term in self.terms if isinstance(term, terms.Obstacles)]
         if keeping:

@@ -8,7 +8,7 @@ cables stand still dissipates. It is a trust region (Conn, Gould and Toint, Trus
 Methods, 2000, ch. 6) whose function values are what sensors see in a window of time.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,11 +19,17 @@ from s2c2a.execution.compilation import select
 from s2c2a.goals import PREVIEW, Goal
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
+from s2c2a.planning.terms import Bends
 
 # chosen on held points of `twin_arm` and three randomized arms, under up to 150 g
 FALL = 0.1
 """Of the error, or of the way that commands allowed: a smaller fall has not helped."""
 CALM = 0.02  # of the arm's length: a window whose ends vary more has a sway
+# of the arm's length: an arm that is farther from its goal, and from where cables alone
+# would hold it, in two windows, is overloaded. Of 36 held points of three randomized arms
+# (0 to 150 g), toppled ones are beyond 0.42 of their goal, and others within 0.24, but for
+# one that cables alone would have held nearby
+FALLEN = 0.3
 GROWTH = 1.5  # of steps that have helped
 SHRINKING = 0.5  # of others: growth every other time leaves them shorter
 
@@ -37,10 +43,12 @@ class Rest(NamedTuple):
         is_slow: whether the goal rests, and the plan has arrived or had its time.
         error: of the last window: root mean square [m].
         way: of commands in this window, as bends of the fastest module [rad].
-        gaps: sum of the gaps between ends and goal in this window [m].
-        squares: sum of their squares [m2].
+        gaps: sums of the gaps in this window, from the goal and from arcs [m].
+        squares: sums of their squares [m2].
         judged: number of them.
         steps: of this window.
+        fallen: windows in a row in which the arm was far from both.
+        calm: bends at which the arm stood still last [rad]; zero before that.
     """
 
     step: Float[Array, ""]
@@ -48,25 +56,34 @@ class Rest(NamedTuple):
     is_slow: Bool[Array, ""]
     error: Float[Array, ""]
     way: Float[Array, ""]
-    gaps: Float[Array, "modules 3"]
-    squares: Float[Array, ""]
+    gaps: Float[Array, "2 modules 3"]
+    squares: Float[Array, "2"]
     judged: Int[Array, ""]
     steps: Int[Array, ""]
+    fallen: Int[Array, ""]
+    calm: Bends
 
     @classmethod
-    def none(cls, arm: ArmSpec) -> "Rest":
+    def none(cls, arm: ArmSpec, calm: Bends | float = 0.0) -> "Rest":
         """Of an arm that follows its goal."""
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
-        error = jnp.asarray(jnp.inf)
-        gaps = jnp.zeros((arm.module_count, 3))
+        gaps = jnp.zeros((2, arm.module_count, 3))
         none, zero = jnp.zeros(()), jnp.zeros((), jnp.int32)
-        return cls(limit, limit, zero > 0, error, none, gaps, none, zero, zero)
+        window = none, gaps, gaps[:, 0, 0], zero, zero
+        calm = calm + gaps[0, :, :2]
+        return cls(limit, limit, zero > 0, none + jnp.inf, *window, zero, calm)
+
+    @property
+    def is_overloaded(self) -> Bool[Array, ""]:
+        """Whether the arm has fallen from this goal, and goes to where it is calm."""
+        return self.fallen > 1
 
     def after(
         self,
         move: Float[Array, ""],
         ahead: Float[Array, ""],
-        gaps: Float[Array, "modules 3"],
+        gaps: Float[Array, "2 modules 3"],
+        bends: Bends,
         arm: ArmSpec,
         stride: int,
     ) -> "Rest":
@@ -75,7 +92,9 @@ class Rest(NamedTuple):
         Args:
             move: of the commands: largest change of a module's bend [rad].
             ahead: the same from here to the end of the horizon.
-            gaps: between ends and goal [m]; NaN if nothing was seen.
+            gaps: between ends and goal, and between ends and those of arcs without a
+                load [m]; NaN if nothing was seen.
+            bends: that are planned [rad].
             arm: its limits hold.
             stride: control steps between two moments of a preview.
         """
@@ -87,50 +106,67 @@ class Rest(NamedTuple):
         arrived = ahead < PREVIEW * stride * slow  # slow steps do not hold the plan up
         is_slow = self.is_slow | arrived | (self.steps >= window)
         now = self._replace(
-            step=jnp.where(
-                self.is_slow, self.step, jnp.where(is_slow, slow, none.step)
-            ),
+            step=jnp.where(is_slow & ~self.is_slow, slow, self.step),
             is_slow=is_slow,
             way=self.way + move,
             gaps=self.gaps + seen,
-            squares=self.squares + jnp.sum(seen**2),
+            squares=self.squares + jnp.sum(seen**2, axis=(1, 2)),
             judged=self.judged + is_judged,
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
-        error = jnp.where(now.judged > 0, jnp.sqrt(squares), self.error)
-        sway = squares - jnp.sum((now.gaps / now.judged) ** 2)
+        error = jnp.where(now.judged > 0, jnp.sqrt(squares[0]), self.error)
+        sway = squares[0] - jnp.sum((now.gaps[0] / now.judged) ** 2)
+        is_calm = sway < (CALM * arm.length) ** 2
         allowed = jnp.minimum(self.error, now.way * arm.length)
         falls = error < self.error - FALL * allowed
         is_used = now.way > SHRINKING * now.steps * now.step
         # the least one follows an arm that creeps
         shorter = jnp.maximum(SHRINKING * now.step, SHRINKING**4 * slow)
         shorter = jnp.where(is_used, shorter, now.step)
-        sways = ~falls & is_used & (sway > (CALM * arm.length) ** 2)
+        sways = ~falls & is_used & ~is_calm & (now.judged > 0)
         limit = jnp.where(sways, shorter, now.limit)
         step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
-        later = none._replace(step=step, limit=limit, is_slow=is_slow, error=error)
+        lies = (squares > (FALLEN * arm.length) ** 2).all()
+        fallen = jnp.where(lies | self.is_overloaded, self.fallen + 1, 0)
+        calm = jnp.where(is_calm & ~lies, bends, self.calm)
+        step = jnp.where(fallen > 1, slow, step)
+        state = step, limit, is_slow, error
+        later = Rest(*state, *none[4:-2], fallen, calm)
         return select(is_slow & (now.steps >= window), later, now)
+
+    def led(self, ahead: Goal) -> Goal:
+        """Goals of the next moments; an overloaded arm goes to where it is calm."""
+        wanted = 1.0 - self.is_overloaded
+        changed: dict[str, Any] = {
+            "position_weights": wanted * ahead.position_weights,
+            "axis_weights": wanted * ahead.axis_weights,
+            "shape": jnp.where(self.is_overloaded, self.calm, ahead.shape),
+            "shape_weight": jnp.maximum(self.is_overloaded, ahead.shape_weight),
+        }
+        return ahead._replace(**changed)
 
 
 def gaps_of(
     ends: Float[Array, "modules 3"],
     seen: Float[Array | np.ndarray, "modules 3"] | None,
     goal: Goal,
-) -> Float[Array, "modules 3"]:
-    """Gaps between ends and their desired positions [m]; NaN if nothing was seen.
+    places: Float[Array | np.ndarray, "*places modules 3"],
+) -> Float[Array, "*places modules 3"]:
+    """Gaps between ends and places [m]; NaN if nothing was seen.
 
     Args:
         ends: as predicted [m].
         seen: in a new picture [m]; NaN where there is none, and None without a camera:
             then the prediction counts.
-        goal: for the next state.
+        goal: for the next state; gaps of ends that it leaves free are zero.
+        places: of the ends [m].
     """
     if seen is not None:
         unseen = jnp.where(jnp.isfinite(seen).any(), ends, jnp.nan)
         ends = jnp.where(jnp.isfinite(seen), seen, unseen)
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
-    return jnp.where(is_desired, ends - goal.positions, 0.0 * ends)
+    return jnp.where(is_desired, ends - places, 0.0 * ends)
 
 
 def rests(goal: Goal, before: GoalMotion) -> Bool[Array, ""]:
