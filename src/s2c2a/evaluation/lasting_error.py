@@ -17,11 +17,7 @@ from s2c2a.spaces import POSITION, Configurations
 
 LAST_PART = 0.25  # of a run, in which an error lasts
 CHAIN = {"predicted", "planned", "sensed", "plan_error", "desired_positions"}
-TROUBLES = {
-    Outcome.STALLED: "stalled",
-    Outcome.OUT_OF_REACH: "out of reach",
-    Outcome.BLOCKED: "blocked",
-}
+TROUBLES = (Outcome.STALLED, Outcome.OUT_OF_REACH, Outcome.BLOCKED)
 """Outcomes in which a plan does not get nearer to its goal."""
 
 
@@ -36,7 +32,8 @@ def describe_step_plan(diagnostics: Mapping[str, np.ndarray]) -> str:
     if number not in TROUBLES:
         return ""
     distance = 100.0 * float(diagnostics.get("plan_error", np.nan))
-    return f"plan {TROUBLES[Outcome(int(number))]}, {distance:.1f} cm from its goal"
+    trouble = Outcome(int(number)).name.lower().replace("_", " ")
+    return f"plan {trouble}, {distance:.1f} cm from its goal"
 
 
 def describe_lasting_error(episode: Episode) -> str:

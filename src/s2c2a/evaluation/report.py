@@ -22,9 +22,10 @@ from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage
 
 PLAN_OUTCOMES = {
-    Outcome.STALLED: "stood still short of its goal",
-    Outcome.OUT_OF_REACH: "found its goal out of reach",
-    Outcome.BLOCKED: "found no way around the obstacles",
+    Outcome.STALLED: "the planner stood still short of its goal",
+    Outcome.OUT_OF_REACH: "the planner found its goal out of reach",
+    Outcome.BLOCKED: "the planner found no way around the obstacles",
+    Outcome.PASSING: "an obstacle on the path of the target kept the tip off",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
 MIN_LOAD = 0.1  # of the arm's mass; a smaller payload overloads no arm
@@ -89,31 +90,26 @@ def describe_plans(episode: Episode) -> str:
     Counted are steps in which the planner did not solve its problem (`outcome`), or
     the step limit held the plan back from a goal within reach.
     """
-    counts: dict[str, int] = {}
     outcomes = episode.ran("outcome") if "outcome" in episode.columns else np.zeros(0)
-    for outcome, text in PLAN_OUTCOMES.items():
-        counts[f"the planner {text}"] = int((outcomes == outcome).sum())
-    limit_text = (
-        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
-    )
-    out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
-    counts[limit_text] = int(_limited_steps(episode).sum())
+    counts = {text: (outcomes == kind).sum() for kind, text in PLAN_OUTCOMES.items()}
+    text = f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
+    counts[text] = _limited_steps(episode).sum()
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"
         for text, count in counts.items()
         if count
     ]
-    if counts.get(out_of_reach) and (payload := _largest_payload(episode)):
+    if payload := _largest_payload(episode):
         sentences.append(f"with up to {1000 * payload:.0f} g (estimated) at its tip")
     return ", ".join(sentences)
 
 
 def _largest_payload(episode: Episode) -> float:
     """Largest estimated payload where goals are out of reach [kg]; 0 if it is small."""
-    if "payload" not in episode.columns:
+    if not episode.columns.keys() >= {"payload", "outcome"}:
         return 0.0
     is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
-    payload = float(episode.ran("payload")[is_out_of_reach].max())
+    payload = float(episode.ran("payload")[is_out_of_reach].max(initial=0.0))
     return payload if payload > MIN_LOAD * episode.arm.mass else 0.0
 
 

@@ -43,6 +43,8 @@ class Outcome(IntEnum):
             goal.
         BLOCKED: the plan has not reached its goal, and a search found no way there past
             the obstacles: it goes to the nearest clear point, if there is one.
+        PASSING: the plan has not reached its goal, since an obstacle is on the path of
+            the target: the tip passes beside it.
     """
 
     SOLVED = 0
@@ -50,6 +52,7 @@ class Outcome(IntEnum):
     OUT_OF_REACH = 6
     MOVING = 7
     BLOCKED = 8
+    PASSING = 9
 
 
 def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
@@ -109,7 +112,7 @@ def _is_blocked(
     """
     longest = situation.longest_step
     flat = gaps.reshape(-1)
-    slopes = jnp.where(is_desired, _slopes(bends, lengths, longest), 0.0)
+    slopes = jnp.where(is_desired, slopes_of(bends, lengths, longest), 0.0)
     slopes = slopes.reshape(bends.size, -1)
     rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), np.finfo(np.float32).tiny)
 
@@ -128,7 +131,7 @@ def _is_blocked(
     return fall <= STILL * longest * situation.length
 
 
-def _slopes(
+def slopes_of(
     bends: Bends, lengths: Float[Numbers, " modules"], step: float | Array
 ) -> Float[Array, "variables modules 3"]:
     """Central differences of the ends of arcs [m/rad]; they compile faster than slopes."""

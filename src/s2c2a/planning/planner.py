@@ -32,7 +32,7 @@ from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
-from s2c2a.planning.outcomes import Outcome, judge
+from s2c2a.planning.outcomes import Outcome, judge, slopes_of
 from s2c2a.planning.rest import Rest, gaps_of, rests
 from s2c2a.planning.solvers import Adam, Problem, Solver
 from s2c2a.planning.terms import (
@@ -230,9 +230,12 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, _guides = options.build()
+        solver, built, _guides = options.build()
+        margins = [term.margin for term in built if isinstance(term, terms.Obstacles)]
+        kept = margins[0] * arm.length + arm.modules[-1].radius if margins else None
         approach = Approach.of(arm, factors or ModalFactors.nominal())
-        return cls(arm, model, solver, terms, options, approach)
+        approach = approach._replace(margin=kept)
+        return cls(arm, model, solver, built, options, approach)
 
     def started(
         self,
@@ -313,13 +316,15 @@ class Step(NamedTuple):
             gaps = gaps_of(planned.states[:, POSITION], seen, goal)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
             rest = rest.after(move, ahead, gaps, self.arm, stride)
+        judged = judge(planned, problem.situation, lengths)
+        passes = motion.passes & (judged != Outcome.SOLVED)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
             "solver": solver,
             "motion": motion,
             "rest": rest,
-            "judged": judge(planned, problem.situation, lengths),
+            "judged": jnp.where(passes, jnp.int32(Outcome.PASSING), judged),
             "expectation": expectation,
         }
         old = {name: getattr(plan, name) for name in new}
@@ -372,10 +377,10 @@ class Step(NamedTuple):
             self._near(goal), candidate.states, self.approach, load
         )
         tip = candidate.states[-1, POSITION]
-        keeping = [term for term in self.terms if isinstance(term, terms.Obstacles)]
-        if keeping:
-            margin = keeping[0].margin * self.arm.length + self.arm.modules[-1].radius
-            motion, ahead = motion.beside(ahead, tip, self.approach, margin)
+        if self.approach.margin is not None:
+            lengths = ArmGeometry.of(self.arm).lengths
+            slopes = slopes_of(candidate.bends, lengths, situation.longest_step)[:, -1]
+            motion, ahead = motion.beside(ahead, tip, slopes.T @ slopes, self.approach)
         if lead is not None:
             ahead = led(ahead, lead, tip)
             is_led = jnp.asarray(lead.weight) > 0.0
@@ -483,7 +488,9 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        lead = self._lead(plan, goal)
+        bends = np.asarray(plan.bends)
+        leads = (leader.lead(bends, goal, plan.outcome) for leader in self._leaders)
+        lead = next((lead for lead in leads if lead is not None), self._no_lead)
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
         known = configuration, goal, disturbances, hysteresis
         planned = self._next(plan, *known, lead, estimate.seen)
@@ -499,12 +506,6 @@ class Planner:
         """
         for leader in self._leaders:
             leader.set_real_time(is_real)
-
-    def _lead(self, plan: Plan, goal: Goal) -> Lead:
-        """Where the first guide that leads, leads to."""
-        bends = np.asarray(plan.bends)
-        leads = (leader.lead(bends, goal, plan.outcome) for leader in self._leaders)
-        return next((lead for lead in leads if lead is not None), self._no_lead)
 
 
 def _with_slopes(values: Numbers, slopes: Array) -> Array:
