@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
-from s2c2a.kinematics import limit_lengths
+from s2c2a.kinematics import limit_lengths, norm
 from s2c2a.obstacles import distances, swept
 
 # of offsets, over the frequency of the slowest mode; measured in
@@ -211,10 +211,9 @@ class GoalMotion(NamedTuple):
                     point = _out(point, _normal(point, scene), scene)
                 return point, point
 
-            farthest = approach.farthest[positions.shape[1] - 1, 0]
-            paces = PACE * farthest + jnp.linalg.norm(ways, axis=1)
+            paces = PACE * approach.farthest[positions.shape[1] - 1] + norm(ways)
             _, points = jax.lax.scan(follow, tip, (scenes, targets, paces))
-            is_behind = jnp.linalg.norm(targets[0] - tip) > paces[0]
+            is_behind = norm(targets[0] - tip) > paces[0]
             passes = (is_within | is_behind) & (ahead.position_weights[0, -1] > 0.0)
             return passes, jnp.where(passes, points, targets)
 

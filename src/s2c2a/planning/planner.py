@@ -234,8 +234,7 @@ class Step(NamedTuple):
         margins = [term.margin for term in built if isinstance(term, terms.Obstacles)]
         kept = margins[0] * arm.length + arm.modules[-1].radius if margins else None
         approach = Approach.of(arm, factors or ModalFactors.nominal())
-        approach = approach._replace(margin=kept)
-        return cls(arm, model, solver, built, options, approach)
+        return cls(arm, model, solver, built, options, approach._replace(margin=kept))
 
     def started(
         self,
@@ -488,9 +487,7 @@ class Planner:
             goal: for the next state.
         """
         configuration = _single(estimate.configuration)
-        bends = np.asarray(plan.bends)
-        leads = (leader.lead(bends, goal, plan.outcome) for leader in self._leaders)
-        lead = next((lead for lead in leads if lead is not None), self._no_lead)
+        lead = self._lead(plan, goal)
         disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
         known = configuration, goal, disturbances, hysteresis
         planned = self._next(plan, *known, lead, estimate.seen)
@@ -506,6 +503,12 @@ class Planner:
         """
         for leader in self._leaders:
             leader.set_real_time(is_real)
+
+    def _lead(self, plan: Plan, goal: Goal) -> Lead:
+        """Where the first guide that leads, leads to."""
+        bends = np.asarray(plan.bends)
+        leads = (leader.lead(bends, goal, plan.outcome) for leader in self._leaders)
+        return next((lead for lead in leads if lead is not None), self._no_lead)
 
 
 def _with_slopes(values: Numbers, slopes: Array) -> Array:
