@@ -383,8 +383,8 @@ class Step(NamedTuple):
         if lead is not None:
             ahead = led(ahead, lead, tip)
             is_led = jnp.asarray(lead.weight) > 0.0
-            first = jax.tree.map(lambda values: values[0], ahead)
-            goal = select(is_led, first, goal)
+            motion = motion._replace(passes=motion.passes & ~is_led)
+            goal = select(is_led, jax.tree.map(lambda values: values[0], ahead), goal)
             situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
         return begun._replace(situation=situation, motion=motion, ahead=ahead)
 
