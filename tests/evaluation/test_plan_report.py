@@ -62,6 +62,13 @@ def test_an_overloaded_arm_is_named():
     )
 
 
+def test_an_obstacle_that_keeps_the_tip_off_is_named():
+    outcome = np.array([0, Outcome.PASSING, Outcome.PASSING, 0])
+    assert describe_plans(make_episode(outcome=outcome)) == (
+        "an obstacle on the path of the target kept the tip off in 2 of 4 steps"
+    )
+
+
 def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_held():
     episode = make_episode(stage=np.array([2, 3, 3, 2], np.int8))
     assert describe_faults(episode) == ""

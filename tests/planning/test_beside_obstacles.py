@@ -9,7 +9,7 @@ from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
 from s2c2a.models.forward_model import PCCForwardModel
-from s2c2a.planning import BEST, Planner
+from s2c2a.planning import BEST, Outcome, Planner
 from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import Task, load_task
@@ -48,20 +48,24 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
 
 
 @pytest.mark.parametrize("foreseen", [True, False])
-def test_the_tip_skirts_a_sphere_on_the_path_of_its_target(foreseen):
-    """It neither waits before the sphere nor jumps past it."""
+@pytest.mark.parametrize("beside", [0.0, 0.01])
+def test_the_tip_skirts_a_sphere_on_the_path_of_its_target(foreseen, beside):
+    """It neither waits before the sphere nor jumps past it, also where it meets it head-on."""
     turns = np.linspace(-1.2, 1.2, 60)[:, None]
     path = np.hstack([0.18 * np.cos(turns), 0.18 * np.sin(turns), 0.56 + 0.0 * turns])
-    center, threshold = np.array([0.18, 0.01, 0.57]), 0.04
+    center, threshold = np.array([0.18, beside, 0.56 + beside]), 0.04
     goal = Goal.of(3).with_obstacles([center], [threshold])
     task = replace(Task.along("arc", path, goal), foreseen=foreseen)
     planner = Planner(TWIN, PCCForwardModel.of(TWIN), BEST)
     plan = planner.start(Estimate(STRAIGHT))
     goals = list(task.shown_goals(TWIN))
     tips = []
+    outcomes = set()
     for goal in [goals[0]] * 30 + goals:
         plan = planner.plan(plan, Estimate(plan.configurations), goal)
         tips.append(np.asarray(plan.expectation.states)[-1, :3])
+        outcomes.add(plan.outcome)
+    assert Outcome.PASSING in outcomes
     ways = np.linalg.norm(np.diff(tips, axis=0), axis=1)[30:]
     tips = np.array(tips[30:])
     kept = threshold + 0.04 * TWIN.length

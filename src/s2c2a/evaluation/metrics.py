@@ -205,10 +205,6 @@ def _last_mean(values: PerStep) -> float:
     return _mean(values[-LAST_STEPS:])
 
 
-def _last(values: PerStep) -> float:
-    return values[-1]
-
-
 @dataclass(frozen=True)
 class Metric:
     """Metric of the protocol.
@@ -412,6 +408,6 @@ METRICS = {
     "path length": Metric("cm", _path_length, _sum),
     "shape": Metric("cm", _shape, _last_mean),
     "stillness": Metric("cm", _stillness, _maximum),
-    "recovery": Metric("s", _recovery, _last),
+    "recovery": Metric("s", _recovery, lambda values: values[-1]),
 }
 """Metrics by name (docs/results/protocol.md)."""

@@ -22,10 +22,11 @@ from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import Stage
 
 PLAN_OUTCOMES = {
-    Outcome.STALLED: "stood still short of its goal",
-    Outcome.OUT_OF_REACH: "found its goal out of reach",
-    Outcome.BLOCKED: "found no way around the obstacles",
-    Outcome.OVERLOADED: "found the arm overloaded",
+    Outcome.STALLED: "the planner stood still short of its goal",
+    Outcome.OUT_OF_REACH: "the planner found its goal out of reach",
+    Outcome.BLOCKED: "the planner found no way around the obstacles",
+    Outcome.OVERLOADED: "the planner found the arm overloaded",
+    Outcome.PASSING: "an obstacle on the path of the target kept the tip off",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
 MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
@@ -91,10 +92,7 @@ def describe_plans(episode: Episode) -> str:
         return ""
     outcomes = episode.ran("outcome")
     held_back = _are_whole_steps(episode) & (outcomes == Outcome.MOVING)
-    steps = {
-        f"the planner {text}": outcomes == outcome
-        for outcome, text in PLAN_OUTCOMES.items()
-    }
+    steps = {text: outcomes == outcome for outcome, text in PLAN_OUTCOMES.items()}
     limit = episode.arm.step_limit_deg
     steps[f"the step limit of {limit:g} deg held the plan back"] = held_back
     return ", ".join(

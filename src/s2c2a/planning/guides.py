@@ -194,7 +194,7 @@ class WayLeader(Leader):
         is_elsewhere = last is None or self._differs(goal, last, ("positions",))
         moves = self._moves(goal, goal if last is None or is_elsewhere else last)
         if moves and (self._way is None or self.verdict is Outcome.BLOCKED):
-            # the tip slides along the obstacles (`GoalMotion.beside`)
+            # the tip passes the obstacles (`GoalMotion.beside`)
             self._way, self.verdict = None, None
             self._search, self._stands = None, False
             return None

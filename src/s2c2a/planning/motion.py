@@ -6,7 +6,7 @@ therefore enters as an offset that decays like a critically damped system of thi
 slower than the slowest mode of the arm. Commands are shaped as by a filter, but motion
 that was foreseen, or that an arm can follow, is not delayed.
 
-Beside obstacles, a point that slides along them stands for the target of the tip.
+Beside obstacles, a point that passes them with the target of the tip stands for it.
 """
 
 from typing import NamedTuple
@@ -19,24 +19,27 @@ from jaxtyping import Array, Bool, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
-from s2c2a.kinematics import limit_lengths
+from s2c2a.kinematics import limit_lengths, norm
 from s2c2a.obstacles import distances, swept
 
+# of offsets, over the frequency of the slowest mode; measured in
+# docs/contribute/decisions.md#a-horizon-in-place-of-a-search-and-payloads-within-it
 DECAY = 0.6
-"""Of offsets, over the frequency of the slowest mode; measured in
-docs/contribute/decisions.md#a-horizon-in-place-of-a-search-and-payloads-within-it.
-"""
+# rad/s, chosen: an approach takes 3 s at most, also where an arm that gravity nearly
+# topples has no slower vibration, but a slower mode
 SLOWEST = 2.0 * np.pi * 0.5
-"""Frequency [rad/s], chosen: an approach takes 3 s at most, also where an arm that gravity
-nearly topples has no slower vibration, but a slower mode."""
+# around obstacles, of `Approach.farthest`; measured on 20 drawn paths through spheres: with
+# 0.1 the tip falls behind its target, and at 0.3 arms vibrate
 PACE = 0.2
-"""Along obstacles, of `Approach.farthest`; measured on 20 drawn paths through spheres: with
-0.1 the tip falls behind its target, and at 0.3 arms vibrate."""
-AT_REST = np.array([1.0, 1.0, 0.5])
-"""Coefficients of an offset of one that begins at rest."""
+AT_REST = np.array(
+    [1.0, 1.0, 0.5]
+)  # coefficients of an offset of one, at rest at first
 
 Rows = Float[Array, "rows 3"]
 Targets = Float[Array, "targets 3"]
+Point = Float[Array, "3"]
+# J J^T of the tip, with its slopes by bends [m2]: large where it moves with little bend
+Mobility = Float[Array, "3 3"]
 
 
 class Approach(NamedTuple):
@@ -49,12 +52,14 @@ class Approach(NamedTuple):
         farthest: way of an end [m] or its axis from one moment to the next, if the base
             (for axes, each module) bends by the step limit in every control step, shape
             (targets, 1); goals that are farther have jumped.
+        margin: that the tip keeps from thresholds of obstacles [m]; None if none.
     """
 
     stride: int
     payloads: Float[np.ndarray, " payloads"]
     decays: Float[np.ndarray, " payloads"]
     farthest: Float[np.ndarray, "targets 1"]
+    margin: float | None = None
 
     @classmethod
     def of(cls, arm: ArmSpec, factors: ModalFactors) -> "Approach":
@@ -84,8 +89,7 @@ class GoalMotion(NamedTuple):
         is_known: one where a target was desired, else zero, shape (targets, 1).
         offset: of the approach from the targets, as coefficients of a polynomial p: it is
             exp(-t) p(t) at the time t, in units of the decay.
-        aside: of the target of the tip, the point that slides along obstacles [m]; zero
-            where none does.
+        passes: whether the tip passes an obstacle beside its target.
     """
 
     latest: Rows
@@ -93,7 +97,7 @@ class GoalMotion(NamedTuple):
     expected: Targets
     is_known: Float[Array, "targets 1"]
     offset: Float[Array, "3 targets 3"]
-    aside: Float[Array, "3"]
+    passes: Bool[Array, ""]
 
     @classmethod
     def of(cls, modules: int) -> "GoalMotion":
@@ -101,7 +105,8 @@ class GoalMotion(NamedTuple):
         rows = jnp.zeros_like(_rows(Goal.of(modules)))
         targets = rows[: 2 * modules]
         offset = jnp.stack([targets] * 3)
-        return cls(rows, rows, targets, targets[:, :1], offset, targets[0])
+        passes = jnp.asarray(False)
+        return cls(rows, rows, targets, targets[:, :1], offset, passes)
 
     def stays(self, goal: Goal) -> Bool[Array, ""]:
         """Whether a goal is as the last one was."""
@@ -154,16 +159,13 @@ class GoalMotion(NamedTuple):
         decay = jnp.interp(payload, approach.payloads, approach.decays)
         offset = is_desired * _later(self.offset - AT_REST[:, None, None] * jump, decay)
         offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
-        slides = (self.aside != 0.0).any()
-        aside = self.aside - slides * step[len(goal.positions) - 1]
-        latest, latest_step = self.latest.at[:count], self.step.at[:count]
         motion = GoalMotion(
-            latest.set(now),
-            latest_step.set(step),
+            self.latest.at[:count].set(now),
+            self.step.at[:count].set(step),
             following[:targets],
             is_desired,
             offset,
-            aside,
+            self.passes,
         )
         # an arm that is to be clear of obstacles only then leaves late, fast, and vibrates
         ways = velocity[targets:] * approach.stride * PREVIEW
@@ -173,59 +175,90 @@ class GoalMotion(NamedTuple):
         return motion, _goals(covering, rows)
 
     def beside(
-        self, ahead: Goal, tip: Float[Array, "3"], approach: Approach, margin: float
+        self, ahead: Goal, tip: Point, mobility: Mobility, approach: Approach
     ) -> tuple["GoalMotion", Goal]:
-        """Goals of the next moments whose tip slides along obstacles, not into them.
+        """Goals of the next moments whose tip passes obstacles, and does not enter them.
 
-        A point begins at the tip, follows its target at a limited pace, and is moved out
-        of what it enters, until it has come to a target that is clear.
+        A point begins at the tip and follows, at a limited pace, its target or a clear
+        place beside it. The shortest way out of an obstacle turns around at once where a
+        target comes by the center. So it is taken from a place `_aside`.
 
         Args:
             ahead: goals of the next moments, as of `after`.
             tip: of the last plan [m].
-            approach: of the arm.
-            margin: that the tip keeps from thresholds [m].
+            mobility: there; ways aside that the tip can hardly take are no ways.
+            approach: of the arm, with a margin.
         """
         positions = jnp.asarray(ahead.positions)
-        last = positions.shape[1] - 1
-        targets, target = positions[:, last], self.latest[last]
-        steps = jnp.linalg.norm(jnp.diff(targets, axis=0), axis=1)
-        farthest = approach.farthest[last, 0]
-        longest = PACE * farthest + jnp.append(steps[:1], steps)
+        targets = positions[:, -1]
+        kept = ahead.thresholds + (approach.margin or 0.0) * (ahead.thresholds > 0.0)
+        scenes = ahead._replace(thresholds=kept)
+        gaps = jax.vmap(_gap)(targets, scenes)
+        is_within = gaps.min() < 0.0
 
-        def gap_of(point, scene: Goal):
-            gaps = distances(point, scene.obstacles, scene.cores) - scene.thresholds
-            return jnp.min(gaps - margin, initial=jnp.inf, where=scene.thresholds > 0.0)
+        def pass_by():
+            ways = jnp.gradient(targets, axis=0)
+            moments = scenes, targets, ways
+            deepest = jax.tree.map(lambda rows: rows[gaps.argmin()], moments)
 
-        def out_of(scene: Goal, point):
-            gap, normal = jax.value_and_grad(gap_of)(point, scene)
-            return point - jnp.minimum(gap, 0.0) * normal
+            def follow(point: Point, moment):
+                scene, target, pace = moment
+                aside = _aside(point - target, mobility, *deepest)
+                place = _out(target, _normal(target + aside, scene), scene)
+                point = point + limit_lengths(place - point, pace)
+                # twice, since it may enter another obstacle
+                for _ in range(2):
+                    point = _out(point, _normal(point, scene), scene)
+                return point, point
 
-        def follow(point, moment):
-            scene, target, longest = moment
-            point = point + limit_lengths(out_of(scene, target) - point, longest)
-            # twice, since it may enter another obstacle
-            point = out_of(scene, out_of(scene, point))
-            return point, point
+            paces = PACE * approach.farthest[positions.shape[1] - 1] + norm(ways)
+            _, points = jax.lax.scan(follow, tip, (scenes, targets, paces))
+            is_behind = norm(targets[0] - tip) > paces[0]
+            passes = (is_within | is_behind) & (ahead.position_weights[0, -1] > 0.0)
+            return passes, jnp.where(passes, points, targets)
 
-        slides = (self.aside != 0.0).any()
-        is_within = (jax.vmap(gap_of)(targets, ahead) < 0.0).any()
+        passes, points = jax.lax.cond(
+            self.passes | is_within, pass_by, lambda: (jnp.asarray(False), targets)
+        )
+        passed = {"positions": positions.at[:, -1].set(points)}
+        return self._replace(passes=passes), ahead._replace(**passed)  # type: ignore[arg-type]
 
-        def slide():
-            # a tip that cannot follow keeps the point near; half a step is chosen
-            start = tip + slides * limit_lengths(
-                target + self.aside - tip, farthest / 2
-            )
-            _, points = jax.lax.scan(follow, start, (ahead, targets, longest))
-            is_behind = slides & (jnp.linalg.norm(targets[0] - start) > longest[0])
-            is_beside = is_within | is_behind
-            is_beside &= ahead.position_weights[0, last] > 0.0
-            points = jnp.where(is_beside, points, targets)
-            aside = start + (points[0] - start) / approach.stride - target
-            motion = self._replace(aside=jnp.where(is_beside, aside, 0.0))
-            return motion, ahead._replace(positions=positions.at[:, last].set(points))
 
-        return jax.lax.cond(slides | is_within, slide, lambda: (self, ahead))
+def _gap(point: Point, scene: Goal) -> Float[Array, ""]:
+    """Signed distance of a point from the thresholds of obstacles [m]."""
+    gaps = distances(point, scene.obstacles, scene.cores) - scene.thresholds
+    return jnp.min(gaps, initial=jnp.inf, where=scene.thresholds > 0.0)
+
+
+_normal = jax.grad(_gap)
+
+
+def _out(point: Point, direction: Point, scene: Goal) -> Point:
+    """A point, moved in a direction by its depth in an obstacle."""
+    return point - jnp.minimum(_gap(point, scene), 0.0) * direction
+
+
+def _aside(
+    lead: Point, mobility: Mobility, scene: Goal, target: Point, way: Point
+) -> Point:
+    """Half the depth of a target, across its way, to where the tip is and moves well.
+
+    Args:
+        lead: from the target to the point that follows [m].
+        mobility: of the tip.
+        scene: obstacles, with what is kept from them.
+        target: where it is deepest in them [m].
+        way: of the target there [m].
+    """
+    along = _unit(way)
+    across = jnp.eye(3) - jnp.outer(along, along)
+    normal = _normal(target + across @ lead, scene)
+    return _out(target, _unit(across @ mobility @ normal) / 2.0, scene) - target
+
+
+def _unit(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    lengths = jnp.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / jnp.maximum(lengths, np.finfo(np.float32).tiny)
 
 
 def _later(offset: Float[Array, "3 *rest"], time: Array) -> Float[Array, "3 *rest"]:
@@ -256,9 +289,7 @@ def _goals(goal: Goal, rows: Float[Array, "moments rows 3"]) -> Goal:
     """Goals with these rows and moments as the first axis."""
     modules = len(goal.positions)
     positions, axes, obstacles = jnp.split(rows, (modules, 2 * modules), axis=1)
-    lengths = jnp.linalg.norm(axes, axis=-1, keepdims=True)
-    axes = axes / jnp.maximum(lengths, np.finfo(np.float32).tiny)
-    changed = {"positions": positions, "axes": axes, "obstacles": obstacles}
+    changed = {"positions": positions, "axes": _unit(axes), "obstacles": obstacles}
     same = {
         name: jnp.broadcast_to(value, (PREVIEW, *np.shape(value)))
         for name, value in goal._asdict().items()

@@ -45,6 +45,8 @@ class Outcome(IntEnum):
             the obstacles: it goes to the nearest clear point, if there is one.
         OVERLOADED: the arm has fallen from its goal under its load: the plan goes to
             the shape in which it stood still last, until the goal changes.
+        PASSING: the plan has not reached its goal, since an obstacle is on the path of
+            the target: the tip passes beside it.
     """
 
     SOLVED = 0
@@ -53,6 +55,7 @@ class Outcome(IntEnum):
     MOVING = 7
     BLOCKED = 8
     OVERLOADED = 9
+    PASSING = 10
 
 
 def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
@@ -112,7 +115,7 @@ def _is_blocked(
     """
     longest = situation.longest_step
     flat = gaps.reshape(-1)
-    slopes = jnp.where(is_desired, _slopes(bends, lengths, longest), 0.0)
+    slopes = jnp.where(is_desired, slopes_of(bends, lengths, longest), 0.0)
     slopes = slopes.reshape(bends.size, -1)
     rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), np.finfo(np.float32).tiny)
 
@@ -131,7 +134,7 @@ def _is_blocked(
     return fall <= STILL * longest * situation.length
 
 
-def _slopes(
+def slopes_of(
     bends: Bends, lengths: Float[Numbers, " modules"], step: float | Array
 ) -> Float[Array, "variables modules 3"]:
     """Central differences of the ends of arcs [m/rad]; they compile faster than slopes."""

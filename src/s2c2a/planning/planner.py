@@ -33,7 +33,7 @@ from s2c2a.planning import terms
 from s2c2a.planning.guides import GUIDES, Detour, Guide, Lead, led
 from s2c2a.planning.horizon import Horizon
 from s2c2a.planning.motion import Approach, GoalMotion
-from s2c2a.planning.outcomes import Outcome, judge
+from s2c2a.planning.outcomes import Outcome, judge, slopes_of
 from s2c2a.planning.rest import Rest, gaps_of, rests
 from s2c2a.planning.solvers import Adam, Problem, Solver
 from s2c2a.planning.terms import (
@@ -231,9 +231,11 @@ class Step(NamedTuple):
         Raises:
             S2C2AError: a component that they name is not found.
         """
-        solver, terms, _guides = options.build()
+        solver, built, _guides = options.build()
+        margins = [term.margin for term in built if isinstance(term, terms.Obstacles)]
+        kept = margins[0] * arm.length + arm.modules[-1].radius if margins else None
         approach = Approach.of(arm, factors or ModalFactors.nominal())
-        return cls(arm, model, solver, terms, options, approach)
+        return cls(arm, model, solver, built, options, approach._replace(margin=kept))
 
     def started(
         self,
@@ -318,6 +320,10 @@ class Step(NamedTuple):
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
             rest = rest.after(move, ahead, gaps, planned.bends, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
+        # a target that stays in an obstacle is out of reach
+        passes = motion.passes & (motion.step[self.arm.module_count - 1] != 0.0).any()
+        passes &= judged != Outcome.SOLVED
+        judged = jnp.where(passes, Outcome.PASSING, judged)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,
@@ -379,15 +385,15 @@ class Step(NamedTuple):
         if last.rest is not None:
             ahead = last.rest.led(ahead)
         tip = candidate.states[-1, POSITION]
-        keeping = [term for term in self.terms if isinstance(term, terms.Obstacles)]
-        if keeping:
-            margin = keeping[0].margin * self.arm.length + self.arm.modules[-1].radius
-            motion, ahead = motion.beside(ahead, tip, self.approach, margin)
+        if self.approach.margin is not None:
+            lengths = ArmGeometry.of(self.arm).lengths
+            slopes = slopes_of(candidate.bends, lengths, situation.longest_step)[:, -1]
+            motion, ahead = motion.beside(ahead, tip, slopes.T @ slopes, self.approach)
         if lead is not None:
             ahead = led(ahead, lead, tip)
             is_led = jnp.asarray(lead.weight) > 0.0
-            first = jax.tree.map(lambda values: values[0], ahead)
-            goal = select(is_led, first, goal)
+            motion = motion._replace(passes=motion.passes & ~is_led)
+            goal = select(is_led, jax.tree.map(lambda values: values[0], ahead), goal)
             situation = situation._replace(goal=goal, room=jnp.asarray(lead.room))
         return begun._replace(situation=situation, motion=motion, ahead=ahead)
 

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -166,7 +167,7 @@ class CheckedDriver(_Checked):
         Raises:
             ControllerError: it has another shape, or holds no numbers.
         """
-        desired = self._call("act", plan, estimate, read=_numbers)
+        desired = self._call("act", plan, estimate, read=partial(np.array, dtype=float))
         if desired.shape != self._shape:
             raise ControllerError(
                 f"`act` of the controller {type(self.driver).__name__} returned shape "
@@ -198,10 +199,6 @@ class CheckedDriver(_Checked):
                     f"{', '.join(sorted(OWN_COLUMNS))}, without '{SENSOR}' before it",
                 )
         return columns
-
-
-def _numbers(answer: Any) -> np.ndarray:
-    return np.array(answer, dtype=float)
 
 
 def _columns(answer: Any) -> dict[str, np.ndarray]:
