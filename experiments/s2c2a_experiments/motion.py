@@ -160,9 +160,10 @@ def _jumps(run: jobs.Run) -> list[tuple[float, float]]:
     tip = run.episode.after("states")[:, -1, POSITION]
     found = []
     for number in range(1, JUMPS + 1):
-        there, before = places[number % 2], places[(number + 1) % 2]
+        there = places[number % 2]
+        jump = there - places[(number + 1) % 2]
         way = tip[number * waits : (number + 1) * waits] - there
-        direction = (there - before) / np.linalg.norm(there - before)
+        direction = jump / np.linalg.norm(jump)
         is_far = np.linalg.norm(way, axis=-1) > NEAR
         # row j is j + 1 periods after the jump; one that never ends has no time
         steps = len(way) - np.argmax(is_far[::-1]) + 1 if is_far.any() else 1

@@ -49,7 +49,8 @@ class TipScores(NamedTuple):
         """
         variances = self.deviations**2 / 3.0
         misfits = self.distances**2 / variances
-        return float(np.mean(-0.5 * misfits - 1.5 * np.log(2.0 * np.pi * variances)))
+        volumes = 1.5 * np.log(2.0 * np.pi * variances)
+        return float(np.mean(-0.5 * misfits - volumes))
 
     @property
     def coverage(self) -> float:

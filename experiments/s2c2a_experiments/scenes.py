@@ -153,7 +153,8 @@ def _closed_scene(
     while True:
         (shape,) = _drawn_bends(arm, random, 1)
         lines = _lines(arm, np.array([np.zeros_like(shape), shape]))
-        target, resting = lines[-1, -1], np.append(lines[0], np.zeros((1, 3)), axis=0)
+        target = lines[-1, -1]
+        resting = np.append(lines[0], np.zeros((1, 3)), axis=0)
         spheres = around(target, arm, random)
         gaps = np.linalg.norm(resting[:, None] - spheres[:, :3], axis=-1)
         if (gaps - spheres[:, 3]).min() > ROOM * arm.length:

@@ -52,19 +52,13 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
     arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
-    trust_code(*_code_names(arm), folder=path.resolve().parent)
-    return arm
-
-
-def _code_names(arm: ArmSpec) -> list[str]:
-    """Names in the keys that may name code.
-
-    Other texts may stem from strangers: `s2c2a import` copies the description of a map.
-    """
+    # other texts may stem from strangers: `s2c2a import` copies the description of a map
     names = [arm.sensing, *(raw.model for raw in arm.sensors.raw)]
     if arm.tracking is not None:
         names.append(arm.tracking.source)
-    return [name for name in names if ":" in name]
+    code = [name for name in names if ":" in name]
+    trust_code(*code, folder=path.resolve().parent)
+    return arm
 
 
 def arm_from_toml(text: str, source: str = "arm") -> ArmSpec:

@@ -1,7 +1,5 @@
 """`s2c2a reach`: how closely an arm at rest reaches targets."""
 
-from collections.abc import Iterator
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -238,20 +236,14 @@ def _print_path(path: "Moments", reached: "Reached", arm: "ArmSpec") -> None:
         largest = _centimeters(reached.position_errors.max())
         print(f"all of {count} moments are within reach, missed by at most {largest}")
         return
-    parts = list(_parts(is_missed))
+    missed = np.flatnonzero(is_missed)
+    parts = np.split(missed, np.flatnonzero(np.diff(missed) > 1) + 1)
     rows = [_part_cells(path, reached, part) for part in parts]
     print_table("Out of reach", tuple(rows[0]), [row.values() for row in rows])
     print(
         f"{is_missed.sum()} of {count} moments are out of reach, by up to "
         f"{_centimeters(reached.position_errors[is_missed].max())}"
     )
-
-
-def _parts(is_missed: np.ndarray) -> Iterator[np.ndarray]:
-    """Numbers of successive moments that are missed."""
-    for missed, group in groupby(range(len(is_missed)), is_missed.__getitem__):
-        if missed:
-            yield np.array(list(group))
 
 
 def _part_cells(

@@ -172,7 +172,8 @@ def _match_cables(
     identified: np.ndarray, stated: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Identified cable nearest to each stated one, and the errors [deg]."""
-    distance = 1 - np.cos(np.deg2rad(stated[:, :, None] - identified[:, None, :]))
+    turns = np.deg2rad(stated[:, :, None] - identified[:, None, :])
+    distance = 1 - np.cos(turns)
     order = np.array([linear_sum_assignment(module)[1] for module in distance])
     errors = np.take_along_axis(identified, order, 1) - stated
     return order, (errors + 180.0) % 360.0 - 180.0

@@ -57,7 +57,8 @@ class Identified:
         parameters = fit.parameters
         axes = axes @ np.asarray(tilt_rotation(parameters.tilt))
         angles = np.asarray(parameters.angles)
-        across = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ axes[:, :2].T
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        across = directions @ axes[:, :2].T
         return cls(
             assignment.modules,
             assignment.signs,

@@ -122,7 +122,8 @@ def _estimate_z(
 
     A tip alone moves on a shell: z is normal to it and points away from its center.
     """
-    tip = positions[:, -1][np.isfinite(positions[:, -1]).all(axis=1)]
+    tip = positions[:, -1]
+    tip = tip[np.isfinite(tip).all(axis=1)]
     if log_map.frame.base or positions.shape[1] > 1:
         if log_map.frame.base:
             inner = np.array(log_map.frame.base)

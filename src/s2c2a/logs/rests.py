@@ -40,9 +40,11 @@ def possible_rests(
     high = np.nanmax(values, axis=0)
     straight = _values_where_straight(values, positions, log_map)
     straight = np.where(is_free, straight, 0.0)
-    if (is_free & (np.maximum(low, -high) > FAR * (high - low)) & (high > low)).any():
+    motion = high - low
+    is_far = np.maximum(low, -high) > FAR * motion
+    if (is_free & is_far & (motion > 0.0)).any():
         return [straight]
-    if (np.abs(straight) > DOUBTFUL * (high - low)).any():
+    if (np.abs(straight) > DOUBTFUL * motion).any():
         return [zero, straight]
     return [zero]
 

@@ -283,16 +283,13 @@ def _train(
     return train(model, loss, predicted_targets, split, fit, key, progress)
 
 
-def halves(progress: TrainingProgress) -> tuple[TrainingProgress, TrainingProgress]:
-    """Progress of two trainings, each half of it."""
+def half_of(progress: TrainingProgress, number: int) -> TrainingProgress:
+    """Progress of the first (0) or the second (1) of two equal trainings."""
 
-    def first(epoch: int, epochs: int, loss: float) -> None:
-        progress(epoch, 2 * epochs, loss)
+    def half(epoch: int, epochs: int, loss: float) -> None:
+        progress(number * epochs + epoch, 2 * epochs, loss)
 
-    def second(epoch: int, epochs: int, loss: float) -> None:
-        progress(epochs + epoch, 2 * epochs, loss)
-
-    return first, second
+    return half
 
 
 def shortened(fit: FitOptions, share: float) -> FitOptions:

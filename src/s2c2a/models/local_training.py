@@ -18,7 +18,7 @@ from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_sam
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
-    halves,
+    half_of,
     hysteresis_inputs,
     hysteresis_samples,
     predicted_targets,
@@ -80,14 +80,17 @@ class LocalOptions(ChainOptions):
         have not seen all.
         """
         options = self._chain_options(data)
-        first, second = halves(progress)
         # physics alone have few parameters
         fewer = shortened(fit, 1 / 2)
         judged = {}
-        for ridge, epochs, report in ((0.0, fit, first), (RIDGE, fewer, quiet)):
+        for ridge, epochs, report in (
+            (0.0, fit, half_of(progress, 0)),
+            (RIDGE, fewer, quiet),
+        ):
             chain = options.train(data, epochs, key, report, ridge)
             judged[ridge] = self._with_process(chain, data, key)
         ridge = min(judged, key=lambda each: judged[each].errors.get(HELD_OUT, 0.0))
+        second = half_of(progress, 1)
         whole = options.train(data, fit, key, second, ridge, of_all=True).network
         inputs = hysteresis_inputs(whole, data)
         model = replace(judged[ridge].network, chain=whole)

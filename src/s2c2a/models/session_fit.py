@@ -107,13 +107,14 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
             f"at least {FOLDS * GAP} are needed to fit and to judge; turn on the tracking "
             "(--tracking), and move for 50 s"
         )
-    without = fit.tip_errors(DayChange.none(data.arm.module_count))
+    nothing = DayChange.none(data.arm.module_count)
+    without = np.linalg.norm(fit.tip_errors(nothing), axis=-1)
     tip = data.states[seen][:, -1, POSITION]
     motion = np.linalg.norm(tip - tip.mean(axis=0), axis=-1)
-    _, inflation = _judged(fit, 1.0)
-    errors, _ = _judged(fit, inflation)
+    _, inflation, _ = _judged(fit, 1.0)
+    errors, _, duration = _judged(fit, inflation)
     return SessionFit(
-        fit.posterior(np.ones_like(seen), inflation),
+        fit.posterior(np.ones_like(seen), inflation, duration),
         before=float(np.nanmean(without)),
         after=float(np.nanmean(errors)),
         improves=is_smaller(errors[seen], without[seen])
@@ -123,23 +124,34 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
 
 def _judged(
     fit: "_Residuals", inflation: float
-) -> tuple[Float[np.ndarray, "episodes samples"], float]:
-    """Errors of the tip where it was not fitted [m], and their square over that where it was.
+) -> tuple[Float[np.ndarray, "episodes samples"], float, float]:
+    """Errors of the tip where it was not fitted [m], beside those where it was.
 
     Args:
         fit: residuals of all samples.
         inflation: see `_Residuals.posterior`.
+
+    Returns:
+        Distances; their mean square over that where the tip was fitted; and the same of
+        the time for which errors last.
     """
     seen = fit.seen_tip
     order = np.cumsum(seen).reshape(seen.shape) / seen.sum()
-    errors = np.full(seen.shape, np.nan)
-    fitted_squares = []
+    errors = np.full((*seen.shape, 3), np.nan)
+    squares, times = [], []
     for middle in (np.arange(FOLDS) + 0.5) / FOLDS:
         away = np.abs(order - middle) - 0.5 / FOLDS
         found = fit.tip_errors(fit.posterior(away > APART, inflation).change)
         errors[away <= 0.0] = found[away <= 0.0]
-        fitted_squares.append(np.nanmean(found[away > APART] ** 2))
-    return errors, float(np.nanmean(errors**2) / np.mean(fitted_squares))
+        fitted = found[seen & (away > APART)]
+        squares.append(np.mean(fitted**2))
+        times.append(samples_per_independent_one(fitted))
+    unseen = errors[seen]
+    return (
+        np.linalg.norm(errors, axis=-1),
+        float(np.mean(unseen**2) / np.mean(squares)),
+        samples_per_independent_one(unseen) / float(np.mean(times)),
+    )
 
 
 class _Residuals:
@@ -168,13 +180,17 @@ class _Residuals:
         self._slopes = partial(_slopes, model=model, sensed=self._sensed)
 
     def posterior(
-        self, fitted: Bool[np.ndarray, "episodes samples"], inflation: float
+        self,
+        fitted: Bool[np.ndarray, "episodes samples"],
+        inflation: float,
+        duration: float = 1.0,
     ) -> DayPosterior:
         """The change that fits some samples, and its covariance.
 
         Args:
             fitted: the samples.
             inflation: variance of the noise over that of the residuals.
+            duration: of errors over that of the residuals; the covariance counts it.
         """
         is_seen = self._known[0] & fitted[..., None]
         expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
@@ -203,15 +219,18 @@ class _Residuals:
                 precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                 gradient += weight * np.einsum("tki,tk->i", slope, error)
             numbers += scales * np.linalg.solve(precision, gradient)
-        covariance = np.linalg.inv(precision) * np.outer(scales, scales)
+        # of an estimate whose samples tell less than it takes them for
+        noise = np.eye(len(numbers)) + duration * (precision - np.eye(len(numbers)))
+        covariance = np.linalg.solve(precision, noise) @ np.linalg.inv(precision)
+        covariance *= np.outer(scales, scales)
         change = self._as_change(jnp.asarray(numbers, jnp.float32))
         return DayPosterior(change, covariance)
 
-    def tip_errors(self, change: DayChange) -> Float[np.ndarray, "episodes samples"]:
-        """Distances of the seen tip from the model's after a change [m]; NaN: unseen."""
+    def tip_errors(self, change: DayChange) -> Float[np.ndarray, "episodes samples 3"]:
+        """Seen position of the tip less the model's after a change [m]; NaN: unseen."""
         predicted = np.asarray(self._predict(ravel_pytree(change)[0]))
         errors = (self._states - predicted)[..., -1, POSITION]
-        return np.where(self.seen_tip, np.linalg.norm(errors, axis=-1), np.nan)
+        return np.where(self.seen_tip[..., None], errors, np.nan)
 
 
 def register(

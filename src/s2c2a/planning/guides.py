@@ -206,8 +206,10 @@ class WayLeader(Leader):
         is_new = known is None or self._differs(goal, known, ("positions", *OBSTACLES))
         needs = outcome is not Outcome.SOLVED or self._way is not None
         self._stands |= is_elsewhere and not moves
-        may_search = is_new or self._is_elsewhere(bends)
-        if self._search is None and (needs or self._stands) and may_search:
+        if self._way is None and self._start is not None:
+            # far from where the last search began
+            is_new |= bool(np.abs(bends - self._start).max() > ELSEWHERE)
+        if self._search is None and (needs or self._stands) and is_new:
             self._begin_search(bends, goal)
         self._stands &= self._search is not None
         return self._along(bends)
@@ -218,12 +220,6 @@ class WayLeader(Leader):
         told = goal.preview[:, -1, POSITION] - goal.positions[-1]
         ways = np.where(np.isnan(told), PREVIEW * self._stride * step, told)
         return bool((np.abs(ways) > MOVED * self._length).any())
-
-    def _is_elsewhere(self, bends: Shape) -> bool:
-        """Whether a plan that follows no way is far from where the last search began."""
-        if self._way is not None or self._start is None:
-            return False
-        return bool(np.abs(bends - self._start).max() > ELSEWHERE)
 
     def _begin_search(self, bends: Shape, goal: Goal) -> None:
         """Begin a search, but after an earlier one that nobody waits for any more."""

@@ -143,7 +143,11 @@ class GoalMotion(NamedTuple):
         before = self.step[:count]
         smaller = jnp.where(abs(step) < abs(before), step, before)
         velocity = jnp.where(step * before > 0.0, smaller, 0.0)
-        told = _told(goal)
+        # of obstacles, a preview tells nothing
+        others = (0, 0), (0, len(goal.obstacles)), (0, 0)
+        preview = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
+        told = jnp.concatenate(preview, axis=1)
+        told = jnp.pad(told, others, constant_values=np.nan)
         steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
         foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
         if approach.stride > 1:
@@ -276,13 +280,6 @@ def _desired(goal: Goal) -> Float[Array, "targets 1"]:
 def _rows(goal: Goal) -> Rows:
     values = goal.positions, goal.axes, goal.obstacles
     return jnp.concatenate([jnp.asarray(value, jnp.float32) for value in values])
-
-
-def _told(goal: Goal) -> Float[Array, "moments rows 3"]:
-    """Rows that a preview tells; NaN where it does not, as of obstacles."""
-    targets = jnp.concatenate(jnp.split(jnp.asarray(goal.preview), 2, axis=-1), axis=1)
-    gap = (0, 0), (0, len(goal.obstacles)), (0, 0)
-    return jnp.pad(targets, gap, constant_values=np.nan)
 
 
 def _goals(goal: Goal, rows: Float[Array, "moments rows 3"]) -> Goal:

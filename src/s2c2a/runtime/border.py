@@ -53,13 +53,9 @@ def attribute(part: Any, name: str, error_type: type[S2C2AError], *default: Any)
 
 def described(error: Exception) -> str:
     """Return type, text, and place in a user's own code of a foreign exception."""
-    return f"{type(error).__name__}: {error}{_place(error)}"
-
-
-def _place(error: Exception) -> str:
-    """Where a user's own code raised an error, in parentheses; empty if there is none."""
+    text = f"{type(error).__name__}: {error}"
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         file = Path(frame.filename)
         if file.is_file() and not any(map(file.is_relative_to, LIBRARIES)):
-            return f" ({file.name}, line {frame.lineno})"
-    return ""
+            return f"{text} ({file.name}, line {frame.lineno})"
+    return text

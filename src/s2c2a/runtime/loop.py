@@ -205,7 +205,8 @@ class Loop:
             if not fault:
                 reading = self._sensing(reading)
             previous_stage = self._update_stage(request, fault)
-            if self._is_passive(fault):
+            is_held = fault or self.standstill
+            if is_held or self.phase.stage not in (Stage.RUN, Stage.HOLD):
                 # hold the last command, or move toward rest; the driver does not act
                 self._tick_time = 0.0
                 if self.phase.stage is Stage.RELEASE:
@@ -219,7 +220,9 @@ class Loop:
                     # an arm at rest may wait for a controller that compiles
                     self._commanded_at = np.inf
                     self._checked_driver.start(reading)
-                sent = self._control_step(reading, self._goal(request))
+                # none while the arm is held
+                goal = request.goal if self.phase.stage is Stage.RUN else None
+                sent = self._control_step(reading, goal or self._no_goal)
                 diagnostics = self._checked_driver.diagnostics()
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
@@ -285,9 +288,14 @@ class Loop:
         self.close()
 
     def _go_to_rest(self) -> None:
-        """Move to rest past failures, until too many follow each other."""
+        """Move to rest past failures, until too many follow each other.
+
+        Simulations move to rest only after errors.
+        """
         failures = 0
-        while self._is_led_to_rest() and not self._limiter.at_rest:
+        while not (self._halted or self._limiter.at_rest):
+            if self._robot.own_time and not self._stopped:
+                return
             try:
                 # wait, and send the next command on the way to rest
                 self._wait()
@@ -303,12 +311,6 @@ class Loop:
                 failures += 1
             if failures >= self._patience.unsound:
                 return
-
-    def _is_led_to_rest(self) -> bool:
-        """Whether the robot moves to rest at the end; simulations only after errors."""
-        if self._halted:
-            return False
-        return self._stopped or not self._robot.own_time
 
     def _reset(self) -> None:
         self._check.reset()
@@ -383,17 +385,6 @@ class Loop:
         if self._limiter.changed(desired):
             driver.sent(command)
         return sent
-
-    def _goal(self, request: StepRequest) -> Goal:
-        """The goal of a step: none while the arm is held."""
-        if self.phase.stage is Stage.HOLD or request.goal is None:
-            return self._no_goal
-        return request.goal
-
-    def _is_passive(self, fault: str) -> bool:
-        """Whether the controller does not act in this step."""
-        is_held = bool(fault or self.standstill)
-        return is_held or self.phase.stage not in (Stage.RUN, Stage.HOLD)
 
     def _send(self, command: Actions) -> Actions:
         """Send a command; return what the robot sent [m or N] after one period."""

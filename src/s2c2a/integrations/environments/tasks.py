@@ -207,7 +207,8 @@ class Avoid(Reach):
         changes = np.flatnonzero(np.abs(np.diff(goals, axis=0)).max(axis=-1) > 0)
         second = goals[changes[0] + 1] if len(changes) else tip
         center = (goals[0] + second) / 2
-        gap = min(np.linalg.norm(center - goals[0]), np.linalg.norm(center - second))
+        # the center is as far from both
+        gap = np.linalg.norm(center - second)
         radius = min(radius, 0.5 * float(gap))
         return Scenario(found.goals, found.forces, np.array([*center, radius]))
 

@@ -226,7 +226,8 @@ def second_order_response(
     # SciPy takes longer than the filter
     lag = 1.0 / (np.pi * frequency * period)
     loss = 2.0 * damping * lag
-    denominator = [lag**2 + loss + 1.0, 2.0 - 2.0 * lag**2, lag**2 - loss + 1.0]
+    square = lag**2
+    denominator = [square + loss + 1.0, 2.0 - 2.0 * square, square - loss + 1.0]
     return lfilter([1.0, 2.0, 1.0], denominator, inputs)
 
 

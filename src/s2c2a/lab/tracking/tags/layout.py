@@ -199,10 +199,11 @@ def _face(
     x = half_width * math.cos(angle)
     y = half_width * math.sin(angle)
     # the turn about z after the turn that carries x, y, z of the tag to y, z, x
-    turn = Pose.measured((0, 0, 0), (0, 0, math.sin(angle / 2), math.cos(angle / 2)))
+    half = angle / 2
+    turn = Pose.measured((0, 0, 0), (0, 0, math.sin(half), math.cos(half)))
     first = Pose.measured((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
-    quaternion = [float(value) for value in (turn @ first).rotation]
-    return (x, y, height), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
+    qx, qy, qz, qw = (float(value) for value in (turn @ first).rotation)
+    return (x, y, height), (qx, qy, qz, qw)
 
 
 def save_layout(layout: TagLayout, path: str | os.PathLike) -> None:
