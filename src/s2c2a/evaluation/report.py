@@ -90,30 +90,37 @@ def describe_plans(episode: Episode) -> str:
     the step limit held the plan back from a goal within reach.
     """
     counts: dict[str, int] = {}
+    limited = _limited_steps(episode)
     outcomes = episode.ran("outcome") if "outcome" in episode.columns else np.zeros(0)
     for outcome, text in PLAN_OUTCOMES.items():
         counts[f"the planner {text}"] = int((outcomes == outcome).sum())
-    limit_text = (
-        f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
-    )
-    out_of_reach = f"the planner {PLAN_OUTCOMES[Outcome.OUT_OF_REACH]}"
-    counts[limit_text] = int(_limited_steps(episode).sum())
+    limit = f"the step limit of {episode.arm.step_limit_deg:g} deg"
+    counts[f"{limit} held the plan back"] = int(limited.sum())
     sentences = [
         f"{text} in {count} of {len(episode.running)} steps"
         for text, count in counts.items()
         if count
     ]
-    if counts.get(out_of_reach) and (payload := _largest_payload(episode)):
+    if limited.any() and np.median(_goal_moves(episode)[limited]):
+        sentences[-1] += " (a slower --pace helps)"
+    if payload := _largest_payload(episode):
         sentences.append(f"with up to {1000 * payload:.0f} g (estimated) at its tip")
     return ", ".join(sentences)
 
 
+def _goal_moves(episode: Episode) -> Bool[np.ndarray, " steps"]:
+    """Steps in which a desired position changes, as it does along a path."""
+    desired = episode.ran("desired_positions")
+    changes = np.abs(np.diff(desired, axis=0, prepend=np.nan))
+    return (changes > 0).any(axis=(1, 2))
+
+
 def _largest_payload(episode: Episode) -> float:
     """Largest estimated payload where goals are out of reach [kg]; 0 if it is small."""
-    if "payload" not in episode.columns:
+    if not episode.columns.keys() >= {"payload", "outcome"}:
         return 0.0
     is_out_of_reach = episode.ran("outcome") == Outcome.OUT_OF_REACH
-    payload = float(episode.ran("payload")[is_out_of_reach].max())
+    payload = float(episode.ran("payload")[is_out_of_reach].max(initial=0.0))
     return payload if payload > MIN_LOAD * episode.arm.mass else 0.0
 
 
@@ -149,8 +156,7 @@ def describe_jumps_of_frame(episodes: Sequence[Episode]) -> str:
         if "states" not in episode.sensors:
             continue
         times = episode["time"]
-        states = episode.sensor("states")
-        jumps = find_frame_jumps(states, times, episode.arm.length)
+        jumps = find_frame_jumps(episode.sensor("states"), times, episode.arm.length)
         for row, shift in jumps.items():
             place = f"episode {number}, " if len(episodes) > 1 else ""
             place += f"step {row + 1} ({times[row]:.1f} s)"
