@@ -20,13 +20,17 @@ from tyro.extras import SubcommandApp
 from s2c2a.cli.dependent_options import check_conditions
 from s2c2a.cli.main import TRUST, app
 from s2c2a.errors import S2C2AError
+from s2c2a_experiments.cli import TABLES
 
 from tools.page_blocks import FENCES, HIDDEN_COMMANDS, SHELLS, language_of
 
 COMMAND = "s2c2a"
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 PLACEHOLDER = re.compile(r"^[A-Z][A-Z_]*$")
+NAME = re.compile(r"[a-z]")
 OPTION = re.compile(r"--[\w-]+")
+ALONE = re.compile(r"^[ #]*(s2c2a [a-z](?:\\\n|.)*)", re.MULTILINE)
+CONTINUED = re.compile(r"\\+\n[ #]*")
 SEPARATOR = re.compile(r"^[();<>|&]+$")
 INCOMPLETE = ("Required options", "Missing argument")
 """What tyro prints above arguments that are absent."""
@@ -59,6 +63,16 @@ def command_lines(page: Path) -> list[CommandLine]:
     return [*lines, *_inline_lines(page, text)]
 
 
+def command_lines_in_code(file: Path) -> list[CommandLine]:
+    """All command lines in a Python or TOML file: quoted, or alone on a line of text."""
+    text = file.read_text(encoding="utf-8")
+    lines = []
+    for found in ALONE.finditer(text):
+        first = text.count("\n", 0, found.start()) + 1
+        lines += _lines_of_block(file, first, CONTINUED.sub(" ", found[1]))
+    return [*lines, *_inline_lines(file, text)]
+
+
 def fault_of(line: CommandLine) -> str:
     """What is wrong with a command line; empty if it parses."""
     given = list(line.words)
@@ -73,6 +87,9 @@ def fault_of(line: CommandLine) -> str:
         if words and not words[0].startswith("-"):
             return f"'{words[0]}' is no command; commands are {names}"
         return "" if line.inline else f"a command is missing: {names}"
+    table = words[0] if line.words[0] == "reproduce" and words else ""
+    if NAME.match(table) and table not in TABLES:
+        return f"'{table}' is no table; tables are {', '.join(TABLES)}"
     output = _parse(target, words)
     if output and line.inline:
         replaced = ["1" if PLACEHOLDER.match(word) else word for word in words]

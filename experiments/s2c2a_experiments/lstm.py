@@ -81,7 +81,12 @@ class LSTMComparison(StrategyOptions):
                 "motion capture on"
             )
         trained = self.options.train(
-            recording.arm, tips, recording.actions, jax.random.key(seed), lstm_progress
+            recording.arm,
+            tips,
+            recording.actions,
+            recording.lengths,
+            jax.random.key(seed),
+            lstm_progress,
         )
         return TrainedNetworks(recording.arm, recipe, seed, {NETWORK: trained})
 

@@ -1,5 +1,6 @@
 """The LSTM of the paper's comparison: a sequence of tip positions directly to actions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
@@ -11,7 +12,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Samples, Split
-from s2c2a.data.windows import history_samples
+from s2c2a.data.windows import Lengths, history_samples
 from s2c2a.models.actions import Actions, NoisyLoss
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
@@ -152,6 +153,7 @@ class LSTMOptions(Size):
         arm: ArmSpec,
         tips: Float[np.ndarray, "episodes samples 3"],
         actions: Float[np.ndarray, "episodes samples modules cables"],
+        lengths: Sequence[int],
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[TipLSTM]:
@@ -161,6 +163,7 @@ class LSTMOptions(Size):
             arm: of the recording.
             tips: true tip positions [m], base frame.
             actions: as sent [m or N].
+            lengths: number of samples of each episode; the rest is padding.
             key: for weights, order and noise.
             progress: called with epoch, number of epochs, validation loss.
 
@@ -168,7 +171,8 @@ class LSTMOptions(Size):
             TrainingError: too few samples, or the loss is not finite.
         """
         network_key, fit_key = jax.random.split(key)
-        split = lstm_samples(tips, actions, ArmGeometry.of(arm).action_neutral)
+        neutral = ArmGeometry.of(arm).action_neutral
+        split = lstm_samples(tips, actions, neutral, lengths)
         scaling = Scaling.of(split.training.inputs["desired"])
         model = replace(self.untrained(arm, network_key), position_scaling=scaling)
         loss = NoisyLoss(_predict_lstm, self.history_noise)
@@ -180,6 +184,7 @@ def lstm_samples(
     positions: Float[np.ndarray, "episodes samples 3"],
     actions: Float[np.ndarray, "episodes samples modules cables"],
     neutral: Float[np.ndarray, "modules cables"],
+    lengths: Lengths = None,
 ) -> Split:
     """Samples for the LSTM: p_{t+1}, p_{t-4} to p_t, A_{t-5} to A_{t-1} in, A_t out.
 
@@ -190,6 +195,7 @@ def lstm_samples(
         positions: positions of the tip [m], base frame; NaN: unknown.
         actions: actions that were sent [m or N].
         neutral: action at rest [m or N].
+        lengths: number of samples of each episode, if they differ; the rest is padding.
     """
     split = history_samples(
         "positions",
@@ -199,6 +205,7 @@ def lstm_samples(
         sensed_ages=range(ACTION_HISTORY - 1, -1, -1),
         action_ages=range(ACTION_HISTORY, 0, -1),
         axis=1,
+        lengths=lengths,
     )
     return Split(*map(_known, split.parts))
 

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from unittest import SkipTest
 
@@ -10,7 +10,12 @@ import pytest
 from sybil import Document
 
 from tools import ROOT, all_pages, page_blocks
-from tools.command_lines import CommandLine, command_lines, fault_of
+from tools.command_lines import (
+    CommandLine,
+    command_lines,
+    command_lines_in_code,
+    fault_of,
+)
 from tools.page_blocks import PAGES, QUIET, BlockError
 
 QUICK = {"docs/guides/tracking.md": ["StateCheck"]}
@@ -50,13 +55,26 @@ def run_page(page) -> list[str]:
     return outcomes
 
 
+def faults_of(lines: Iterable[CommandLine]) -> dict[str, str]:
+    """Command lines that do not parse, and why."""
+    faults = {
+        f"{line.place}: s2c2a {' '.join(line.words)}": fault_of(line) for line in lines
+    }
+    return {line: fault for line, fault in faults.items() if fault}
+
+
 @pytest.mark.parametrize("page", all_pages(), ids=name_of)
 def test_every_command_line_of_a_page_parses(page):
-    faults = {
-        f"{line.place}: s2c2a {' '.join(line.words)}": fault_of(line)
-        for line in command_lines(page)
-    }
-    assert not {line: fault for line, fault in faults.items() if fault}
+    assert not faults_of(command_lines(page))
+
+
+@pytest.mark.parametrize("folder", ["src", "experiments", "examples"])
+@pytest.mark.parametrize("ending", ["py", "toml"])
+def test_every_command_line_in_code_parses(folder, ending):
+    files = sorted((ROOT / folder).rglob(f"*.{ending}"))
+    lines = [line for file in files for line in command_lines_in_code(file)]
+    assert lines
+    assert not faults_of(lines)
 
 
 @pytest.mark.parametrize("page", all_pages(), ids=name_of)
@@ -94,6 +112,7 @@ def test_a_wrong_command_line_is_reported():
     assert "no command" in parsed("arm chek mine.toml")
     assert "Required options" in parsed("collect")
     assert "a command is missing" in parsed("motors")
+    assert "'bogus' is no table" in parsed("reproduce bogus")
 
 
 def test_inline_code_may_leave_arguments_out_and_name_placeholders():
@@ -101,6 +120,20 @@ def test_inline_code_may_leave_arguments_out_and_name_placeholders():
     assert parsed("motors", inline=True) == ""
     assert parsed("arm random --seed N --strength S", inline=True) == ""
     assert "--bogus" in parsed("collect --bogus", inline=True)
+
+
+def test_command_lines_are_found_in_code(tmp_path):
+    file = tmp_path / "arm.toml"
+    file.write_text(
+        "# Made by `s2c2a doctor`, or `run circle --project`; s2c2a is a name:\n"
+        "#   s2c2a run circle \\\n"
+        "#     --arm arm.toml\n"
+    )
+    assert [(line.words, line.inline) for line in command_lines_in_code(file)] == [
+        (("run", "circle", "--arm", "arm.toml"), False),
+        (("doctor",), True),
+        (("run", "circle", "--project"), True),
+    ]
 
 
 @pytest.fixture

@@ -42,16 +42,27 @@ def test_steps_are_counted_by_outcome(columns, text):
     assert describe_plans(make_episode(**columns)) == text
 
 
-def test_plans_that_the_step_limit_holds_back_are_counted():
-    """Two whole steps, the second of which misses the target, and a shorter one."""
+HELD_POINT = [[0.02, 0, 0]] * 4
+PATH = [[0.02, 0, 0], [0, 0, 0], [0, 0.02, 0], [0.02, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("tip", "text"),
+    [(PATH, "1 of 4 steps (a slower --pace helps)"), (HELD_POINT, "2 of 4 steps")],
+)
+def test_plans_that_the_step_limit_holds_back_are_counted(tip, text):
+    """Two whole steps, the first of which reaches the path, and a shorter one."""
     angles = np.deg2rad([0.0, 4.0, 8.0, 11.0])[:, None]
     planned = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=-1)
     planned = planned.repeat(3, axis=1)
+    desired = np.full((4, 3, 3), np.nan)
+    desired[:, -1] = tip
     outcome = np.full(4, Outcome.MOVING)
-    outcome[1] = Outcome.SOLVED
-    episode = make_episode(planned=planned, outcome=outcome)
+    if tip is PATH:
+        outcome[1] = Outcome.SOLVED
+    episode = make_episode(planned=planned, outcome=outcome, desired_positions=desired)
     assert describe_plans(episode) == (
-        "the step limit of 4 deg held the plan back in 1 of 4 steps"
+        f"the step limit of 4 deg held the plan back in {text}"
     )
 
 

@@ -45,6 +45,12 @@ def test_windows_with_an_unknown_tip_are_dropped():
     np.testing.assert_array_equal(split.test.targets, SPLIT.test.targets)
 
 
+def test_padding_of_shorter_episodes_is_ignored():
+    split = lstm_samples(POSITIONS, ACTIONS, NEUTRAL, (100, 60))
+    targets = np.concatenate([part.targets for part in split.parts])
+    assert targets.max() < 10000.0 * 2 + 10.0 * 60
+
+
 @pytest.mark.parametrize("part", ["training", "validation", "test"])
 def test_the_lstm_and_c2a_have_the_same_targets(part):
     """The same data, split alike: a fair comparison."""

@@ -45,14 +45,18 @@ def record(path: Path, arm: ArmSpec, samples: int = 250) -> Recording:
 
 
 def write_log(
-    folder: Path, recording: Recording, tip_only: bool, signs_stated: bool = False
+    folder: Path,
+    recording: Recording,
+    tip_only: bool,
+    signs_stated: bool = False,
+    shuffled: bool = True,
 ) -> SimulatedLog:
-    """Write a recording as CSV."""
+    """Write a recording as CSV; if it is not shuffled, all displacements lengthen."""
     random = np.random.default_rng(0)
     arm = recording.arm
     count = arm.module_count * arm.cable_count
-    order = random.permutation(count)
-    signs = random.choice([-1, 1], count)
+    order = random.permutation(count) if shuffled else np.arange(count)
+    signs = random.choice([-1, 1] if shuffled else [1], count)
     modules = list(range(arm.module_count))
     if tip_only:
         modules = modules[-1:]

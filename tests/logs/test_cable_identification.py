@@ -7,6 +7,7 @@ import pytest
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
+from s2c2a.arm.randomized import randomized_arm
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes
 from s2c2a.logs import (
@@ -138,6 +139,30 @@ def test_rotations_of_one_end_are_judged_without_those_of_the_other():
     assert 'write order = "wxyz" for the ends' in sentence
 
 
+def ambiguous_modules(imported: Imported) -> set[int]:
+    """Modules whose signs are ambiguous; texts count from 1."""
+    return {int(text.split()[1].strip(":")) - 1 for text in imported.ambiguities}
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_every_sign_that_is_not_identified_is_ambiguous(tmp_path, seed):
+    """The tip alone, of arms that the cable model fits badly; all signs are equal."""
+    arm = randomized_arm(TWIN, seed, 0.5)
+    recording = record(tmp_path / "arm.episodes", arm, 150)
+    log = write_log(tmp_path, recording, tip_only=True, shuffled=False)
+    modules = log.order // arm.cable_count
+    first, *drives = log.map.split("[[drives]]\n")
+    stated = [
+        f"module = {module}\n{drive}"
+        for module, drive in zip(modules, drives, strict=True)
+    ]
+    imported = import_logs(
+        [log.path], map_from_toml("[[drives]]\n".join([first, *stated]))
+    )
+    is_reversed = imported.assignment.signs == log.signs
+    assert set(modules[is_reversed]) <= ambiguous_modules(imported)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "tip_only"), [("other", True), ("twin_arm", False)])
 def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
@@ -152,9 +177,7 @@ def test_modules_signs_and_angles_are_identified_or_a_sign_is_ambiguous(
     np.testing.assert_array_equal(imported.assignment.modules, modules)
     # a positive displacement releases the cable
     is_reversed = imported.assignment.signs == log.signs
-    # texts count modules from 1
-    ambiguous = {int(text.split()[1].strip(":")) - 1 for text in imported.ambiguities}
-    assert set(modules[is_reversed]) <= ambiguous
+    assert set(modules[is_reversed]) <= ambiguous_modules(imported)
     # all cables of a module, or none
     assert all(len(set(is_reversed[modules == module])) == 1 for module in modules)
     identified = np.rad2deg(imported.fit.parameters.angles) + 180 * is_reversed

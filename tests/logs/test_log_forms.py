@@ -392,14 +392,7 @@ def test_damaged_tables_are_errors(log, tmp_path, ending):
             take_of(path, simulated.map)
 
 
-def test_files_without_names_stand_side_by_side(tmp_path):
-    """Such as an ASCII export of Vicon Nexus beside the values of the motors."""
-    motors = tmp_path / "motors.csv"
-    motors.write_text("1.0,2.0\n3.0,4.0\n")
-    ends = tmp_path / "nexus.csv"
-    names = "Trajectories\n100\n,,Arm:tip,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
-    ends.write_text(f"{names}1,0,10,20,300\n2,0,11,21,299\n")
-    text = """
+NEXUS = """
         [rows]
         kind = "steps"
         skip_lines = [0, 5]
@@ -417,9 +410,62 @@ def test_files_without_names_stand_side_by_side(tmp_path):
         position = ["2:3", "2:4", "2:5"]
         unit = "mm"
         """
-    (take,) = _read_takes([motors, ends], map_from_toml(text))
+
+
+@pytest.fixture
+def nexus(tmp_path):
+    """Values of motors, and an ASCII export of Vicon Nexus; neither has names."""
+    motors = tmp_path / "motors.csv"
+    motors.write_text("1.0,2.0\n1.01,4.0\n")
+    ends = tmp_path / "nexus.csv"
+    names = "Trajectories\n100\n,,Arm:tip,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
+    ends.write_text(f"{names}100,0,10,20,300\n101,0,11,21,299\n")
+    return motors, ends
+
+
+def test_files_without_names_stand_side_by_side(nexus):
+    (take,) = _read_takes(nexus, map_from_toml(NEXUS))
     np.testing.assert_allclose(take.commanded[:, 0], [0.002, 0.004])
     np.testing.assert_allclose(take.positions[0, 0], [0.01, 0.02, 0.3])
-    same = text.replace("1:2", "2").replace("2:3", "1")
+    same = NEXUS.replace("1:2", "2").replace("2:3", "1")
     with pytest.raises(LogError, match=r"several of .* write 1:NAME"):
-        _read_takes([motors, ends], map_from_toml(same))
+        _read_takes(nexus, map_from_toml(same))
+
+
+def test_numbers_of_frames_are_times(nexus):
+    rate = 'by = "time"\ntimes = ["1:1", "2:1"]\nunits = ["s", 0.01]\noffset = [0]'
+    text = NEXUS.replace('by = "row"', rate)
+    text = text.replace('kind = "steps"', 'kind = "timed"\ntime = "1:1"')
+    (take,) = _read_takes(nexus, map_from_toml(text))
+    np.testing.assert_allclose(take.time, [1.0, 1.01])
+    np.testing.assert_allclose(take.positions[1, 0], [0.011, 0.021, 0.299])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "[0, 5]",
+            "[0, 4]",
+            r"it has mm, mm, mm, below the 4 lines .* correct that number",
+        ),
+        (
+            "[0, 5]",
+            "[0, 6]",
+            r"motors\.csv has 2 rows and .*nexus\.csv has 1; .*skip_lines",
+        ),
+        ("2:5", "3:3", r"names: 3:3; .*; N:NAME is column NAME of the Nth"),
+    ],
+)
+def test_a_wrong_map_of_files_without_names_says_what_is_wrong(nexus, old, new, told):
+    with pytest.raises(LogError, match=told):
+        _read_takes(nexus, map_from_toml(NEXUS.replace(old, new)))
+
+
+def test_a_column_whose_name_looks_like_that_of_a_file_is_written_with_the_file(nexus):
+    nexus[0].write_text("t,1:x\n1.0,2.0\n3.0,4.0\n")
+    named = NEXUS.replace("1:2", "1:1:x")
+    (take,) = _read_takes(nexus, map_from_toml(named))
+    np.testing.assert_allclose(take.commanded[:, 0], [0.002, 0.004])
+    with pytest.raises(LogError, match="a column called 1:x itself is 1:1:x"):
+        _read_takes(nexus, map_from_toml(NEXUS.replace("1:2", "1:x")))

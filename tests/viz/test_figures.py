@@ -205,7 +205,9 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     run_figure([make_trace(obstacles=obstacles)], arm, tmp_path / "run.png")
     above = drawn_figures[-1].axes[-1]
     assert len(above.patches) == 1
-    assert "from 0.5 s" in [text.get_text() for text in above.texts]
+    (label,) = [text for text in above.texts if text.get_text() == "from 0.5 s"]
+    assert label.get_zorder() > max(line.get_zorder() for line in above.lines)
+    assert label.get_bbox_patch() is not None
 
 
 @pytest.mark.parametrize("width", [5.0, 7.6])

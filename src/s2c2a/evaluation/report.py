@@ -92,14 +92,19 @@ def describe_plans(episode: Episode) -> str:
         return ""
     outcomes = episode.ran("outcome")
     held_back = _are_whole_steps(episode) & (outcomes == Outcome.MOVING)
+    limit = f"the step limit of {episode.arm.step_limit_deg:g} deg held the plan back"
     steps = {text: outcomes == outcome for outcome, text in PLAN_OUTCOMES.items()}
-    limit = episode.arm.step_limit_deg
-    steps[f"the step limit of {limit:g} deg held the plan back"] = held_back
-    return ", ".join(
+    steps |= {limit: held_back}
+    sentences = [
         f"{text} in {are.sum()} of {len(are)} steps"
         for text, are in steps.items()
         if are.any()
-    )
+    ]
+    if held_back.any():
+        changes = np.diff(episode.ran("desired_positions"), axis=0, prepend=np.nan)
+        if np.median((abs(changes[held_back]) > 0).any(axis=(1, 2))):
+            sentences[-1] += " (a slower --pace helps)"
+    return ", ".join(sentences)
 
 
 def describe_faults(episode: Episode) -> str:
@@ -134,8 +139,7 @@ def describe_jumps_of_frame(episodes: Sequence[Episode]) -> str:
         if "states" not in episode.sensors:
             continue
         times = episode["time"]
-        states = episode.sensor("states")
-        jumps = find_frame_jumps(states, times, episode.arm.length)
+        jumps = find_frame_jumps(episode.sensor("states"), times, episode.arm.length)
         for row, shift in jumps.items():
             place = f"episode {number}, " if len(episodes) > 1 else ""
             place += f"step {row + 1} ({times[row]:.1f} s)"

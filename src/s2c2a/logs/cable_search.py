@@ -374,7 +374,9 @@ def _choose_signs(
             TRIAL_ITERATIONS,
         )
         ratio = _sign_cost(new, trial, module) / _sign_cost(fit, assignment, module)
-        if AMBIGUOUS_RATIO < ratio < 1 / AMBIGUOUS_RATIO:
+        # uneven cables decide, but are no proof: right signs of a poor model have some
+        ratios = (ratio, new.cost / fit.cost)
+        if max(ratios) > AMBIGUOUS_RATIO and min(ratios) < 1 / AMBIGUOUS_RATIO:
             ambiguities.append(
                 f"module {module + 1}: whether larger numbers pull or release "
                 "(both explain the log about equally well; state `positive` of its drives)"

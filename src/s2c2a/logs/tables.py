@@ -2,11 +2,11 @@
 
 import json
 import os
+import re
 from array import array
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from s2c2a.logs.errors import MAX_ROWS, LogError
 
 MAX_CELL_LENGTH = 400
 MAX_SHOWN = 12
+PREFIXED = re.compile(r"\d+:.")
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,20 @@ class ColumnRequest:
 
 def list_names(names: Collection[str]) -> str:
     """Comma-separated names, shortened to the first dozen."""
-    if not names:
+    named = [name[:40] for name in names if name.strip()]
+    if not named:
         return "none"
-    shown = ", ".join(name[:40] for name in islice(names, MAX_SHOWN))
-    return shown + (", ..." if len(names) > MAX_SHOWN else "")
+    return ", ".join(named[:MAX_SHOWN]) + (", ..." if len(named) > MAX_SHOWN else "")
+
+
+def prefix_advice(names: Iterable[str]) -> str:
+    """How maps name columns of joined files, where a name begins like those; or empty."""
+    if not any(PREFIXED.match(name) for name in names):
+        return ""
+    return (
+        "; N:NAME is column NAME of the Nth file that the map joins, and a column "
+        "called 1:x itself is 1:1:x"
+    )
 
 
 def check_distinct(tables: Iterable["Table"], shared: str) -> None:
@@ -149,10 +160,13 @@ def check_any_found(
     if not found:
         below = "; if names stand further down, set rows.skip_lines to the lines above"
         if skipped_lines:
-            below = f", below the {skipped_lines} lines that rows.skip_lines skips"
+            below = (
+                f", below the {skipped_lines} lines that rows.skip_lines skips; correct "
+                "that number if these are not the names, or not the first row"
+            )
         raise LogError(
             f"{path} has none of the columns that the map names; "
-            f"it has {list_names(available)}{below}"
+            f"it has {list_names(available)}{below}{prefix_advice(available)}"
         )
 
 

@@ -22,7 +22,7 @@ from s2c2a.logs.log_map import (
     Vector,
 )
 from s2c2a.logs.row_times import row_times
-from s2c2a.logs.tables import Table, check_distinct, list_names
+from s2c2a.logs.tables import Table, check_distinct, list_names, prefix_advice
 from s2c2a.logs.time_join import join_by_time
 from s2c2a.measurements.frozen_ends import find_frozen
 
@@ -86,6 +86,7 @@ def build_take(tables: Sequence[Table], log_map: LogMap) -> LogTake:
         raise LogError(
             f"{table.path} lacks columns that the map names: "
             f"{list_names(sorted(missing))}; it has others: {list_names(sorted(others))}"
+            f"{prefix_advice(missing)}"
         )
     positions = np.stack([positions_of(table, end) for end in log_map.ends], axis=1)
     axes = np.stack([_axes(table, end) for end in log_map.ends], axis=1)
@@ -150,9 +151,11 @@ def _join(
         return _join_by_key(tables, log_map.join.key), ()
     counts = [len(table) for table in tables]
     if len(set(counts)) > 1:
+        first, *later = [f"{table.path} has {len(table)}" for table in tables]
         raise LogError(
-            f"{' and '.join(table.path for table in tables)} have {counts} rows; "
-            'by = "row" needs as many in each; join by a key or by time'
+            f'{first} rows and {", ".join(later)}; by = "row" needs as many in each: '
+            "correct rows.skip_lines if a header counts as a row, or a row as a header; "
+            "else join by a key or by time"
         )
     numbered = [
         replace(table, numbers={**table.numbers, ROW: np.arange(len(table))})

@@ -322,8 +322,7 @@ class Step(NamedTuple):
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         # a target that stays in an obstacle is out of reach
         passes = motion.passes & (motion.step[self.arm.module_count - 1] != 0.0).any()
-        passes &= judged != Outcome.SOLVED
-        judged = jnp.where(passes, Outcome.PASSING, judged)
+        judged = jnp.where(passes & (judged > Outcome.SOLVED), Outcome.PASSING, judged)
         new = {
             "configurations": planned.configurations,
             "bends": planned.bends,

@@ -26,7 +26,7 @@ from s2c2a.strategies.trained import TrainedNetworks
 
 ENDING = ".session.json"
 NO_SESSION = "none"
-MAKE_ONE = "make one with `s2c2a session`, delete it, or leave it out with `run --session none`"
+MAKE_ONE = "make one with `s2c2a session`, delete it, or add `--session none`"
 Length = Annotated[float, Field(ge=-100.0, le=100.0)]  # m; of a room with a tracking
 Angle = Annotated[float, Field(ge=-4.0, le=4.0)]  # rad; fits turn a little beyond pi
 Softness = Annotated[float, Field(ge=-1.0, le=1.0)]  # five times what arms change by

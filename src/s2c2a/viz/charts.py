@@ -107,11 +107,8 @@ def label_log_axis(axes: Axes) -> None:
 
 def padded_limits(values: np.ndarray) -> tuple[float, float]:
     """Axis limits around all finite values, at least `MIN_SPAN` apart."""
-    low, high = 0.0, 0.0
     finite = values[np.isfinite(values)]
-    if finite.size:
-        low = finite.min()
-        high = finite.max()
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
     middle = (low + high) / 2
     half = max(high - low, MIN_SPAN) / 2
     return float(middle - 1.12 * half), float(middle + 1.12 * half)
@@ -217,11 +214,13 @@ def draw_obstacles(axes: Axes, obstacles: Obstacles, view: View, **style) -> Non
 def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
     """Draw every obstacle of a run with the time when it appears or has moved."""
     before = ""
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    style: dict[str, Any] = {"color": INK, "fontsize": 9, "clip_on": True, "bbox": box}
     for row, note in trace.drawn_obstacles():
         draw_obstacles(axes, row[None], view, label="obstacle")
-        style: dict[str, Any] = {"color": MUTED, "fontsize": 7.5, "clip_on": True}
         if note != before:  # the spheres of a mesh have one note
-            axes.text(*seen(row, view), note, ha="center", va="center", **style)
+            text = axes.text(*seen(row, view), note, ha="center", va="center", **style)
+            text.set_zorder(FRONT + 1)
         before = note
 
 
@@ -254,9 +253,7 @@ def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
     finite = errors[np.isfinite(errors)]
     if not finite.size:
         return label
-    mean = f"{finite.mean():.{digits}f}"
-    deviation = f"{finite.std():.{digits}f}"
-    return f"{label}   {mean} ± {deviation}{unit}"
+    return f"{label}   {finite.mean():.{digits}f} ± {finite.std():.{digits}f}{unit}"
 
 
 def named_error(trace: Trace) -> str:

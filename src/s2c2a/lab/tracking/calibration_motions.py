@@ -220,8 +220,9 @@ def play_motion(
                     raise RobotError(
                         f"for {LATE_PATIENCE:g} s all readings took more than "
                         f"{1000 / COMMAND_RATE:g} ms (the last one "
-                        f"{1000 * player.duration:.0f} ms); check the bus (`s2c2a motors "
-                        "timing`) and the latency of its adapter, then start again"
+                        f"{1000 * player.duration:.0f} ms); check the bus "
+                        "(`s2c2a motors timing`) and the latency of its adapter, then "
+                        "start again"
                     )
     if player.late:
         warnings.warn(
