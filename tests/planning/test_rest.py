@@ -1,5 +1,7 @@
 """An arm moves slowly to a goal that rests, and the more slowly, the less it helps."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,9 @@ import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.goals import PREVIEW, Goal
+from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.planning import BEST, Outcome
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
@@ -123,42 +127,41 @@ def test_an_arm_that_lies_far_from_its_goal_for_two_windows_is_overloaded(after)
     assert not rest.is_overloaded
     rest = over(after, rest, lying)
     assert rest.is_overloaded
-    # until the goal changes; its steps do not shrink
-    rest = over(after, rest, tip_gaps([0.0] * (3 * WINDOW)))
+    # until the goal changes, or the arm is there again; its steps do not shrink
+    rest = over(after, rest, tip_gaps([0.1] * (3 * WINDOW)))
     assert rest.is_overloaded
     assert float(rest.step) == pytest.approx(SLOW)
+    assert not over(after, rest, tip_gaps([0.0] * WINDOW)).is_overloaded
 
 
 @pytest.mark.parametrize(
-    "windows",
+    "gaps",
     [
-        [(FAR_AWAY, 0.0)] * 4,  # out of reach, or on its way
-        [(0.0, FAR_AWAY)] * 4,  # a load that is carried
-        [(FAR_AWAY, FAR_AWAY), (0.8 * FAR_AWAY, FAR_AWAY)] * 2,  # falls once
-        [(FAR_AWAY, FAR_AWAY), (np.nan, np.nan)] * 2,  # is not seen
+        tip_gaps([FAR_AWAY] * (4 * WINDOW)),  # out of reach, or on its way
+        tip_gaps([0.0] * (4 * WINDOW), FAR_AWAY),  # a load that is carried
+        # falls once
+        tip_gaps(([FAR_AWAY] * WINDOW + [0.8 * FAR_AWAY] * WINDOW) * 2, FAR_AWAY),
+        tip_gaps(([FAR_AWAY] * WINDOW + [np.nan] * WINDOW) * 2, FAR_AWAY),  # not seen
     ],
 )
-def test_others_are_not(after, windows):
+def test_others_are_not(after, gaps):
     rest = Rest.none(ARM)
-    for gap, from_arcs in windows:
-        rest = over(after, rest, tip_gaps([gap] * WINDOW, from_arcs))
+    for begin in range(0, len(gaps), WINDOW):
+        rest = over(after, rest, gaps[begin : begin + WINDOW])
     assert not rest.is_overloaded
 
 
-def test_where_an_arm_stood_still_is_kept_over_goals(after):
-    swaying = tip_gaps([0.1, -0.1] * (WINDOW // 2))
-    rest = over(after, Rest.none(ARM), swaying)
-    np.testing.assert_array_equal(rest.calm, 0.0)
-    rest = over(after, rest, tip_gaps([0.01] * WINDOW))
-    np.testing.assert_array_equal(rest.calm, BENT)
+def test_an_overloaded_arm_stops_where_it_is_calm_on_its_way_to_rest(after):
+    rest = over(after, Rest.none(ARM), tip_gaps([0.01] * WINDOW))
     lying = tip_gaps([FAR_AWAY] * WINDOW, from_arcs=FAR_AWAY)
-    np.testing.assert_array_equal(over(after, rest, lying).calm, BENT)
-    plan = STEP.started(STRAIGHT)._replace(rest=rest)
-    moved = jax.jit(STEP.next_plan)(
-        plan, STRAIGHT, Goal.of(3).with_position([0, 0, 0.5])
-    )
-    np.testing.assert_array_equal(moved.rest.calm, BENT)
-    assert int(moved.rest.steps) == 1
+    rest = over(after, over(after, rest, lying), lying)
+    np.testing.assert_array_equal(rest.calm, 0.0)
+    swaying = tip_gaps([0.2, -0.2] * (WINDOW // 2))
+    rest = over(after, rest, swaying)
+    np.testing.assert_array_equal(rest.calm, 0.0)
+    rest = over(after, rest, tip_gaps([0.2] * WINDOW))
+    np.testing.assert_array_equal(rest.calm, BENT)
+    assert rest.is_overloaded
 
 
 def test_an_overloaded_arm_goes_slowly_to_where_it_is_calm_until_its_goal_changes():
@@ -184,15 +187,28 @@ def test_an_overloaded_arm_goes_slowly_to_where_it_is_calm_until_its_goal_change
 def test_gaps_are_of_the_picture_where_there_is_one():
     goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
     ends = jnp.ones((3, 3))
+    arcs = jnp.zeros((3, 3))
     seen = np.full((3, 3), np.nan, np.float32)
-    assert np.isnan(gaps_of(ends, seen, goal, goal.positions)).all()
-    np.testing.assert_allclose(
-        gaps_of(ends, None, goal, goal.positions)[-1], [0.9, 1.0, 0.5]
-    )
+    assert np.isnan(gaps_of(STEP.model, ends, seen, goal, arcs)).all()
+    predicted = gaps_of(STEP.model, ends, None, goal, arcs)
+    np.testing.assert_allclose(predicted[0, -1], [0.9, 1.0, 0.5])
+    np.testing.assert_allclose(predicted[1, -1], 1.0)
     seen[-1] = 0.2, 0.0, 0.5
-    gaps = gaps_of(ends, seen, goal, goal.positions)
-    np.testing.assert_allclose(gaps[-1], [0.1, 0.0, 0.0], atol=1e-7)
-    np.testing.assert_array_equal(gaps[:-1], 0.0)
+    gaps = gaps_of(STEP.model, ends, seen, goal, arcs)
+    np.testing.assert_allclose(gaps[:, -1], [[0.1, 0.0, 0.0], seen[-1]], atol=1e-7)
+    np.testing.assert_array_equal(gaps[:, :-1], 0.0)
+
+
+def test_arcs_are_compared_in_the_frame_of_the_base():
+    """On another day, the tracking has another frame."""
+    turn = jnp.array([0.0, 0.0, np.pi / 2])
+    change = replace(DayChange.none(3), rotation=turn, translation=jnp.full(3, 0.25))
+    model = SessionC2S.of(PCCForwardModel.of(ARM), change)
+    states = model.predict(configurations_from_bends(BENT), ())
+    arcs = PCCForwardModel.of(ARM).predict(configurations_from_bends(BENT), ())
+    goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
+    gaps = gaps_of(model, states[:, :3], None, goal, arcs[:, :3])
+    np.testing.assert_allclose(gaps[1], 0.0, atol=1e-6)
 
 
 def test_goals_rest_that_neither_change_nor_will():

@@ -99,20 +99,6 @@ def raised(
     return actions + xp.maximum(largest, 0.0) * balance
 
 
-def _spreads(
-    matrices: Float[np.ndarray, "modules cables 2"],
-    balance: Float[np.ndarray, "modules cables"],
-) -> Float[np.ndarray, " modules"]:
-    """Return the largest pressure of a raised full bend, in units of its scale."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 361)
-    shares = np.stack([np.cos(angles), np.sin(angles)])
-    pushes = np.einsum("mck,kd->dmc", matrices, shares)
-    none = np.zeros_like(balance)
-    pressures = raised(pushes, none, balance)
-    largest = pressures.max(axis=(0, 2))
-    return np.maximum(largest, 1.0)
-
-
 # Share of the bend limit that plans may use by encoders, which do not see lost motion.
 _PLANNED_SHARE = 1.5
 DEFAULT_ACCELERATION_RATIO = 1.5
@@ -201,7 +187,12 @@ class ArmGeometry:
             limits = per_module(arm, "pressure_limit")
             neutral = rest[:, None] * balance
             scale = limits - neutral.max(axis=-1)
-            scale = scale / _spreads(matrices, balance)
+            # over the largest pressure of a raised full bend, in units of its scale
+            angles = np.linspace(0.0, 2.0 * np.pi, 361)
+            shares = np.stack([np.cos(angles), np.sin(angles)])
+            pushes = np.einsum("mck,kd->dmc", matrices, shares)
+            pressures = raised(pushes, np.zeros_like(balance), balance)
+            scale = scale / np.maximum(pressures.max(axis=(0, 2)), 1.0)
         action_range = present * np.abs(scale)[:, None]
         low = neutral - action_range
         high = neutral + action_range

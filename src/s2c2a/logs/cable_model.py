@@ -72,7 +72,8 @@ def cable_directions(parameters: CableParameters, wiring: Wiring) -> Numbers:
     """Change of each cable's length with the bends, shape (cables, 2 modules)."""
     angle = parameters.angles[wiring.drive] + wiring.turn
     direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
-    return (wiring.reach[:, :, None] * direction[:, None, :]).reshape(len(angle), -1)
+    changes = wiring.reach[:, :, None] * direction[:, None, :]
+    return changes.reshape(len(angle), -1)
 
 
 def stiffness_matrix(parameters: CableParameters) -> Numbers:
@@ -135,7 +136,8 @@ def _taut_stiffness(taut, stiffness, directions):
 def _solve(taut, stiffness, directions, pulls):
     """Bends at which the arm rests on its taut cables, shape (rows, bends)."""
     matrix = _taut_stiffness(taut, stiffness, directions)
-    return jnp.linalg.solve(matrix, ((taut * pulls) @ directions)[..., None])[..., 0]
+    moments = (taut * pulls) @ directions
+    return jnp.linalg.solve(matrix, moments[..., None])[..., 0]
 
 
 def tilt_rotation(tilt: Numbers) -> Float[Array, "3 3"]:
@@ -143,7 +145,8 @@ def tilt_rotation(tilt: Numbers) -> Float[Array, "3 3"]:
     about_x = jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     about_y = jnp.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     skew = about_y * tilt[1] + about_x * tilt[0]
-    return jnp.linalg.solve(jnp.eye(3) - skew / 2, jnp.eye(3) + skew / 2)
+    identity = jnp.eye(3)
+    return jnp.linalg.solve(identity - skew / 2, identity + skew / 2)
 
 
 def states_in_base(

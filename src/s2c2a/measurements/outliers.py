@@ -138,7 +138,14 @@ def find_outliers(
     positions = ends.positions
     least = SPREAD_RATIO * _spread(positions[:, -1])
     predicted = _predict(ends, positions)
-    swaps = _find_swaps(positions, predicted, least)
+    swaps = np.zeros(positions.shape[:2], bool)
+    # pairs of ends that fit the drives much better when they are exchanged
+    for pair in combinations(range(positions.shape[1]), 2):
+        expected = predicted[:, pair]
+        before = np.linalg.norm(positions[:, pair] - expected, axis=-1).min(axis=1)
+        after = np.linalg.norm(positions[:, pair[::-1]] - expected, axis=-1)
+        is_swap = (after.max(axis=1) < SWAP_RATIO * before) & (before > least)
+        swaps[np.ix_(is_swap, pair)] = True
     # a swapped body is no jump, and its neighbors in time have true steps around it
     rest = np.where(swaps[..., None], np.nan, positions)
     is_jump = _find_jumps(rest, _predict(ends, rest), least)
@@ -250,24 +257,6 @@ def _leaps(
         grown = np.linalg.norm(residuals[row] - residuals[sound])
         is_leap[row] = min(moved, grown) > LEAP * errors[row]
     return is_leap
-
-
-def _find_swaps(
-    positions: Float[np.ndarray, "rows ends 3"],
-    predicted: Float[np.ndarray, "rows ends 3"],
-    least: float,
-) -> Bool[np.ndarray, "rows ends"]:
-    """Pairs of ends that fit the drives much better when they are exchanged."""
-    swaps = np.zeros(positions.shape[:2], bool)
-    for pair in combinations(range(positions.shape[1]), 2):
-        measured = positions[:, pair]
-        expected = predicted[:, pair]
-        before = np.linalg.norm(measured - expected, axis=-1)
-        after = np.linalg.norm(measured[:, ::-1] - expected, axis=-1)
-        is_better = after.max(axis=1) < SWAP_RATIO * before.min(axis=1)
-        is_swap = is_better & (before.min(axis=1) > least)
-        swaps[np.ix_(is_swap, pair)] = True
-    return swaps
 
 
 def _find_lengths(

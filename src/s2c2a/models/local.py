@@ -93,24 +93,15 @@ class LocalC2S(WrappedModel):
         bends = bends_from_configurations(configurations)
         inputs = self._inputs_at(bends, memory)
         states = self.chain.states(inputs, disturbances)
-        if self.tangent is None:
+        tangent = self.tangent
+        if tangent is None:
             return self._corrected(states, self.process(self.features(inputs)))
-        values = self._along(self.tangent, bends, memory)
-        return self._corrected(states, values)
-
-    def _along(
-        self,
-        tangent: Tangent,
-        bends: Float[Array, "*batch modules 2"],
-        memory: HysteresisMemory,
-    ) -> Array:
-        """Values of the expansion; beyond its radius, those at its border."""
+        # beyond the radius of the expansion, values are those at its border
         away = limit_lengths(bends - tangent.bends, NEARBY)
-        moved = (
-            self.features(self._inputs_at(tangent.bends + away, memory))
-            - tangent.features
-        )
-        return tangent.values + jnp.einsum("of,...f->...o", tangent.slopes, moved)
+        near = self._inputs_at(tangent.bends + away, memory)
+        moved = self.features(near) - tangent.features
+        values = tangent.values + jnp.einsum("of,...f->...o", tangent.slopes, moved)
+        return self._corrected(states, values)
 
     def _inputs_at(
         self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory

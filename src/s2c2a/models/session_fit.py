@@ -150,7 +150,7 @@ def _judged(
     return (
         np.linalg.norm(errors, axis=-1),
         float(np.mean(unseen**2) / np.mean(squares)),
-        samples_per_independent_one(unseen) / float(np.mean(times)),
+        max(1.0, samples_per_independent_one(unseen) / float(np.mean(times))),
     )
 
 

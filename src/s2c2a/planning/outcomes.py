@@ -44,7 +44,8 @@ class Outcome(IntEnum):
         BLOCKED: the plan has not reached its goal, and a search found no way there past
             the obstacles: it goes to the nearest clear point, if there is one.
         OVERLOADED: the arm has fallen from its goal under its load: the plan goes to
-            the shape in which it stood still last, until the goal changes.
+            rest, or to where the arm is calm before that, until the goal changes or the
+            arm is there again.
         PASSING: the plan has not reached its goal, since an obstacle is on the path of
             the target: the tip passes beside it.
     """

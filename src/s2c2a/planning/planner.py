@@ -300,7 +300,7 @@ class Step(NamedTuple):
         rest, stride = plan.rest, self.approach.stride
         if rest is not None:
             is_resting = rests(self._near(goal), plan.motion)
-            rest = select(is_resting, rest, Rest.none(self.arm, rest.calm))
+            rest = select(is_resting, rest, Rest.none(self.arm))
         last = plan._replace(memory=memory, disturbances=disturbances, rest=rest)
         problem = self._begun(last, goal, lead)
         planned, motion, solver, tips = self.solver.next(problem, plan.solver)
@@ -315,8 +315,8 @@ class Step(NamedTuple):
         if rest is not None:
             move = terms.largest_bend(planned.bends - problem.situation.last.bends)
             arcs = states_from_bends(planned.bends, lengths)[:, POSITION]
-            both = jnp.stack([goal.positions, arcs])
-            gaps = gaps_of(planned.states[:, POSITION], seen, goal, both)
+            ends = planned.states[:, POSITION]
+            gaps = gaps_of(self.model, ends, seen, goal, arcs)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
             rest = rest.after(move, ahead, gaps, planned.bends, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
@@ -387,6 +387,10 @@ class Step(NamedTuple):
         if self.approach.margin is not None:
             lengths = ArmGeometry.of(self.arm).lengths
             slopes = slopes_of(candidate.bends, lengths, situation.longest_step)[:, -1]
+            if situation.steerable is not None:
+                of_modules = slopes.T.reshape(3, -1, 2)
+                commanded = commanded_part(of_modules, situation.steerable)
+                slopes = commanded.reshape(3, -1).T
             motion, ahead = motion.beside(ahead, tip, slopes.T @ slopes, self.approach)
         if lead is not None:
             ahead = led(ahead, lead, tip)

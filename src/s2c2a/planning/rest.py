@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.execution.compilation import select
 from s2c2a.goals import PREVIEW, Goal
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
 from s2c2a.planning.terms import Bends
@@ -43,12 +44,12 @@ class Rest(NamedTuple):
         is_slow: whether the goal rests, and the plan has arrived or had its time.
         error: of the last window: root mean square [m].
         way: of commands in this window, as bends of the fastest module [rad].
-        gaps: sums of the gaps in this window, from the goal and from arcs [m].
-        squares: sums of their squares [m2].
+        gaps: sum of the gaps between ends and goal in this window [m].
+        squares: sums of their squares, and of those of gaps from arcs [m2].
         judged: number of them.
         steps: of this window.
-        fallen: windows in a row in which the arm was far from both.
-        calm: bends at which the arm stood still last [rad]; zero before that.
+        fallen: windows since the arm has fallen.
+        calm: bends at which it came to rest since then [rad]; zero before that.
     """
 
     step: Float[Array, ""]
@@ -56,7 +57,7 @@ class Rest(NamedTuple):
     is_slow: Bool[Array, ""]
     error: Float[Array, ""]
     way: Float[Array, ""]
-    gaps: Float[Array, "2 modules 3"]
+    gaps: Float[Array, "modules 3"]
     squares: Float[Array, "2"]
     judged: Int[Array, ""]
     steps: Int[Array, ""]
@@ -64,14 +65,13 @@ class Rest(NamedTuple):
     calm: Bends
 
     @classmethod
-    def none(cls, arm: ArmSpec, calm: Bends | float = 0.0) -> "Rest":
+    def none(cls, arm: ArmSpec) -> "Rest":
         """Of an arm that follows its goal."""
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
-        gaps = jnp.zeros((2, arm.module_count, 3))
+        gaps = jnp.zeros((arm.module_count, 3))
         none, zero = jnp.zeros(()), jnp.zeros((), jnp.int32)
-        window = none, gaps, gaps[:, 0, 0], zero, zero
-        calm = calm + gaps[0, :, :2]
-        return cls(limit, limit, zero > 0, none + jnp.inf, *window, zero, calm)
+        window = none, gaps, jnp.zeros(2), zero, zero
+        return cls(limit, limit, zero > 0, none + jnp.inf, *window, zero, gaps[:, :2])
 
     @property
     def is_overloaded(self) -> Bool[Array, ""]:
@@ -109,14 +109,14 @@ class Rest(NamedTuple):
             step=jnp.where(is_slow & ~self.is_slow, slow, self.step),
             is_slow=is_slow,
             way=self.way + move,
-            gaps=self.gaps + seen,
+            gaps=self.gaps + seen[0],
             squares=self.squares + jnp.sum(seen**2, axis=(1, 2)),
             judged=self.judged + is_judged,
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
         error = jnp.where(now.judged > 0, jnp.sqrt(squares[0]), self.error)
-        sway = squares[0] - jnp.sum((now.gaps[0] / now.judged) ** 2)
+        sway = squares[0] - jnp.sum((now.gaps / now.judged) ** 2)
         is_calm = sway < (CALM * arm.length) ** 2
         allowed = jnp.minimum(self.error, now.way * arm.length)
         falls = error < self.error - FALL * allowed
@@ -128,11 +128,18 @@ class Rest(NamedTuple):
         limit = jnp.where(sways, shorter, now.limit)
         step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
         lies = (squares > (FALLEN * arm.length) ** 2).all()
-        fallen = jnp.where(lies | self.is_overloaded, self.fallen + 1, 0)
-        calm = jnp.where(is_calm & ~lies, bends, self.calm)
-        step = jnp.where(fallen > 1, slow, step)
-        state = step, limit, is_slow, error
-        later = Rest(*state, *none[4:-2], fallen, calm)
+        stays = self.is_overloaded & (error > CALM * arm.length)
+        fallen = jnp.where(lies | stays, self.fallen + 1, 0)
+        # it goes to rest, or to where it is calm before that
+        calm = jnp.where(self.is_overloaded, self.calm, none.calm)
+        later = none._replace(
+            step=jnp.where(fallen > 1, slow, step),
+            limit=limit,
+            is_slow=is_slow,
+            error=error,
+            fallen=fallen,
+            calm=jnp.where(is_calm & ~lies, bends, calm),
+        )
         return select(is_slow & (now.steps >= window), later, now)
 
     def led(self, ahead: Goal) -> Goal:
@@ -148,25 +155,28 @@ class Rest(NamedTuple):
 
 
 def gaps_of(
+    model: ForwardModel,
     ends: Float[Array, "modules 3"],
     seen: Float[Array | np.ndarray, "modules 3"] | None,
     goal: Goal,
-    places: Float[Array | np.ndarray, "*places modules 3"],
-) -> Float[Array, "*places modules 3"]:
-    """Gaps between ends and places [m]; NaN if nothing was seen.
+    arcs: Float[Array, "modules 3"],
+) -> Float[Array, "2 modules 3"]:
+    """Gaps between ends and goal, and ends and arcs [m]; NaN if nothing was seen.
 
     Args:
+        model: that predicts the ends.
         ends: as predicted [m].
         seen: in a new picture [m]; NaN where there is none, and None without a camera:
             then the prediction counts.
         goal: for the next state; gaps of ends that it leaves free are zero.
-        places: of the ends [m].
+        arcs: ends of the arm as arcs without a load, base frame [m].
     """
     if seen is not None:
         unseen = jnp.where(jnp.isfinite(seen).any(), ends, jnp.nan)
         ends = jnp.where(jnp.isfinite(seen), seen, unseen)
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
-    return jnp.where(is_desired, ends - places, 0.0 * ends)
+    gaps = jnp.stack([ends - goal.positions, model.to_base(ends) - arcs])
+    return jnp.where(is_desired, gaps, 0.0 * ends)
 
 
 def rests(goal: Goal, before: GoalMotion) -> Bool[Array, ""]:

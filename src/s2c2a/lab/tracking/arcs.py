@@ -89,4 +89,5 @@ def matrices_of(vectors: np.ndarray) -> np.ndarray:
 
 def turn_axes(bends: np.ndarray) -> np.ndarray:
     """Rotation vectors z x b of bends b."""
-    return np.stack([-bends[..., 1], bends[..., 0], 0 * bends[..., 0]], axis=-1)
+    x, y = bends[..., 0], bends[..., 1]
+    return np.stack([-y, x, 0 * x], axis=-1)

@@ -251,6 +251,7 @@ def _projected(regressors: np.ndarray, outputs: np.ndarray) -> np.ndarray:
 def _whitening_filter(errors: np.ndarray) -> np.ndarray:
     """Taps that predict every error from those before (Yule-Walker)."""
     order = range(WHITENING_ORDER + 1)
-    lags = np.array([errors[: len(errors) - lag] @ errors[lag:] for lag in order])
+    count = len(errors)
+    lags = np.array([errors[: count - lag] @ errors[lag:] for lag in order])
     lags[0] *= 1.0 + 1e-9
     return np.append(1.0, -solve_toeplitz(lags[:-1], lags[1:]))
