@@ -394,7 +394,7 @@ def choosing_table() -> str:
         [
             "nothing or 50 s recorded, and time for simulations; cables coupled or not",
             "a [prior](transfer.md)",
-            "[measured](transfer.md#errors-from-a-prior)",
+            "between that of `pcc` and of `best`",
         ],
         [
             "a need to explain every parameter, and data",
