@@ -21,6 +21,7 @@ from s2c2a.errors import S2C2AError, counted, did_you_mean
 from s2c2a_experiments import beyond_the_paper
 from s2c2a_experiments.everything import everything
 
+Parts = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 PAPER = {
     "simulation": "Table I: ours, motor babbling, lstm and pcc, with both couplings",
     "tracking": "Table III: circle and tilt tasks; other arms; 50 g at the tip",
@@ -101,6 +102,7 @@ def reproduce(
     strategy: StrategyNames = (),
     beside: OptionalPath = None,
     smoke: bool = False,
+    only: Parts = (),
     work: Work = ALL_CORES,
 ) -> None:
     """Make one of the project's tables from scratch, with its settings.
@@ -120,6 +122,7 @@ def reproduce(
         strategy: further strategies to compare, by name or your own file.py:Class.
         beside: run directory of the same tables with another recipe, to compare with.
         smoke: of `everything`, three parts that take minutes together.
+        only: of `everything`, these parts.
         work: run directory and parallel execution.
     """
     if name not in TABLES:
@@ -135,6 +138,7 @@ def reproduce(
         "strategy": strategy or None,
         "beside": beside,
         "smoke": smoke or None,
+        "only": only or None,
     }
     options: dict[str, Any] = {
         key: value for key, value in given.items() if value is not None

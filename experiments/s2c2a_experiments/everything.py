@@ -1,7 +1,7 @@
 """Table `everything`: all rows of `results/`, by one state of the sources.
 
 It is made in parts. Each part is one table with its run directory, and is kept once it is
-finished, so that parts of an interrupted command, or of several machines, add up.
+finished, so that parts of an interrupted command add up, and folders of several machines.
 """
 
 import json
@@ -9,7 +9,7 @@ import os
 import platform
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from s2c2a.cli.execution import ALL_CORES, Work
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import read_text, write_atomically
 
@@ -43,45 +43,56 @@ recording, and planners."""
 
 
 def everything(
-    tables: Mapping[str, Table], smoke: bool = False, work: Work = ALL_CORES
+    tables: Mapping[str, Table],
+    smoke: bool = False,
+    only: Sequence[str] = (),
+    work: Work = ALL_CORES,
 ) -> None:
     """Make all parts that are not finished, and collect their rows in `OUT/results`.
 
     Args:
         tables: of `s2c2a reproduce`: name -> summary, and what makes it.
         smoke: make the parts of `SMOKE` alone.
+        only: names of parts; all by default.
         work: directory (runs/everything or runs/smoke) and parallel execution.
 
     Raises:
-        S2C2AError: a part in the directory was made by other sources.
+        S2C2AError: there is no such part, or one in the directory was made by other
+            sources.
     """
     out = work.out or Path("runs/smoke" if smoke else "runs/everything")
     kept = out / PROJECT
-    sources = versions()["sources"]
-    made = _read(kept / MADE)
-    for name, part in made.items():
-        if part["sources"] != sources:
-            raise S2C2AError(
-                f"'{name}' in {out} was made by other sources ({part['sources']}, now "
-                f"{sources}); choose another --out"
-            )
     parts = _parts(tables, out)
     if smoke:
         parts = {
             name: partial(parts.get(name) or tables[name][1], **options)
             for name, options in SMOKE.items()
         }
-    earlier = _read(PROJECT / MADE)
-    for number, (name, make) in enumerate(parts.items(), start=1):
-        if made.get(name, {}).get("finished"):
-            continue
-        known = earlier.get(name, {}).get("processor_hours")
-        took = f"; took {known:.1f} processor hours before" if known else ""
-        print(f"part {number} of {len(parts)}: {name}{took}", flush=True)
+    for name in only:
+        if name not in parts:
+            raise S2C2AError(
+                f"no part '{name}'{did_you_mean(name, parts)}; choose of "
+                f"{', '.join(parts)}"
+            )
+    sources = versions()["sources"]
+    made = {file.parent.name: _read(file) for file in kept.glob(f"*/{MADE}")}
+    for name, part in made.items():
+        if part["sources"] != sources:
+            raise S2C2AError(
+                f"'{name}' in {out} was made by other sources ({part['sources']}, now "
+                f"{sources}); choose another --out"
+            )
+    chosen = only or list(parts)
+    for number, name in enumerate(chosen, start=1):
         part = made.setdefault(name, {"sources": sources} | _no_time())
+        if part["finished"]:
+            continue
+        known = _read(PROJECT / name / MADE).get("processor_hours")
+        took = f"; took {known:.1f} processor hours before" if known else ""
+        print(f"part {number} of {len(chosen)}: {name}{took}", flush=True)
         folder = out / "parts" / name
-        with _timed(part, lambda: _write(made, kept / MADE)):
-            make(work=replace(work, out=folder))
+        with _timed(part, kept / name / MADE):
+            parts[name](work=replace(work, out=folder))
             _copy_rows(folder, kept / name)
             part["finished"] = True
     hours = sum(part["processor_hours"] for part in made.values())
@@ -141,15 +152,16 @@ def _no_time() -> dict[str, Any]:
 
 
 @contextmanager
-def _timed(part: dict[str, Any], save: Callable[[], None]) -> Iterator[None]:
-    """Add the time of the block to a part, however it ends."""
+def _timed(part: dict[str, Any], file: Path) -> Iterator[None]:
+    """Add the time of the block to a part, and save it, however the block ends."""
     start, processor = time.monotonic(), _processor_time()
     try:
         yield
     finally:
         part["hours"] += (time.monotonic() - start) / 3600.0
         part["processor_hours"] += (_processor_time() - processor) / 3600.0
-        save()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(json.dumps(part, indent=1) + "\n", file)
 
 
 def _processor_time() -> float:
@@ -166,8 +178,3 @@ def _copy_rows(folder: Path, place: Path) -> None:
 
 def _read(path: Path) -> dict[str, Any]:
     return json.loads(read_text(path)) if path.is_file() else {}
-
-
-def _write(made: Mapping[str, Any], path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(json.dumps(made, indent=1) + "\n", path)

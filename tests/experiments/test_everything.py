@@ -31,11 +31,11 @@ def make(monkeypatch, tmp_path):
     broken = False
     monkeypatch.setattr(everything, "_parts", parts)
 
-    def make(fails=False):
+    def make(fails=False, only=()):
         nonlocal broken
         broken = fails
         calls.clear()
-        everything.everything({})
+        everything.everything({}, only=only)
         return list(calls)
 
     make.calls = calls
@@ -50,10 +50,18 @@ def test_an_interrupted_command_continues_with_the_part_that_it_left(make, tmp_p
     assert make() == []
     results = tmp_path / "runs" / "everything" / "results"
     files = sorted(str(path.relative_to(results)) for path in results.rglob("*.*"))
-    assert files == ["made.json", "one/results.json", "two/results.json"]
-    made = json.loads((results / "made.json").read_text())
-    assert all(part["finished"] for part in made.values())
-    assert len({part["sources"] for part in made.values()}) == 1
+    rows = ["made.json", "results.json"]
+    assert files == [f"{part}/{file}" for part in ("one", "two") for file in rows]
+    made = [json.loads(path.read_text()) for path in results.rglob("made.json")]
+    assert all(part["finished"] for part in made)
+    assert len({part["sources"] for part in made}) == 1
+
+
+def test_some_parts_are_made_here_and_others_elsewhere(make):
+    assert make(only=("two",)) == ["two"]
+    assert make() == ["one"]
+    with pytest.raises(S2C2AError, match=r"no part 'thre'.*; choose of one, two"):
+        make(only=("thre",))
 
 
 def test_parts_of_other_sources_are_refused(make, monkeypatch):
