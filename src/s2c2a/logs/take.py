@@ -151,9 +151,9 @@ def _join(
         return _join_by_key(tables, log_map.join.key), ()
     counts = [len(table) for table in tables]
     if len(set(counts)) > 1:
-        first, *later = [f"{table.path} has {len(table)}" for table in tables]
+        told = [f"{table.path} has {counted(len(table), 'row')}" for table in tables]
         raise LogError(
-            f'{first} rows and {", ".join(later)}; by = "row" needs as many in each: '
+            f'{", ".join(told)}; by = "row" needs as many in each: '
             "correct rows.skip_lines if a header counts as a row, or a row as a header; "
             "else join by a key or by time"
         )
