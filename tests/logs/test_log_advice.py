@@ -81,7 +81,7 @@ def test_files_are_joined_row_by_row(tmp_path):
     np.testing.assert_allclose(take.positions[1, 0], [4e-3, 5e-3, 6e-3])
     paths[1].write_text("x,y,z\n1,2,3\n")
     with pytest.raises(
-        LogError, match=r"motors\.csv has 2 rows and .*ends\.csv has 1;"
+        LogError, match=r"motors\.csv has 2 rows, .*ends\.csv has 1 row;"
     ):
         _read_takes(paths, log_map)
 

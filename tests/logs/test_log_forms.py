@@ -452,7 +452,7 @@ def test_numbers_of_frames_are_times(nexus):
         (
             "[0, 5]",
             "[0, 6]",
-            r"motors\.csv has 2 rows and .*nexus\.csv has 1; .*skip_lines",
+            r"motors\.csv has 2 rows, .*nexus\.csv has 1 row; .*skip_lines",
         ),
         ("2:5", "3:3", r"names: 3:3; .*; N:NAME is column NAME of the Nth"),
     ],
