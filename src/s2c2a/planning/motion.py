@@ -31,9 +31,8 @@ SLOWEST = 2.0 * np.pi * 0.5
 # around obstacles, of `Approach.farthest`; measured on 20 drawn paths through spheres: with
 # 0.1 the tip falls behind its target, and at 0.3 arms vibrate
 PACE = 0.2
-AT_REST = np.array(
-    [1.0, 1.0, 0.5]
-)  # coefficients of an offset of one, at rest at first
+# coefficients of an offset of one, at rest at first
+AT_REST = np.array([1.0, 1.0, 0.5])
 
 Rows = Float[Array, "rows 3"]
 Targets = Float[Array, "targets 3"]
@@ -209,7 +208,12 @@ class GoalMotion(NamedTuple):
                 scene, target, pace = moment
                 aside = _aside(point - target, mobility, *deepest)
                 place = _out(target, _normal(target + aside, scene), scene)
-                point = point + limit_lengths(place - point, pace)
+                move = limit_lengths(place - point, pace)
+                # it takes half of the room before an obstacle at most: an arm that stops at
+                # once swings into it
+                room, normal = jax.value_and_grad(_gap)(point, scene)
+                beyond = move @ normal + jnp.maximum(room, 0.0) / 2.0
+                point = point + move - jnp.minimum(beyond, 0.0) * normal
                 # twice, since it may enter another obstacle
                 for _ in range(2):
                     point = _out(point, _normal(point, scene), scene)

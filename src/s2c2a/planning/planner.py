@@ -388,9 +388,8 @@ class Step(NamedTuple):
             lengths = ArmGeometry.of(self.arm).lengths
             slopes = slopes_of(candidate.bends, lengths, situation.longest_step)[:, -1]
             if situation.steerable is not None:
-                of_modules = slopes.T.reshape(3, -1, 2)
-                commanded = commanded_part(of_modules, situation.steerable)
-                slopes = commanded.reshape(3, -1).T
+                slopes = slopes.T.reshape(3, -1, 2)
+                slopes = commanded_part(slopes, situation.steerable).reshape(3, -1).T
             motion, ahead = motion.beside(ahead, tip, slopes.T @ slopes, self.approach)
         if lead is not None:
             ahead = led(ahead, lead, tip)
