@@ -45,7 +45,7 @@ class Condition:
             return
         options = " and ".join(f"--{name.replace('_', '-')}" for name in named)
         raise S2C2AError(
-            f"{options} would have no effect: it has one {self.where} alone; add that, "
+            f"{options} would have no effect: it has one {self.where} alone; run it so, "
             f"or leave out {options}"
         )
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 @beside("target", "axis")
-@beside("task", "pace")
+@effective("pace", where="with a TASK", holds=lambda given: bool(given["task"]))
 @effective(
     "session",
     where="with --weights FILE of `s2c2a train`",

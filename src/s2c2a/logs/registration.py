@@ -60,7 +60,8 @@ def estimate_registration(
     if log_map.frame.base:
         base = np.array(log_map.frame.base)
     else:
-        base = rest[order[-1]] - lengths[: outer + 1].sum() * z
+        reach = lengths[: outer + 1].sum()
+        base = rest[order[-1]] - reach * z
     # axes as columns: x as stated, or along the log's axis most across the arm
     if log_map.frame.x is None:
         # of a plane, the axis in it

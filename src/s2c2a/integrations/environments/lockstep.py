@@ -90,7 +90,8 @@ class Lockstep:
         for number, robot in enumerate(self._robots):
             self._take(robot, starts[number], ends[number], controls[number, -1])
         # a rollout that diverges repeats the state where it stops
-        last_step = starts[:, TIME] + (self._times[-1] - self._times[0] / 2)
+        duration = self._times[-1] - self._times[0] / 2
+        last_step = starts[:, TIME] + duration
         return ~(np.isfinite(ends).all(axis=-1) & (ends[:, TIME] > last_step))
 
     def measure_cables(self) -> Actions:
