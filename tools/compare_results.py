@@ -1,7 +1,8 @@
 """Compare rows that were made now with those in `results/`.
 
 `python -m tools.compare_results runs/smoke/results` prints the rows that differ from
-those of the same metric by more than their spread over seeds, and fails if there are any.
+those of the same metric by more than their spread over seeds, and fails if there are any,
+or if nothing is compared.
 What has other rows, such as shorter tasks of planners, is not compared.
 """
 
@@ -49,13 +50,15 @@ def main() -> None:
     """Compare each folder of a folder with `results/`."""
     before = load_rows(RESULTS)
     differ = False
+    compared = 0
     for folder in sorted(path for path in Path(sys.argv[1]).iterdir() if path.is_dir()):
         now = load_rows(folder)
         lines = differing(now, before)
         count = len(now.keys() & before.keys())
         print("\n".join([f"{folder.name}: {count} rows compared", *lines]))
         differ |= bool(lines)
-    sys.exit(differ)
+        compared += count
+    sys.exit(differ or not compared)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ FRONT = {
     "flee": "s2c2a run flee --weights shipped",
     "word": "s2c2a run examples/soft.csv --weights shipped",
 }
-"""By name of the picture; README.md shows the command below it."""
+"""By name of the picture; README.md and docs/index.md show the command below it."""
 GALLERY = {
     "gap": "s2c2a run risk-b --weights shipped --guard arm",
     "follow": "s2c2a run follow --weights shipped",

@@ -1,8 +1,10 @@
 """Rows that were made now beside those of `results/`."""
 
+import json
+
 import pytest
 
-from tools.compare_results import differing, load_rows
+from tools.compare_results import differing, load_rows, main
 from tools.results_tables import RESULTS
 
 
@@ -42,3 +44,20 @@ def test_rows_have_names_of_their_own():
     """Otherwise one would stand for another."""
     folders = [folder for folder in RESULTS.iterdir() if folder.is_dir()]
     assert len(load_rows(RESULTS)) == sum(len(load_rows(each)) for each in folders)
+
+
+@pytest.mark.parametrize(("change", "code"), [(0.0, 0), (1e3, 1), (None, 1)])
+def test_the_command_fails_where_rows_differ_or_are_missing(
+    change, code, tmp_path, monkeypatch, capsys
+):
+    rows = json.loads((RESULTS / "best" / "interaction.json").read_text("utf-8"))
+    (tmp_path / "interaction").mkdir()
+    if change is not None:
+        moved = [row | {"mean": row["mean"] + change} for row in rows]
+        (tmp_path / "interaction" / "rows.json").write_text(json.dumps(moved))
+    monkeypatch.setattr("sys.argv", ["compare_results", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == code
+    count = 0 if change is None else len(rows)
+    assert f"interaction: {count} rows compared" in capsys.readouterr().out

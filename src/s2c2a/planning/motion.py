@@ -210,7 +210,7 @@ class GoalMotion(NamedTuple):
                 place = _out(target, _normal(target + aside, scene), scene)
                 move = limit_lengths(place - point, pace)
                 # it takes half of the room before an obstacle at most: an arm that stops at
-                # once swings into it
+                # once swings into it; with a fifth, the tip falls behind its target
                 room, normal = jax.value_and_grad(_gap)(point, scene)
                 beyond = move @ normal + jnp.maximum(room, 0.0) / 2.0
                 point = point + move - jnp.minimum(beyond, 0.0) * normal
