@@ -349,12 +349,14 @@ class Step(NamedTuple):
         if geometry.steerable is not None:
             bends = commanded_part(bends, geometry.steerable)
             configurations = configurations_from_bends(bends)
+        longest = last.rest.step if last.rest else geometry.step_limit
         situation = Situation(
             goal,
             Candidate(configurations, bends, *[None] * 3),  # type: ignore[arg-type]
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
-            last.rest.step if last.rest else geometry.step_limit,
+            # at its full pace an arm swings into obstacles that it passes
+            longest / (1.0 + last.motion.passes),
             self.options.on_sphere,
             self._guarded.radii,
             steerable=geometry.steerable,
@@ -499,8 +501,7 @@ class Planner:
         """
         configuration = _single(estimate.configuration)
         lead = self._lead(plan, goal)
-        disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
-        known = configuration, goal, disturbances, hysteresis
+        known = configuration, goal, estimate.disturbances, estimate.hysteresis
         planned = self._next(plan, *known, lead, estimate.seen)
         verdicts = [leader.verdict for leader in self._leaders if leader.verdict]
         if verdicts and planned.outcome is not Outcome.SOLVED:
