@@ -28,7 +28,7 @@ WATCHED = 30.0  # s, of a stretch; errors of soft arms correlate over a few seco
 
 
 def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
-    """Describe the error, and every cause with its size, in sentences.
+    """Describe the error, what runs use, and every cause with its size, in sentences.
 
     Causes that are distinguishable from none only together are said together.
     """
@@ -37,8 +37,12 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
     if not fit.improves:
-        told = "no change surely lowers that: the session changes nothing; where it is"
-        return [*lines, f"{told} too much, check homing and tracking, or train anew"]
+        told = "no change surely lowers that: runs use no session; where the error is"
+        return [*lines, f"{told} too large, check homing and tracking, or train anew"]
+    if fit.change is not fit.posterior.change:
+        told = "this is the earlier session, which runs go on with: this motion shows"
+        return [*lines, f"{told} no change that predicts it better"]
+    lines.append("runs use this session, which predicts the motion best")
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     causes: dict[str, list[tuple]] = {
         "frame of the tracking": [
