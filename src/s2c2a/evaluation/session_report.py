@@ -75,18 +75,20 @@ def describe_disagreement(episode: Episode) -> str:
     """Describe that the seen tip is farther from its prediction than the model states.
 
     The prediction is that of the plan, moved by how far the sensed arm is from the plan:
-    a goal that is not reached is no fault of the model. It counts within its data, and
-    where the sensed arm is as near to the plan as the stated deviation.
+    a goal that is not reached is no fault of the model. It counts within its data, where
+    the sensed arm is as near to the plan as the stated deviation, and without a payload
+    that is known (option `has_payload`): a session would not find that.
 
     The squared errors, relative to the stated variance (the normalized innovation
     squared), are compared with the chi-square distribution of as many independent
     samples as the run has.
 
     Returns:
-        Empty where they agree, the tip was not seen, or the model states no deviation.
+        Empty where they agree or do not count.
     """
     seen = next((name for name in SEEN if name in episode.sensors), None)
-    if seen is None or not episode.columns.keys() >= COMPARED:
+    lacks = COMPARED - episode.columns.keys()
+    if seen is None or lacks or episode.options.get("has_payload"):
         return ""
     steps = episode.running
     steps = steps[steps + 1 < len(episode)]
