@@ -3,6 +3,7 @@
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +12,7 @@ from s2c2a.cli import run as run_command
 from s2c2a.cli import session as session_command
 from s2c2a.cli.main import main
 from s2c2a.errors import RecordingError
-from s2c2a.strategies import load_networks, load_session, session_path
+from s2c2a.strategies import load_session, save_session, session_path
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 TWIN = load_arm("twin_arm")
@@ -37,6 +38,21 @@ def test_a_recording_becomes_a_report_and_a_file_as_old_as_itself_beside_the_wei
     assert "mm from where the model expects it" in printed
     session = load_session(session_path(weights), weights)
     assert (session.arm, session.date) == (TWIN.name, recorded)
+    # one that predicts no better makes way, and is not lost
+    change = session.change.model_copy(update={"translation": (0.5, 0.0, 0.0)})
+    earlier = session.model_copy(update={"change": change, "improves": True})
+    save_session(earlier, session_path(weights))
+    main(["session", str(weights), "--recording", str(recording)])
+    assert "earlier session, which predicts no better" in capsys.readouterr().out
+    assert load_session(session_path(weights), weights) == session
+    kept = session_path(weights).with_suffix(".earlier.json")
+    assert load_session(kept, weights) == earlier
+    # as does one of another training
+    save_session(
+        earlier.model_copy(update={"weights": 64 * "0"}), session_path(weights)
+    )
+    main(["session", str(weights), "--recording", str(recording)])
+    assert load_session(session_path(weights), weights) == session
 
 
 @pytest.mark.slow
@@ -61,10 +77,11 @@ def test_impossible_times_move_nothing(weights, seconds, capsys):
     assert not weights.with_suffix(".session.episodes").exists()
 
 
-def test_an_arm_whose_tip_is_not_seen_does_not_move(weights):
-    networks = load_networks(weights)
+def test_an_arm_whose_tip_is_not_seen_does_not_move(weights, monkeypatch):
+    blind = SimpleNamespace(make=lambda arm: Blind())
+    monkeypatch.setattr(session_command, "robot_factory_for", lambda *_, **__: blind)
     with pytest.raises(RecordingError, match="turn on the tracking"):
-        session_command._move(networks, Blind(), 50.0, 0, weights)
+        session_command.session(weights)
     assert not weights.with_suffix(".session.episodes").exists()
 
 
@@ -75,12 +92,9 @@ def test_networks_of_the_package_are_no_file(capsys):
 
 
 class Blind:
-    """A factory of robots that measure their cables alone."""
+    """A robot that measures its cables alone."""
 
     sensors = frozenset({"cables"})
-
-    def make(self, arm):
-        return self
 
 
 class Homed:

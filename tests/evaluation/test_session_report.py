@@ -6,14 +6,18 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.episodes import Episode
+from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import (
     DisagreementWatch,
     describe_disagreement,
 )
 from s2c2a.evaluation.lasting_error import module_ends
+from s2c2a.jobs import Conditions
 from s2c2a.kinematics import configurations_from_bends
+from s2c2a.robots import RobotFactory
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
+from s2c2a.strategies import RunOptions
 
 TWIN = load_arm("twin_arm")
 STEPS = 300
@@ -59,6 +63,22 @@ def test_larger_errors_and_a_lasting_shift_name_the_session(scale, shift):
     text = describe_disagreement(run(scale, shift))
     assert "which state 3.0 mm" in text
     assert "`s2c2a session`" in text
+
+
+def test_under_a_known_payload_no_session_is_advised():
+    episode = run(1.5)
+    assert describe_disagreement(episode.with_options(has_payload=False))
+    assert describe_disagreement(episode.with_options(has_payload=True)) == ""
+
+
+@pytest.mark.parametrize(
+    ("simulated", "known", "has_payload"),
+    [(0.0, 0.0, False), (0.2, 0.0, True), (0.0, 0.2, True)],
+)
+def test_a_payload_is_known_where_it_is_given(simulated, known, has_payload):
+    robot = RobotFactory.simulation(payload=simulated)
+    options = RunOptions(estimation=EstimationSettings(known))
+    assert Conditions(robot, options).has_payload == has_payload
 
 
 def test_a_tip_that_was_not_seen_disagrees_with_nothing():

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -28,6 +29,7 @@ from s2c2a.strategies import (
     training_data,
     with_session,
 )
+from s2c2a.strategies.session import Numbers
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 
@@ -198,6 +200,43 @@ def test_a_session_finds_modules_that_have_become_softer(networks, short):
     # the share, not the logarithm
     share = 100.0 * np.expm1(found[0])
     assert f"{share:+.1f} ±" in " ".join(describe_session(fit, data.arm))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("turn", "earlier_turn", "is_kept", "improves"),
+    [
+        (0.2, 0.2, True, True),  # the true change, against one that is fitted
+        (0.2, -0.2, False, True),
+        (0.0, -0.2, False, False),
+    ],
+)
+def test_the_better_of_earlier_new_and_no_session_is_used(
+    networks, weights, measured, short, turn, earlier_turn, is_kept, improves
+):
+    none = DayChange.none(networks.arm.module_count)
+
+    def turned(angle):
+        return replace(none, rotation=jnp.asarray([0.0, 0.0, angle]))
+
+    data = training_data(short, networks.recipe)
+    model = SessionC2S.of(networks.c2s, turned(turn))
+    states = np.asarray(along_episode(model, jnp.asarray(data.sensed[0], jnp.float32)))
+    noise = np.random.default_rng(0).normal(scale=2e-3, size=states.shape)
+    columns = dict(short.episodes[0].columns)
+    columns["sensor.states"] = states + noise
+    day = replace(short, episodes=(replace(short.episodes[0], columns=columns),))
+    earlier = measured[0].model_copy(
+        update={"change": Numbers.of(turned(earlier_turn)), "improves": True}
+    )
+    now = datetime(2026, 1, 6, tzinfo=UTC)
+    session, fit = measured_session(networks, weights, day, now, earlier)
+    assert (session.change == earlier.change) == is_kept
+    assert session.improves == improves
+    assert session.date == now
+    report = " ".join(describe_session(fit, networks.arm))
+    assert ("runs go on with" in report) == is_kept
+    assert ("runs use no session" in report) == (not improves)
 
 
 def test_a_plan_near_a_configuration_keeps_the_session(networks, short):

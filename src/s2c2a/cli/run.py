@@ -243,14 +243,13 @@ def _warn_of_age(
     if calibrated is None or not weights.exists():
         return
     compared = datetime.fromtimestamp(weights.stat().st_mtime, UTC)
-    what = str(weights)
-    if session is not None and session.date > compared:
-        compared = session.date
-        what = "the session"
+    if session is not None:
+        compared = max(compared, session.date)
     if calibrated.astimezone(UTC) > compared:
         print(
-            f"{what} is of {compared:%Y-%m-%d %H:%M} UTC, and the arm was homed or "
-            f"calibrated later, {calibrated.astimezone(UTC):%Y-%m-%d %H:%M} UTC: run "
+            f"the model was compared with the arm on {compared:%Y-%m-%d %H:%M} UTC, and "
+            "the arm was homed or calibrated later, on "
+            f"{calibrated.astimezone(UTC):%Y-%m-%d %H:%M} UTC: run "
             f"`s2c2a session {weights}` with the robot and its tracking"
         )
 
@@ -367,7 +366,14 @@ def _report_waypoints(
     for track in tracks:
         far = [point for point in unreachable if point.module == track.module]
         if far:
-            print(_describe_unreachable(far, track, spec))
+            is_tip = track.module in (-1, spec.module_count - 1)
+            end = "the tip" if is_tip else f"the end of module {track.module + 1}"
+            gap = 100 * max(point.gap for point in far)
+            times = _time_spans([point.time for point in far], track.times.tolist())
+            print(
+                f"{len(far)} of {len(track.times)} waypoints of {end} are out of reach, "
+                f"by up to {gap:.1f} cm: {', '.join(times)} s"
+            )
     if all((track.positions[:, 2] < 0).all() for track in tracks):
         print(
             "all waypoints have z < 0, behind the base: z grows from the base toward "
@@ -401,22 +407,6 @@ def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> st
             f"\nthese shapes are up to {depth:.1f} cm within obstacles: none is clear"
         )
     return text
-
-
-def _describe_unreachable(
-    far: "Sequence[tasks.OutOfReach]", track: "tasks.Waypoints", spec: "arm.ArmSpec"
-) -> str:
-    """One sentence on all waypoints of a module that the arm cannot reach."""
-    is_tip = track.module in (-1, spec.module_count - 1)
-    end = "the tip" if is_tip else f"the end of module {track.module + 1}"
-    gap = f"{100 * max(point.gap for point in far):.1f} cm"
-    if len(far) == 1:
-        return f"out of reach by {gap}: waypoint at {far[0].time:g} s of {end}"
-    spans = _time_spans([point.time for point in far], track.times.tolist())
-    return (
-        f"{len(far)} of {len(track.times)} waypoints of {end} are out of reach, by up "
-        f"to {gap}: {', '.join(spans)} s"
-    )
 
 
 def _time_spans(times: "Sequence[float]", all_times: "Sequence[float]") -> list[str]:

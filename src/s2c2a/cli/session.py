@@ -1,10 +1,8 @@
 """Command `s2c2a session`: measure the present day of an arm, and correct its model."""
 
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import tyro
 
@@ -17,12 +15,8 @@ from s2c2a.cli.execution import (
     TrackingSource,
     robot_factory_for,
 )
-from s2c2a.errors import RecordingError
+from s2c2a.errors import RecordingError, StrategyError
 from s2c2a.files.text import MAX_COUNT
-
-if TYPE_CHECKING:
-    from s2c2a import data, strategies
-    from s2c2a.robots import RobotFactory
 
 
 @effective(
@@ -59,61 +53,54 @@ def session(
         seconds: for which the arm moves.
         seed: of its motion.
     """
-    from s2c2a import data, evaluation, strategies
+    from s2c2a import api, data, evaluation, strategies
     from s2c2a.arm import load_arm
 
-    spec = load_arm(arm) if arm else None
-    networks = strategies.load_networks(weights, spec)
+    known = load_arm(arm) if arm else None
+    networks = strategies.load_networks(weights, known)
+    spec = networks.arm
     date = None
     if recording is not None:
         moved = data.load_recording(recording)
         date = datetime.fromtimestamp(recording.stat().st_mtime, UTC)
     else:
         factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
-        moved = _move(networks, factory, seconds, seed, weights)
-    found, fit = strategies.measured_session(networks, weights, moved, date)
-    for line in evaluation.describe_session(fit, networks.arm):
+        if "states" not in factory.make(spec).sensors:
+            raise RecordingError(
+                f"{factory} measures no tip, and a session compares it with the model; "
+                "turn on the tracking (--tracking)"
+            )
+        if not 0.0 < seconds < MAX_COUNT:
+            raise RecordingError(f"cannot move for {seconds:g} s; give --seconds 50")
+        with progress_bar() as progress, emergency_controls(factory):
+            moved = api.collect(
+                spec,
+                weights.with_suffix(".session.episodes"),
+                episodes=1,
+                samples=round(seconds / spec.control_period),
+                seed=seed,
+                recipe=networks.recipe,
+                robot=factory,
+                overwrite=True,
+                threads=1,
+                progress=partial(progress, f"moving {spec.name}"),
+            )
+    try:
+        earlier = strategies.session_of(weights)
+    except StrategyError:  # of another training, or damaged
+        earlier = None
+    found, fit = strategies.measured_session(
+        networks,
+        weights,
+        moved,
+        date,
+        earlier,
+    )
+    for line in evaluation.describe_session(fit, spec):
         print(line)
     path = strategies.session_path(weights)
+    if earlier and found.change != earlier.change:
+        kept = path.replace(path.with_suffix(".earlier.json"))
+        print(f"earlier session, which predicts no better: {kept}")
     strategies.save_session(found, path)
     print(f"session: {path}")
-
-
-def _move(
-    networks: "strategies.TrainedNetworks",
-    factory: "RobotFactory",
-    seconds: float,
-    seed: int,
-    weights: Path,
-) -> "data.Recording":
-    """Move the arm as in the training, and record it beside the weights.
-
-    Raises:
-        RecordingError: the tip would not be seen, or the time is impossible.
-    """
-    from s2c2a import data
-
-    arm = networks.arm
-    if "states" not in factory.make(arm).sensors:
-        raise RecordingError(
-            f"{factory} measures no tip, and a session compares it with the model; turn "
-            "on the tracking (--tracking)"
-        )
-    if not 0.0 < seconds < MAX_COUNT:
-        raise RecordingError(f"cannot move for {seconds:g} s; give --seconds 50")
-    options = replace(
-        networks.recipe.collect_options(seed),
-        episodes=1,
-        samples=round(seconds / arm.control_period),
-    )
-    with progress_bar() as progress, emergency_controls(factory):
-        return data.collect(
-            weights.with_suffix(".session.episodes"),
-            arm,
-            partial(factory.seeded, arm),
-            options,
-            robot=str(factory),
-            threads=1,
-            overwrite=True,
-            progress=partial(progress, f"moving {arm.name}"),
-        )

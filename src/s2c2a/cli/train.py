@@ -69,11 +69,7 @@ def train(
         begun = strategies.load_networks(start) if start else None
         networks = _trained(recording, arm, strategy, chosen, seed, begun, progress)
     strategies.save_networks(networks, out)
-    columns = ("epoch", "train", "validation")
-    curves = {
-        name: [dict(zip(columns, row, strict=True)) for row in result.curve]
-        for name, result in networks.trained.items()
-    }
+    curves = {name: result.curve for name, result in networks.trained.items()}
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
     report(networks, begun)
     print(f"weights: {out}; learning curves: {picture}")

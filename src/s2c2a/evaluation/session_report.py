@@ -28,7 +28,7 @@ WATCHED = 30.0  # s, of a stretch; errors of soft arms correlate over a few seco
 
 
 def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
-    """Describe the error, and every cause with its size, in sentences.
+    """Describe the error, what runs use, and every cause with its size, in sentences.
 
     Causes that are distinguishable from none only together are said together.
     """
@@ -37,8 +37,12 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
     if not fit.improves:
-        told = "no change surely lowers that: the session changes nothing; where it is"
-        return [*lines, f"{told} too much, check homing and tracking, or train anew"]
+        told = "no change surely lowers that: runs use no session; where the error is"
+        return [*lines, f"{told} too large, check homing and tracking, or train anew"]
+    if fit.change is not fit.posterior.change:
+        told = "this is the earlier session, which runs go on with: this motion shows"
+        return [*lines, f"{told} no change that predicts it better"]
+    lines.append("runs use this session, which predicts the motion best")
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     causes: dict[str, list[tuple]] = {
         "frame of the tracking": [
@@ -71,18 +75,20 @@ def describe_disagreement(episode: Episode) -> str:
     """Describe that the seen tip is farther from its prediction than the model states.
 
     The prediction is that of the plan, moved by how far the sensed arm is from the plan:
-    a goal that is not reached is no fault of the model. It counts within its data, and
-    where the sensed arm is as near to the plan as the stated deviation.
+    a goal that is not reached is no fault of the model. It counts within its data, where
+    the sensed arm is as near to the plan as the stated deviation, and without a payload
+    that is known (option `has_payload`): a session would not find that.
 
     The squared errors, relative to the stated variance (the normalized innovation
     squared), are compared with the chi-square distribution of as many independent
     samples as the run has.
 
     Returns:
-        Empty where they agree, the tip was not seen, or the model states no deviation.
+        Empty where they agree or do not count.
     """
     seen = next((name for name in SEEN if name in episode.sensors), None)
-    if seen is None or not episode.columns.keys() >= COMPARED:
+    lacks = COMPARED - episode.columns.keys()
+    if seen is None or lacks or episode.options.get("has_payload"):
         return ""
     steps = episode.running
     steps = steps[steps + 1 < len(episode)]

@@ -75,25 +75,31 @@ class SessionFit(NamedTuple):
     """What a session shows.
 
     Attributes:
-        posterior: of the change.
-        before: mean error of the tip without it [m].
-        after: the same with it, on stretches that it was not fitted to [m].
+        posterior: of the change that it shows.
+        change: the best one; the earlier one where that improves, and the new one does
+            not, or has the larger mean error.
+        before: mean error of the tip without a change [m].
+        after: the same with the best one, on stretches that it was not fitted to [m].
         improves: whether it surely lowers the squared error there, also below that of
             a tip that is always in the middle of where it was seen.
     """
 
     posterior: DayPosterior
+    change: DayChange
     before: float
     after: float
     improves: bool
 
 
-def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
+def fit_session(
+    model: ForwardModel, data: TrainingData, earlier: DayChange | None = None
+) -> SessionFit:
     """Estimate the change of an arm from a recording of its present day.
 
     Args:
         model: of another day.
         data: of the present day; ends that are not seen are NaN.
+        earlier: a change that another recording showed.
 
     Raises:
         RecordingError: the tip is hardly seen, or the sensed configurations are not
@@ -113,12 +119,27 @@ def fit_session(model: ForwardModel, data: TrainingData) -> SessionFit:
     motion = np.linalg.norm(tip - tip.mean(axis=0), axis=-1)
     _, inflation, _ = _judged(fit, 1.0)
     errors, _, duration = _judged(fit, inflation)
+
+    def is_better(found: np.ndarray) -> bool:
+        shown = found[seen]
+        return is_smaller(shown, without[seen]) and is_smaller(shown, motion)
+
+    posterior = fit.posterior(np.ones_like(seen), inflation, duration)
+    change = posterior.change
+    improves = is_better(errors)
+    if earlier is not None:
+        kept = np.linalg.norm(fit.tip_errors(earlier), axis=-1)
+        is_worse = improves and np.nanmean(errors) < np.nanmean(kept)
+        if is_better(kept) and not is_worse:
+            change = earlier
+            errors = kept
+            improves = True
     return SessionFit(
-        fit.posterior(np.ones_like(seen), inflation, duration),
+        posterior,
+        change,
         before=float(np.nanmean(without)),
         after=float(np.nanmean(errors)),
-        improves=is_smaller(errors[seen], without[seen])
-        and is_smaller(errors[seen], motion),
+        improves=improves,
     )
 
 

@@ -34,7 +34,7 @@ Error = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
 class Numbers(BaseModel):
-    """The numbers of a change, or their standard deviations; see `DayChange`."""
+    """The numbers of a change; see `DayChange`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -63,9 +63,8 @@ class Session(BaseModel):
     Attributes:
         weights: digest of the weight file that it belongs to.
         arm: name of the arm.
-        date: of the motion.
+        date: of the motion that judged it last.
         change: since the training.
-        std: standard deviations of the change.
         before: mean error of the tip without the change [m].
         after: the same with it, on stretches that it was not fitted to [m].
         improves: whether it surely lowers the squared error there.
@@ -73,12 +72,11 @@ class Session(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     weights: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     arm: Annotated[str, Field(max_length=64)]
     date: AwareDatetime
     change: Numbers
-    std: Numbers
     before: Error
     after: Error
     improves: bool
@@ -94,6 +92,7 @@ def measured_session(
     weights: str | os.PathLike,
     recording: Recording,
     date: datetime | None = None,
+    earlier: Session | None = None,
 ) -> tuple[Session, SessionFit]:
     """Measure the present day of an arm from a recording with the tip seen.
 
@@ -102,6 +101,7 @@ def measured_session(
         weights: the file.
         recording: of the present day.
         date: of the recording; now by default.
+        earlier: whose change is kept if it predicts the recording better.
 
     Raises:
         StrategyError: the networks hold no forward model or a session already, or the
@@ -115,14 +115,14 @@ def measured_session(
             f"{weights} was trained for '{networks.arm.name}', and the recording is of "
             f"'{arm.name}', which differs in {', '.join(networks.arm.differences(arm))}"
         )
-    fit = fit_session(_model(networks), training_data(recording, networks.recipe))
+    was = earlier.change.change() if earlier else None
+    fit = fit_session(_model(networks), training_data(recording, networks.recipe), was)
     try:
         session = Session(
             weights=_digest(weights),
             arm=arm.name,
             date=date or datetime.now(UTC),
-            change=Numbers.of(fit.posterior.change),
-            std=Numbers.of(fit.posterior.std),
+            change=Numbers.of(fit.change),
             before=fit.before,
             after=fit.after,
             improves=fit.improves,

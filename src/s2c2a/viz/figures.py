@@ -3,7 +3,7 @@
 Runs and recordings look like figures 6 and 3 of Chen et al. 2025.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -141,51 +141,36 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
     return save_figure(figure, path, markerscale=7)
 
 
-def learning_curves(curves: Mapping[str, Iterable[Mapping]], path: str | Path) -> Path:
+def learning_curves(
+    curves: Mapping[str, Float[np.ndarray, "epochs 3"]], path: str | Path
+) -> Path:
     """Draw training losses (thin, dashed) and validation losses (solid) over epochs.
 
     A dot marks the lowest validation loss.
 
     Args:
-        curves: for each network its rows, each a mapping with "epoch", "train" and
-            "validation".
+        curves: for each network its rows of epoch, training loss, validation loss.
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
 
     Returns:
         Path of the written file.
 
     Raises:
-        S2C2AError: there is no row, a row lacks a key, or the file cannot be written.
+        S2C2AError: there is no curve, one has no row, or the file cannot be written.
     """
-    tables = {name: _curve_table(name, rows) for name, rows in curves.items()}
-    if not tables:
-        raise S2C2AError("there is no learning curve to draw; give at least one")
+    if not curves or not all(map(len, curves.values())):
+        raise S2C2AError("a learning curve has no rows; train for at least one epoch")
     figure = new_figure(7.6, 4.6)
     axes = new_axes(figure, 111, "epoch", "loss")
-    for name, color in colors_by_label(tables).items():
-        epochs, train, validation = tables[name].T
+    for name, color in colors_by_label(curves).items():
+        epochs, train, validation = curves[name].T
         dashes = (0, (4, 2))
         axes.plot(epochs, train, color=color, lw=1.0, linestyle=dashes, alpha=0.8)
-        best = int(np.nanargmin(validation)) if np.isfinite(validation).any() else 0
+        best = int(np.argmin(validation))
         label = f"{name}   lowest {validation[best]:.3g}"
         axes.plot(epochs, validation, color=color, linewidth=1.7, label=label)
         axes.plot(epochs[best], validation[best], "o", color=color, markersize=4.5)
-    if all((table[:, 1:] > 0).all() for table in tables.values()):
+    if all((curve[:, 1:] > 0).all() for curve in curves.values()):
         axes.set_yscale("log")
     headline(axes, "validation (solid) and training (dashed)")
     return save_figure(figure, path)
-
-
-def _curve_table(name: str, rows: Iterable[Mapping]) -> Float[np.ndarray, "epochs 3"]:
-    """Epoch, training and validation loss as columns."""
-    keys = ("epoch", "train", "validation")
-    try:
-        table = [[float(row[key]) for key in keys] for row in rows]
-    except (KeyError, TypeError, ValueError) as error:
-        raise S2C2AError(
-            f"curve '{name}': every row needs the numbers epoch, train and validation; "
-            f"got {error!r}"
-        ) from error
-    if not table:
-        raise S2C2AError(f"curve '{name}' has no rows; train for at least one epoch")
-    return np.array(table)
