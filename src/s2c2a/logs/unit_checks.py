@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.files.tables import METERS
-from s2c2a.logs.log_map import ROTATING_UNITS, Drive, LogMap
+from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
 from s2c2a.logs.take import drive_scale
 
 # units differ by 2.5 or more; identified sizes, and stated ones, are rarely that wrong
@@ -62,7 +62,7 @@ def drive_unit_change(gain: float, length: float, log_map: LogMap) -> str:
     if stated:
         low = stated / SIZE_RATIO
         high = stated * SIZE_RATIO
-    radii = radii_by_unit(1 / gain, log_map.drives[0], log_map)
+    radii = _radii(1 / gain, log_map)
     target = stated or np.sqrt(low * high)
     distances = {name: abs(np.log(radius / target)) for name, radius in radii.items()}
     best = min(radii, key=distances.__getitem__)
@@ -74,8 +74,9 @@ def drive_unit_change(gain: float, length: float, log_map: LogMap) -> str:
     )
 
 
-def radii_by_unit(radius: float, drive: Drive, log_map: LogMap) -> dict[str, float]:
-    """Radius of the cables [m] with each unit of the same kind as a drive's."""
+def _radii(radius: float, log_map: LogMap) -> dict[str, float]:
+    """Radius of the cables [m] with each unit of the same kind."""
+    drive = log_map.drives[0]
     units = ROTATING_UNITS if drive.unit in ROTATING_UNITS else tuple(METERS)
     scale = drive_scale(drive, log_map)
     return {
