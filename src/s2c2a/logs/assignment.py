@@ -46,7 +46,7 @@ def rank_assignments(
     columns: Float[np.ndarray, "rows drives"],
     log_map: LogMap,
     count: int,
-) -> list[tuple[np.ndarray, np.ndarray]]:
+) -> list[tuple[np.ndarray, np.ndarray, float]]:
     """Most likely modules and signs of all motors, best first.
 
     Args:
@@ -57,7 +57,7 @@ def rank_assignments(
         count: number of assignments.
 
     Returns:
-        Pairs of modules and signs, each of shape (drives,).
+        Modules and signs, each of shape (drives,), with their cost.
     """
     reach = _log_reach(effects)
     tip = effects[:, -1]
@@ -191,12 +191,12 @@ def _order_modules(
 
 def _to_arrays(
     candidate: _Candidate, reach: np.ndarray, log_map: LogMap
-) -> tuple[np.ndarray, np.ndarray]:
-    """Module and sign of each motor."""
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Module and sign of each motor, and the cost."""
     modules = np.zeros(len(reach), int)
     signs = np.ones(len(reach))
     order = _order_modules(candidate.grouping, reach, log_map)
     for group, sign in zip(candidate.grouping, candidate.signs, strict=True):
         modules[list(group)] = order[group]
         signs[list(group)] = sign
-    return modules, signs
+    return modules, signs, candidate.cost

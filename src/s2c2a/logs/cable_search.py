@@ -148,7 +148,7 @@ def _first_trials(
     columns = observations.columns
     for assumed, effects in _estimate_effects(observations, log_map):
         ranked = rank_assignments(effects, columns, assumed, MAX_CANDIDATES)
-        for modules, signs in ranked:
+        for modules, signs, _ in ranked:
             key = (modules.tobytes(), signs.tobytes())
             if key in tried:
                 continue
@@ -201,10 +201,10 @@ def _estimate_effects(
         pulling = replace(
             observations, columns=np.clip(observations.columns, low, high)
         )
-        yield assumed, _regress(pulling, differences=False)
+        yield assumed, regress_ends(pulling, differences=False)
         if (np.isfinite(low) | np.isfinite(high)).all():
-            yield assumed, _regress(pulling, differences=True)
-    yield log_map, _regress(observations, differences=False)
+            yield assumed, regress_ends(pulling, differences=True)
+    yield log_map, regress_ends(observations, differences=False)
 
 
 def _assumed_maps(log_map: LogMap, goes_slack: list[bool]) -> list[LogMap]:
@@ -220,7 +220,7 @@ def _assumed_maps(log_map: LogMap, goes_slack: list[bool]) -> list[LogMap]:
     return maps[:1] if maps[0] == maps[1] else maps
 
 
-def _regress(
+def regress_ends(
     observations: Observations, differences: bool
 ) -> Float[np.ndarray, "drives ends 2"]:
     """Displacement of the ends across the arm per unit of each column.

@@ -1,6 +1,6 @@
 """Single changes of a map under which its statements equal what a log shows."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -18,6 +18,7 @@ from s2c2a.logs.take import unit_vector
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
 # which frames and cables are confused
 TOLERANCE_DEG = 30.0
+PLACE = ("module", "angle_deg")  # keys of a drive
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -78,7 +79,7 @@ def stated_angles(
     angles: Float[np.ndarray, " drives"], log_map: LogMap
 ) -> Float[np.ndarray, " drives"]:
     """Stated angles instead of identified ones [rad], turned if x is not stated."""
-    stated = _angles(log_map)
+    stated = angles_of(log_map)
     errors = without_turn(np.asarray(angles) - stated, log_map)
     return np.where(np.isfinite(stated), angles - errors, angles)
 
@@ -129,19 +130,20 @@ def _is_sorted(found: Identified, log_map: LogMap) -> bool:
 
 
 def _are_reversed(found: Identified, log_map: LogMap) -> bool:
-    stated = _signs(log_map)
+    stated = signs_of(log_map)
     known = stated != 0
     return bool(known.any() and (found.signs[known] == -stated[known]).all())
 
 
-def _signs(log_map: LogMap) -> np.ndarray:
+def signs_of(log_map: LogMap) -> np.ndarray:
+    """Stated signs of the drives; 0 where it is unknown."""
     return np.array([drive.sign for drive in log_map.drives])
 
 
-def _angles(log_map: LogMap) -> Float[np.ndarray, " drives"]:
+def angles_of(log_map: LogMap) -> Float[np.ndarray, " drives"]:
     """Stated angles [rad]; NaN where the angle or the sign of a motor is free."""
     degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
-    return np.where(_signs(log_map) == 0, np.nan, np.deg2rad(degrees))
+    return np.where(signs_of(log_map) == 0, np.nan, np.deg2rad(degrees))
 
 
 def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:
@@ -162,10 +164,10 @@ def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:
         return None
     x = x / size
     y = np.cross(z, x)
-    signs = _signs(log_map)
+    signs = signs_of(log_map)
     directions = found.directions * signs[:, None]
     angles = np.arctan2(directions @ y, directions @ x)
-    stated = _angles(log_map)
+    stated = angles_of(log_map)
     errors = without_turn(angles - stated, log_map)
     return np.nan_to_num(np.abs(errors))
 
@@ -202,15 +204,26 @@ def _of_others(log_map: LogMap) -> str:
 def _drive_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
     """Two drives exchanged: module and angle, or these and the effect of numbers."""
     for pair in combinations(range(len(log_map.drives)), 2):
-        for keys in (("module", "angle_deg"), ("module", "angle_deg", "positive")):
-            drives = list(log_map.drives)
-            for one, other in (pair, pair[::-1]):
-                values = {key: getattr(log_map.drives[other], key) for key in keys}
-                drives[one] = _with(drives[one], **values)
-            if _agrees(found, _with(log_map, drives=tuple(drives))):
-                names = [f"'{log_map.drives[index].name}'" for index in pair]
-                yield f"exchange {', '.join(keys)} of {' and '.join(names)}"
+        for keys in (PLACE, (*PLACE, "positive")):
+            clause, changed = exchange_drives(pair, keys, log_map)
+            if _agrees(found, changed):
+                yield clause
                 break
+
+
+def exchange_drives(
+    pair: tuple[int, int],
+    keys: Sequence[str],
+    log_map: LogMap,
+) -> tuple[str, LogMap]:
+    """Clause, and the map in which two drives have exchanged values of some keys."""
+    drives = list(log_map.drives)
+    for one, other in (pair, pair[::-1]):
+        values = {key: getattr(log_map.drives[other], key) for key in keys}
+        drives[one] = _with(drives[one], **values)
+    changed = _with(log_map, drives=tuple(drives))
+    first, second = (log_map.drives[index].name for index in pair)
+    return f"exchange {', '.join(keys)} of '{first}' and '{second}'", changed
 
 
 def _module_changes(found: Identified, log_map: LogMap) -> Iterator[str]:

@@ -218,6 +218,18 @@ def rms_motion(positions: Float[np.ndarray, "rows ends 3"]) -> float:
     return float(np.sqrt(np.nanmean(np.sum(centered**2, axis=-1))))
 
 
+def missed_share(fit: CableFit, observations: Observations) -> float:
+    """Share of the motion that a fit misses."""
+    is_seen = np.isfinite(observations.states[..., 0]).any(axis=1)
+    seen = replace(
+        observations,
+        columns=observations.columns[is_seen],
+        states=observations.states[is_seen],
+    )
+    stretch = np.zeros(len(seen.columns))
+    return float(missed_shares(fit, seen, stretch)[0])
+
+
 def missed_shares(
     fit: CableFit, observations: Observations, stretches: np.ndarray
 ) -> Float[np.ndarray, " stretches"]:

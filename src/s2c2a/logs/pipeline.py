@@ -17,13 +17,22 @@ from s2c2a.execution.progress import Progress, quiet
 from s2c2a.files.text import write_atomically
 from s2c2a.logs.arm_file import CableLayout, build_layout, format_arm, match_layout
 from s2c2a.logs.cable_model import CableParameters, tilt_rotation
-from s2c2a.logs.cable_search import Assignment, identify_cables
+from s2c2a.logs.cable_search import AMBIGUOUS_RATIO, Assignment, identify_cables
 from s2c2a.logs.cleaning import Excluded, exclude_outliers
 from s2c2a.logs.clocks import LogClock
+from s2c2a.logs.drive_faults import excess_travel, foreign_units, likely_changes
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_diagnosis import Given, diagnose, diagnose_map
+from s2c2a.logs.map_diagnosis import (
+    CLEARLY,
+    MOST,
+    POOR,
+    Given,
+    diagnose,
+    diagnose_map,
+    missed_share,
+)
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
 from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
@@ -157,6 +166,8 @@ def import_logs(
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
+            if fault := _diagnose_drives(fitted.takes, fitted.rests, log_map):
+                raise LogError(fault) from error
             sentence = diagnose(fitted.takes, log_map, None)
             raise LogError(f"{error}\n{sentence}".strip()) from error
     except S2C2AError as error:
@@ -224,17 +235,20 @@ def _fit(
             fits.append(_fit_takes(takes, rests, log_map, progress))
         except S2C2AError as error:
             failure = error
-            failed = takes
+            failed = takes, rests
     if fits:
         return min(fits, key=lambda fitted: fitted.fit.cost)
-    values = [effective_drives(take, log_map) for take in failed]
+    if sentence := _diagnose_drives(*failed, log_map):
+        # the failure names what does not fit the wrong drive
+        raise LogError(sentence) from failure
+    values = [effective_drives(take, log_map) for take in failed[0]]
     if still := still_drives(np.concatenate(values), log_map):
         names = ", ".join(still)
         verb = "moves" if len(still) == 1 else "move"
         raise LogError(
             f"{names} hardly {verb}: record motion of every drive\n{failure}"
         )
-    if sentence := diagnose(failed, log_map, None):
+    if sentence := diagnose(failed[0], log_map, None):
         raise LogError(f"{failure}\n{sentence}")
     raise failure
 
@@ -243,6 +257,18 @@ def _fit_takes(
     takes: list[LogTake], rests: np.ndarray, log_map: LogMap, progress: Progress
 ) -> _Fitted:
     """Fit the cable model to takes whose drives count from their rests."""
+    segments, observations, start = _observe(takes, log_map)
+    if fault := excess_travel(observations, log_map):
+        raise LogError(fault)
+    found = identify_cables(observations, start, log_map, MAX_FITTED, progress)
+    layout = build_layout(*found[:2], log_map)
+    return _Fitted(takes, rests, segments, observations, start, *found, layout)
+
+
+def _observe(
+    takes: list[LogTake], log_map: LogMap
+) -> tuple[Segments, Observations, CableParameters]:
+    """Segments, their rows as observations, and the first guess of the model."""
     segments = _build_segments(takes, log_map)
     positions = np.concatenate([take.positions for take in segments.takes])
     registration = estimate_registration(positions, log_map)
@@ -250,14 +276,6 @@ def _fit_takes(
     columns = np.concatenate(
         [effective_drives(take, log_map) for take in segments.takes]
     )
-    travel = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)
-    for drive, distance in zip(log_map.drives, travel, strict=True):
-        is_stated = drive.unit != "free" and not log_map.by_force
-        if is_stated and distance > length:  # more cable than the arm is long
-            raise LogError(
-                f"'{drive.name}' moves by {distance:.3g} m, and the arm is "
-                f"{length:.3g} m long; correct its unit in the map"
-            )
     observations = Observations(
         columns,
         _measured_states(segments.takes, log_map),
@@ -267,10 +285,52 @@ def _fit_takes(
         length,
         stated_bounds(registration, log_map),
     )
-    start = first_guess(registration, log_map)
-    found = identify_cables(observations, start, log_map, MAX_FITTED, progress)
-    layout = build_layout(*found[:2], log_map)
-    return _Fitted(takes, rests, segments, observations, start, *found, layout)
+    return segments, observations, first_guess(registration, log_map)
+
+
+def _diagnose_drives(
+    takes: list[LogTake],
+    rests: np.ndarray,
+    log_map: LogMap,
+    missed: float = np.inf,
+) -> str:
+    """Sentence that names the drives of which one is wrong in the map; may be empty.
+
+    Args:
+        takes: takes whose drives count from their rests.
+        rests: these rests.
+        log_map: the map.
+        missed: share of the motion that the map as given misses; infinite if its fit
+            has failed.
+    """
+    try:
+        _, observations, _ = _observe(takes, log_map)
+    except S2C2AError:
+        return ""
+    if fault := excess_travel(observations, log_map):
+        return fault
+    contradiction = "the map contradicts the log: "
+    if clause := foreign_units(observations, log_map):
+        return f"{contradiction}{clause} (nothing was changed)"
+    found = []
+    for clause, changed in likely_changes(observations, log_map):
+        try:
+            fitted = _fit_takes(takes, rests, changed, quiet)
+        except S2C2AError:
+            continue
+        share = missed_share(fitted.fit, fitted.observations)
+        if share < min(CLEARLY * missed, MOST):
+            found.append((fitted.fit.cost, clause, share))
+    if not found:
+        return ""
+    least, _, share = min(found)
+    clauses = [clause for cost, clause, _ in found if AMBIGUOUS_RATIO * cost <= least]
+    doubt = "; the log does not tell which" if len(clauses) > 1 else ""
+    before = f", not {100 * missed:.0f} %" if np.isfinite(missed) else ""
+    return (
+        f"{contradiction}{', or '.join(clauses)}{doubt}; the model then misses "
+        f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
+    )
 
 
 def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported:
@@ -301,7 +361,14 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     axes = _rotation_about_z(layout.turn) @ axes
     rig = Rig.identified(log_map, fitted.rests, layout.drive, layout.factor, base, axes)
     given = Given(fit, assignment, observations, residual)
+    undetermined = undetermined_numbers(fit, observations.columns, log_map)
+    unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
+    missed = missed_share(fit, observations)
+    # a drive of another unit hardly moves, or lets others seem to
+    still = still_drives(observations.columns, log_map)
+    if not diagnosis and (missed > POOR or unusual or still):
+        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, missed)
     poor_fit = ""
     if not diagnosis:
         poor_fit = describe_poor_fit(
@@ -322,8 +389,8 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         diagnosis,
         poor_fit,
         describe_contradictions(fit.parameters, observations),
-        tuple(undetermined_numbers(fit, observations.columns, log_map)),
-        tuple(unusual_numbers(fit, fitted.start, log_map)),
+        tuple(undetermined),
+        tuple(unusual),
     )
 
 

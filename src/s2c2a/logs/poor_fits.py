@@ -9,7 +9,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import identify_cables
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_diagnosis import CLEARLY, POOR, Given, missed_shares, rms_motion
+from s2c2a.logs.map_diagnosis import CLEARLY, POOR, Given, missed_share, rms_motion
 from s2c2a.logs.take import LogTake, effective_drives
 from s2c2a.spaces import POSITION
 
@@ -73,4 +73,4 @@ def _share_of_other_commands(
         fit, _, _ = identify_cables(observations, start, shifted, max_rows)
     except S2C2AError:
         return np.inf
-    return float(missed_shares(fit, observations, np.zeros(len(columns)))[0])
+    return missed_share(fit, observations)

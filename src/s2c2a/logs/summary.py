@@ -51,7 +51,9 @@ def summary(imported: Imported) -> list[str]:
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
         *describe_range(imported.episodes),
     ]
-    warnings = [imported.diagnosis, imported.poor_fit, imported.contradictions]
+    warnings = [imported.diagnosis, imported.poor_fit]
+    if not imported.diagnosis:  # it may be why the numbers are wrong
+        warnings.append(imported.contradictions)
     if imported.undetermined and not imported.diagnosis:
         warnings.append(
             f"the log does not determine {', '.join(imported.undetermined)}: record "
