@@ -92,7 +92,7 @@ def test_the_step_limit_is_not_blamed_for_goals_out_of_reach():
     beyond = make_run(Outcome.OUT_OF_REACH, plan=0.022, **columns)
     assert "the step limit of 4 deg" in describe_plans(moving)
     assert describe_plans(beyond) == (
-        "the planner found its goal out of reach in 20 of 20 steps"
+        "the planner came no nearer to its goal in 20 of 20 steps"
     )
 
 

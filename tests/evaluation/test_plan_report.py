@@ -34,7 +34,7 @@ def make_episode(**columns):
         (
             {"outcome": np.array([0, 5, 6, 6])},
             "the planner stood still short of its goal in 1 of 4 steps, "
-            "the planner found its goal out of reach in 2 of 4 steps",
+            "the planner came no nearer to its goal in 2 of 4 steps",
         ),
     ],
 )

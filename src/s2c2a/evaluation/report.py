@@ -23,8 +23,8 @@ from s2c2a.spaces import Stage
 
 PLAN_OUTCOMES = {
     Outcome.STALLED: "the planner stood still short of its goal",
-    Outcome.OUT_OF_REACH: "the planner found its goal out of reach",
-    Outcome.BLOCKED: "the planner found no way around the obstacles",
+    Outcome.OUT_OF_REACH: "the planner came no nearer to its goal",
+    Outcome.BLOCKED: "the planner found no free way to its goal",
     Outcome.OVERLOADED: "the planner found the arm overloaded",
     Outcome.PASSING: "an obstacle on the path of the target kept the tip off",
 }
