@@ -89,6 +89,7 @@ class GoalMotion(NamedTuple):
         offset: of the approach from the targets, as coefficients of a polynomial p: it is
             exp(-t) p(t) at the time t, in units of the decay.
         passes: whether the tip passes an obstacle beside its target.
+        is_within: whether the next target of the tip is in an obstacle.
     """
 
     latest: Rows
@@ -97,6 +98,7 @@ class GoalMotion(NamedTuple):
     is_known: Float[Array, "targets 1"]
     offset: Float[Array, "3 targets 3"]
     passes: Bool[Array, ""]
+    is_within: Bool[Array, ""]
 
     @classmethod
     def of(cls, modules: int) -> "GoalMotion":
@@ -104,8 +106,8 @@ class GoalMotion(NamedTuple):
         rows = jnp.zeros_like(_rows(Goal.of(modules)))
         targets = rows[: 2 * modules]
         offset = jnp.stack([targets] * 3)
-        passes = jnp.asarray(False)
-        return cls(rows, rows, targets, targets[:, :1], offset, passes)
+        no = jnp.asarray(False)
+        return cls(rows, rows, targets, targets[:, :1], offset, no, no)
 
     def stays(self, goal: Goal) -> Bool[Array, ""]:
         """Whether a goal is as the last one was."""
@@ -145,8 +147,7 @@ class GoalMotion(NamedTuple):
         # of obstacles, a preview tells nothing
         others = (0, 0), (0, len(goal.obstacles)), (0, 0)
         preview = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
-        told = jnp.concatenate(preview, axis=1)
-        told = jnp.pad(told, others, constant_values=np.nan)
+        told = jnp.pad(jnp.concatenate(preview, axis=1), others, constant_values=np.nan)
         steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
         foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
         if approach.stride > 1:
@@ -162,13 +163,12 @@ class GoalMotion(NamedTuple):
         decay = jnp.interp(payload, approach.payloads, approach.decays)
         offset = is_desired * _later(self.offset - AT_REST[:, None, None] * jump, decay)
         offsets = jax.vmap(lambda step: _later(offset, step * decay)[0])(steps)
-        motion = GoalMotion(
-            self.latest.at[:count].set(now),
-            self.step.at[:count].set(step),
-            following[:targets],
-            is_desired,
-            offset,
-            self.passes,
+        motion = self._replace(
+            latest=self.latest.at[:count].set(now),
+            step=self.step.at[:count].set(step),
+            expected=following[:targets],
+            is_known=is_desired,
+            offset=offset,
         )
         # an arm that is to be clear of obstacles only then leaves late, fast, and vibrates
         ways = velocity[targets:] * approach.stride * PREVIEW
@@ -197,7 +197,7 @@ class GoalMotion(NamedTuple):
         kept = ahead.thresholds + (approach.margin or 0.0) * (ahead.thresholds > 0.0)
         scenes = ahead._replace(thresholds=kept)
         gaps = jax.vmap(_gap)(targets, scenes)
-        is_within = gaps.min() < 0.0
+        enters = gaps.min() < 0.0
 
         def pass_by():
             ways = jnp.gradient(targets, axis=0)
@@ -222,14 +222,15 @@ class GoalMotion(NamedTuple):
             paces = PACE * approach.farthest[positions.shape[1] - 1] + norm(ways)
             _, points = jax.lax.scan(follow, tip, (scenes, targets, paces))
             is_behind = norm(targets[0] - tip) > paces[0]
-            passes = (is_within | is_behind) & (ahead.position_weights[0, -1] > 0.0)
+            passes = (enters | is_behind) & (ahead.position_weights[0, -1] > 0.0)
             return passes, jnp.where(passes, points, targets)
 
         passes, points = jax.lax.cond(
-            self.passes | is_within, pass_by, lambda: (jnp.asarray(False), targets)
+            self.passes | enters, pass_by, lambda: (jnp.asarray(False), targets)
         )
         passed = {"positions": positions.at[:, -1].set(points)}
-        return self._replace(passes=passes), ahead._replace(**passed)  # type: ignore[arg-type]
+        motion = self._replace(passes=passes, is_within=gaps[0] < 0.0)
+        return motion, ahead._replace(**passed)  # type: ignore[arg-type]
 
 
 def _gap(point: Point, scene: Goal) -> Float[Array, ""]:

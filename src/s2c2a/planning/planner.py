@@ -355,8 +355,8 @@ class Step(NamedTuple):
             Candidate(configurations, bends, *[None] * 3),  # type: ignore[arg-type]
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
-            # at its full pace an arm swings into obstacles that it passes
-            longest / (1.0 + last.motion.passes),
+            # at its full pace an arm swings into an obstacle beside which it stops
+            longest / (1.0 + (last.motion.passes & last.motion.is_within)),
             self.options.on_sphere,
             self._guarded.radii,
             steerable=geometry.steerable,
