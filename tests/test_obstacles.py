@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from s2c2a.goals import Goal
 from s2c2a.obstacles import (
     CENTER,
     CORE,
@@ -15,6 +16,7 @@ from s2c2a.obstacles import (
     rows_of,
     swept,
 )
+from s2c2a.planning import motion
 from s2c2a.tasks.scenes import HalfSpace
 
 POINT = np.zeros(8)
@@ -113,3 +115,30 @@ def test_a_half_space_is_flat_wherever_its_point_is(normal):
     place = 0.5 * direction - 0.4 * along
     gap = distances(place, row[CENTER], row[CORE]) - row[THRESHOLD]
     assert gap == pytest.approx(0.3, abs=1e-3)
+
+
+def test_slopes_do_not_depend_on_equal_values():
+    """Those of a largest or least entry are 0 / 0 where a compiler rounds it twice."""
+    goal = Goal.of(3).with_obstacles([[0.1, 0.2, 0.3]], [0.05])
+    point = jnp.asarray([0.2, 0.1, 0.3])
+
+    def distance(point):
+        return distances(point, goal.obstacles[0], goal.cores[0])
+
+    def gap(point):
+        return motion._gap(point, goal)
+
+    for function in (distance, gap):
+        program = str(jax.make_jaxpr(jax.grad(function))(point))
+        assert "reduce_m" not in program
+        np.testing.assert_allclose(
+            jax.grad(function)(point), [0.5**0.5, -(0.5**0.5), 0.0], atol=1e-6
+        )
+
+
+def test_without_obstacles_there_is_no_gap():
+    assert motion._gap(jnp.zeros(3), Goal.of(3)) == np.inf
+    nothing = Goal.of(3)._replace(
+        obstacles=np.zeros((0, 3)), thresholds=np.zeros(0), cores=np.zeros((0, 8))
+    )
+    assert motion._gap(jnp.zeros(3), nothing) == np.inf

@@ -123,7 +123,7 @@ def swept(
     )
 
 
-def _outside(excess: Float[Any, "*batch axes"]) -> Float[Any, "*batch"]:
+def _outside(excess: Float[Any, "*batch 2"]) -> Float[Any, "*batch"]:
     """Signed distance from a corner, from how far each axis exceeds it.
 
     The gradient at the corner is zero.
@@ -132,4 +132,7 @@ def _outside(excess: Float[Any, "*batch axes"]) -> Float[Any, "*batch"]:
     squared = xp.sum(xp.maximum(excess, 0.0) ** 2, axis=-1)
     is_outside = squared > 0.0
     distance = xp.sqrt(xp.where(is_outside, squared, 1.0))
-    return xp.where(is_outside, distance, xp.max(excess, axis=-1))
+    # no `max`: its slope is that of the entries that equal it, of which there is none where
+    # a compiler computes them twice, and rounds differently
+    one, other = xp.moveaxis(excess, -1, 0)
+    return xp.where(is_outside, distance, xp.where(one > other, one, other))

@@ -43,7 +43,7 @@ def test_a_recording_becomes_a_report_and_a_file_as_old_as_itself_beside_the_wei
     earlier = session.model_copy(update={"change": change, "improves": True})
     save_session(earlier, session_path(weights))
     main(["session", str(weights), "--recording", str(recording)])
-    assert "earlier session, which predicts no better" in capsys.readouterr().out
+    assert "the earlier session is kept" in capsys.readouterr().out
     assert load_session(session_path(weights), weights) == session
     kept = session_path(weights).with_suffix(".earlier.json")
     assert load_session(kept, weights) == earlier

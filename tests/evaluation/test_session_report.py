@@ -79,6 +79,8 @@ def test_a_payload_is_known_where_it_is_given(simulated, known, has_payload):
     robot = RobotFactory.simulation(payload=simulated)
     options = RunOptions(estimation=EstimationSettings(known))
     assert Conditions(robot, options).has_payload == has_payload
+    typed = RobotFactory("sim", (("payload", str(simulated)),))
+    assert Conditions(typed, options).has_payload == has_payload
 
 
 def test_a_tip_that_was_not_seen_disagrees_with_nothing():

@@ -80,32 +80,44 @@ def test_exchanged_columns_of_stated_drives_are_the_most_likely_change():
 @pytest.mark.parametrize("factor", [1e3, 1e-3])
 def test_the_drive_of_another_unit_is_named(factor):
     columns, states = motion(modules=2)
-    assert foreign_units(observe(columns, states), log_map(2)) == ""
+    assert foreign_units(observe(columns, states), log_map(2)) == ("", [])
     columns[:, 2] *= factor
-    sentence = foreign_units(observe(columns, states), log_map(2))
+    sentence, (factors,) = foreign_units(observe(columns, states), log_map(2))
     assert sentence.startswith("the unit or scale of 'c2' is wrong")
     assert ("about 0.00" in sentence) == (factor > 1)
+    assert 0.3 < factors[2] * factor < 3.0
+    assert (np.delete(factors, 2) == 1.0).all()
 
 
 def test_units_that_resemble_levers_show_where_modules_are_stated():
     columns, states = motion(modules=2)
     columns[:, 4] *= 0.1
     seen = observe(columns, states)
-    assert foreign_units(seen, log_map(2)) == ""
-    assert "of 'c4' is wrong" in foreign_units(seen, log_map(2, places=True))
+    assert foreign_units(seen, log_map(2))[0] == ""
+    assert "of 'c4' is wrong" in foreign_units(seen, log_map(2, places=True))[0]
 
 
 def test_of_two_drives_in_different_units_both_are_named():
     columns, states = motion(drives=2)
     columns[:, 0] *= 180 / np.pi
-    sentence = foreign_units(observe(columns, states), log_map(unit="rad", drives=2))
+    sentence, factors = foreign_units(
+        observe(columns, states), log_map(unit="rad", drives=2)
+    )
+    assert len(factors) == 2
     assert "'c0', 'c1' differ; the log does not tell which is wrong" in sentence
 
 
-def test_a_drive_that_hardly_moves_is_of_no_foreign_unit():
+@pytest.mark.parametrize("places", [False, True])
+def test_a_drive_that_hardly_moves_is_of_no_foreign_unit(places):
     columns, states = motion(modules=2)
     columns[:, 2] = 1e-6 * np.random.default_rng(0).normal(size=len(columns))
-    assert foreign_units(observe(columns, states), log_map(2)) == ""
+    seen = observe(columns, states)
+    stated = log_map(2, places)
+    assert foreign_units(seen, stated)[0] == ""
+    columns[:, 1] *= 0.001
+    sentence, _ = foreign_units(seen, stated)
+    assert "'c0'" not in sentence
+    assert "'c2'" not in sentence
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,9 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,7 +30,7 @@ from s2c2a.strategies import (
     training_data,
     with_session,
 )
-from s2c2a.strategies.session import Numbers
+from s2c2a.strategies.session import Numbers, Session
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 
@@ -237,6 +238,38 @@ def test_the_better_of_earlier_new_and_no_session_is_used(
     report = " ".join(describe_session(fit, networks.arm))
     assert ("runs go on with" in report) == is_kept
     assert ("runs use no session" in report) == (not improves)
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        {"date": datetime(2026, 1, 6, tzinfo=UTC)},  # its own recording
+        {"improves": False},
+        {"modules": 1},
+    ],
+)
+def test_an_earlier_session_that_proves_nothing_does_not_compete(
+    networks, weights, short, monkeypatch, of
+):
+    now = datetime(2026, 1, 6, tzinfo=UTC)
+    change = Numbers.of(DayChange.none(of.pop("modules", networks.arm.module_count)))
+    earlier = Session(
+        weights=64 * "0",
+        arm=networks.arm.name,
+        **{"date": now - timedelta(1), "change": change, "improves": True} | of,
+        before=0.01,
+        after=0.005,
+    )
+    given = []
+
+    def fitted(model, data, earlier):
+        given.append(earlier)
+        none = DayChange.none(networks.arm.module_count)
+        return SimpleNamespace(change=none, before=0.01, after=0.01, improves=False)
+
+    monkeypatch.setattr("s2c2a.strategies.session.fit_session", fitted)
+    measured_session(networks, weights, short, now, earlier)
+    assert given == [None]
 
 
 def test_a_plan_near_a_configuration_keeps_the_session(networks, short):

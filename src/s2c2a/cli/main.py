@@ -118,7 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"s2c2a {s2c2a.__version__}")
         return
     before = warnings.formatwarning
-    warnings.formatwarning = _as_sentence
+    # readers do not need the line of code
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     with trust_of_one_command(), manifests_of_one_command():
         try:
             given = _without_trusted_code(given)
@@ -142,11 +143,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(INTERRUPTED)
         finally:
             warnings.formatwarning = before
-
-
-def _as_sentence(message: Warning | str, *_: object, **__: object) -> str:
-    """A warning for a reader, who does not need the line of code that it is from."""
-    return f"warning: {message}\n"
 
 
 def _run_command(arguments: Sequence[str]) -> None:

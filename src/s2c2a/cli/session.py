@@ -89,18 +89,13 @@ def session(
         earlier = strategies.session_of(weights)
     except StrategyError:  # of another training, or damaged
         earlier = None
-    found, fit = strategies.measured_session(
-        networks,
-        weights,
-        moved,
-        date,
-        earlier,
-    )
+    found, fit = strategies.measured_session(networks, weights, moved, date, earlier)
     for line in evaluation.describe_session(fit, spec):
         print(line)
     path = strategies.session_path(weights)
-    if earlier and found.change != earlier.change:
-        kept = path.replace(path.with_suffix(".earlier.json"))
-        print(f"earlier session, which predicts no better: {kept}")
+    if earlier and earlier.improves and found.change != earlier.change:
+        kept = path.with_suffix(".earlier.json")
+        strategies.save_session(earlier, kept)
+        print(f"the earlier session is kept: {kept}")
     strategies.save_session(found, path)
     print(f"session: {path}")

@@ -61,8 +61,8 @@ class Conditions:
     @property
     def has_payload(self) -> bool:
         """Whether a payload is known to hang at the arm."""
-        known = self.run.estimation.known_payload
-        return bool(dict(self.robot.options).get("payload", known))
+        options = dict(self.robot.options) if self.robot.simulated else {}
+        return float(options.get("payload", 0)) + self.run.estimation.known_payload > 0
 
 
 @dataclass(frozen=True)

@@ -107,39 +107,45 @@ def excess_travel(
 def foreign_units(
     observations: Observations,
     log_map: LogMap,
-) -> str:
-    """Clause on drives whose unit is not that of the others; empty if there is none.
+) -> tuple[str, list[np.ndarray]]:
+    """Clause on a drive whose unit is not that of the others; empty if there is none.
 
-    Where as many drives are on either side, it names all of them.
+    Of two drives it names both.
+
+    Returns:
+        The clause, and factors of all drives. Those of one entry make the log
+        explicable if the clause is true.
     """
     effects = regress_ends(observations, differences=False)
     sizes = np.linalg.norm(effects[:, -1], axis=1)
     motions = sizes * observations.columns.std(axis=0)
     least = MOVES_ENDS * np.median(motions)
     moving = np.flatnonzero(motions > least)
-    sizes[moving] = np.log(sizes[moving])
-    sizes = _without_levers(sizes, log_map)
-    order = moving[np.argsort(sizes[moving])]
-    gaps = np.diff(sizes[order])
+    relative = _without_levers(np.log(sizes[moving]), moving, log_map)
+    order = np.argsort(relative)
+    gaps = np.diff(relative[order])
     if gaps.max(initial=0.0) < np.log(FOREIGN):
-        return ""
+        return "", []
     cut = int(np.argmax(gaps)) + 1
-    low = order[:cut]
-    high = order[cut:]
-    few, others = sorted((low, high), key=len)
-    if len(few) == len(others):
+    sides = sorted((order[:cut], order[cut:]), key=len)
+    few, others = (moving[side] for side in sides)
+    if len(few) > 1:  # rather modules than several wrong drives
+        return "", []
+    own, usual = (relative[side].mean() for side in sides)
+    ratio = float(np.exp(own - usual))
+    factors = np.ones((2, len(sizes)))
+    factors[0, few] = ratio
+    factors[1, others] = 1.0 / ratio
+    if len(few) < len(others):
         return (
-            f"the units or scales of {_names(order, log_map)} differ; the log does not "
-            "tell which is wrong"
-        )
-    own = sizes[few].mean()
-    usual = sizes[others].mean()
-    ratio = np.exp(own - usual)
-    factor = float(f"{ratio:.1g}")
-    return (
-        f"the unit or scale of {_names(few, log_map)} is wrong: per unit of the map, "
-        f"the ends follow about {factor:g} times as far as with other drives"
+            f"the unit or scale of {_names(few, log_map)} is wrong: per unit of the map, "
+            f"the ends follow about {float(f'{ratio:.1g}'):g} times as far as with other "
+            "drives"
+        ), [factors[0]]
+    clause = (
+        f"the units or scales of {_names(moving, log_map)} differ; the log does not "
     )
+    return f"{clause}tell which is wrong", list(factors)
 
 
 def _names(indices: np.ndarray, log_map: LogMap) -> str:
@@ -150,13 +156,14 @@ def _names(indices: np.ndarray, log_map: LogMap) -> str:
 
 def _without_levers(
     sizes: np.ndarray,
+    drives: np.ndarray,
     log_map: LogMap,
 ) -> np.ndarray:
     """Logarithmic sizes relative to those of the same module, if modules are stated.
 
     Of two drives in a module, none is like the most.
     """
-    modules = [drive.module for drive in log_map.drives]
+    modules = [log_map.drives[index].module for index in drives]
     relative = sizes.copy()
     for module in set(modules):
         own = np.array([each == module for each in modules])

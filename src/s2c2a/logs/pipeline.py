@@ -292,6 +292,7 @@ def _diagnose_drives(
     takes: list[LogTake],
     rests: np.ndarray,
     log_map: LogMap,
+    fit: CableFit | None = None,
     missed: float = np.inf,
 ) -> str:
     """Sentence that names the drives of which one is wrong in the map; may be empty.
@@ -300,8 +301,8 @@ def _diagnose_drives(
         takes: takes whose drives count from their rests.
         rests: these rests.
         log_map: the map.
-        missed: share of the motion that the map as given misses; infinite if its fit
-            has failed.
+        fit: with the map as given; None if it has failed.
+        missed: share of the motion that it misses.
     """
     try:
         _, observations, _ = _observe(takes, log_map)
@@ -310,17 +311,38 @@ def _diagnose_drives(
     if fault := excess_travel(observations, log_map):
         return fault
     contradiction = "the map contradicts the log: "
-    if clause := foreign_units(observations, log_map):
-        return f"{contradiction}{clause} (nothing was changed)"
     found = []
-    for clause, changed in likely_changes(observations, log_map):
+
+    def explains(
+        clause: str, changed: LogMap, factors: np.ndarray | float = 1.0
+    ) -> bool:
+        scaled = [
+            replace(
+                take,
+                commanded=factors * take.commanded,
+                measured=factors * take.measured,
+            )
+            for take in takes
+        ]
         try:
-            fitted = _fit_takes(takes, rests, changed, quiet)
+            fitted = _fit_takes(scaled, factors * rests, changed, quiet)
         except S2C2AError:
-            continue
+            return False
         share = missed_share(fitted.fit, fitted.observations)
-        if share < min(CLEARLY * missed, MOST):
+        # other cables can make up for one of another unit, at the cost of odd numbers
+        is_better = fit is None or fitted.fit.cost < CLEARLY * fit.cost
+        does = share < MOST and (is_better or share < CLEARLY * missed)
+        if does:
             found.append((fitted.fit.cost, clause, share))
+        return does
+
+    clause, rescaled = foreign_units(observations, log_map)
+    if any(explains(clause, log_map, factors) for factors in rescaled):
+        return f"{contradiction}{clause} (nothing was changed)"
+    if still_drives(observations.columns, log_map):
+        return ""
+    for clause, changed in likely_changes(observations, log_map):
+        explains(clause, changed)
     if not found:
         return ""
     least, _, share = min(found)
@@ -368,7 +390,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
     if not diagnosis and (missed > POOR or unusual or still):
-        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, missed)
+        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, fit, missed)
     poor_fit = ""
     if not diagnosis:
         poor_fit = describe_poor_fit(

@@ -131,9 +131,7 @@ def fit_session(
         kept = np.linalg.norm(fit.tip_errors(earlier), axis=-1)
         is_worse = improves and np.nanmean(errors) < np.nanmean(kept)
         if is_better(kept) and not is_worse:
-            change = earlier
-            errors = kept
-            improves = True
+            change, errors, improves = earlier, kept, True
     return SessionFit(
         posterior,
         change,

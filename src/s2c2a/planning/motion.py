@@ -150,10 +150,9 @@ class GoalMotion(NamedTuple):
         told = jnp.pad(jnp.concatenate(preview, axis=1), others, constant_values=np.nan)
         steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
         foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
+        following = foreseen[1]
         if approach.stride > 1:
             following = now + (foreseen[0] - now) / (approach.stride - 1)
-        else:
-            following = foreseen[1]
         is_desired = _desired(goal)
         targets = len(is_desired)
         present = jnp.concatenate(jnp.split(states, 2, axis=1))
@@ -236,7 +235,10 @@ class GoalMotion(NamedTuple):
 def _gap(point: Point, scene: Goal) -> Float[Array, ""]:
     """Signed distance of a point from the thresholds of obstacles [m]."""
     gaps = distances(point, scene.obstacles, scene.cores) - scene.thresholds
-    return jnp.min(gaps, initial=jnp.inf, where=scene.thresholds > 0.0)
+    known = jnp.append(jnp.where(scene.thresholds > 0.0, gaps, jnp.inf), jnp.inf)
+    return known[
+        jnp.argmin(known)
+    ]  # `min` has no slope where entries are rounded twice
 
 
 _normal = jax.grad(_gap)

@@ -101,7 +101,8 @@ def measured_session(
         weights: the file.
         recording: of the present day.
         date: of the recording; now by default.
-        earlier: whose change is kept if it predicts the recording better.
+        earlier: whose change is kept if it is of another recording, and predicts this
+            one better.
 
     Raises:
         StrategyError: the networks hold no forward model or a session already, or the
@@ -115,13 +116,17 @@ def measured_session(
             f"{weights} was trained for '{networks.arm.name}', and the recording is of "
             f"'{arm.name}', which differs in {', '.join(networks.arm.differences(arm))}"
         )
-    was = earlier.change.change() if earlier else None
+    date = date or datetime.now(UTC)
+    was = None
+    # its own recording would flatter an earlier session
+    if earlier and earlier.improves and earlier.date != date:
+        was = earlier.change.change() if _fits(earlier, arm.module_count) else None
     fit = fit_session(_model(networks), training_data(recording, networks.recipe), was)
     try:
         session = Session(
             weights=_digest(weights),
             arm=arm.name,
-            date=date or datetime.now(UTC),
+            date=date,
             change=Numbers.of(fit.change),
             before=fit.before,
             after=fit.after,
@@ -189,8 +194,7 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
     if session is None or not session.improves:
         return networks
     modules = networks.arm.module_count
-    change = session.change
-    if {len(change.offsets), len(change.slack), len(change.softness)} != {modules}:
+    if not _fits(session, modules):
         raise StrategyError(
             f"the session has not the {counted(modules, 'module')} of "
             f"'{networks.arm.name}'; {MAKE_ONE}"
@@ -198,6 +202,11 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
     model = SessionC2S.of(_model(networks), session.change.change())
     corrected = replace(networks.trained["C2S"], network=model)
     return replace(networks, trained={**networks.trained, "C2S": corrected})
+
+
+def _fits(session: Session, modules: int) -> bool:
+    change = session.change
+    return {len(change.offsets), len(change.slack), len(change.softness)} == {modules}
 
 
 def describe_use(session: Session) -> str:

@@ -50,7 +50,11 @@ def draw(
         surface = obstacle[:3, None, None] + obstacle[3] * ball
         axes.plot_surface(*surface, color=OBSTACLE)
     reach = arm.length
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.5 * reach, reach))
+    axes.set(
+        xlim=(-reach, reach),
+        ylim=(-reach, reach),
+        zlim=(-0.5 * reach, reach),
+    )
     axes.set_box_aspect((2.0, 2.0, 1.5))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()

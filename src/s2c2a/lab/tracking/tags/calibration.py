@@ -96,7 +96,14 @@ def find_board(image: np.ndarray, board: Board) -> BoardView | None:
         return None
     right = board.columns * board.square
     bottom = board.rows * board.square
-    outline = np.array([[[0, 0]], [[right, 0]], [[right, bottom]], [[0, bottom]]])
+    outline = np.array(
+        [
+            [[0, 0]],
+            [[right, 0]],
+            [[right, bottom]],
+            [[0, bottom]],
+        ]
+    )
     mapped = cv2.perspectiveTransform(outline.astype(np.float64), homography)
     return BoardView(points, pixels, mapped.reshape(4, 2))
 

@@ -161,7 +161,14 @@ class TagLayout(BaseModel):
 
 def square(size: float) -> Float[np.ndarray, "4 3"]:
     """Return the corners of a square [m], tag frame, in the order of `Tag.corners`."""
-    signs = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
+    signs = np.array(
+        [
+            [-1, 1, 0],
+            [1, 1, 0],
+            [1, -1, 0],
+            [-1, -1, 0],
+        ]
+    )
     return size / 2 * signs
 
 
