@@ -236,9 +236,8 @@ def _gap(point: Point, scene: Goal) -> Float[Array, ""]:
     """Signed distance of a point from the thresholds of obstacles [m]."""
     gaps = distances(point, scene.obstacles, scene.cores) - scene.thresholds
     known = jnp.append(jnp.where(scene.thresholds > 0.0, gaps, jnp.inf), jnp.inf)
-    return known[
-        jnp.argmin(known)
-    ]  # `min` has no slope where entries are rounded twice
+    # as in `obstacles`, no `min`: its slope fails where entries are rounded twice
+    return known[jnp.argmin(known)]
 
 
 _normal = jax.grad(_gap)
