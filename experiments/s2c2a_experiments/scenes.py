@@ -29,6 +29,7 @@ from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task, load_task
 from s2c2a.tasks.scenes import SOLID, goal_beside
 from s2c2a_experiments.run_rows import metric_rows
+from s2c2a_experiments.shapes import drawn_directions
 
 EXPERIMENT = "scenes"
 TURNED = ("reach-1", "reach-2", "risk-a", "risk-c")
@@ -279,11 +280,8 @@ def _shares_told(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
 
 def _drawn_bends(arm: ArmSpec, random: np.random.Generator, count: int) -> np.ndarray:
     """Shapes at most 0.8 of the way to the bend limits, shape (count, modules, 2)."""
-    limits = 0.8 * ArmGeometry.of(arm).bend_limits
-    sizes = limits * np.sqrt(random.uniform(0.2, 1.0, (count, arm.module_count)))
-    angles = random.uniform(0.0, 2.0 * np.pi, (count, 1))
-    angles = angles + random.normal(0.0, 0.6, (count, arm.module_count))
-    return sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    limits = 0.8 * ArmGeometry.of(arm).bend_limits[:, None]
+    return limits * drawn_directions(random, count, arm.module_count)
 
 
 def _lines(arm: ArmSpec, corners: np.ndarray, steps: int = 12) -> np.ndarray:

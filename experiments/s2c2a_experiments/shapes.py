@@ -120,8 +120,8 @@ def best_fit(reach: TrueReach, curve: np.ndarray) -> float:
 def _own(arm: ArmSpec, count: int) -> CurveSet:
     """Center lines of the true arm; they fit exactly."""
     reach = TrueReach(arm)
-    actions = LARGEST_BEND * _directions(count, arm.module_count)
-    actions *= reach.usable_range[:, None]
+    drawn = drawn_directions(np.random.default_rng(0), count, arm.module_count)
+    actions = LARGEST_BEND * reach.usable_range[:, None] * drawn
     lines = center_line(reach.states(actions), ArmGeometry.of(arm).lengths)
     return CurveSet("own", arm, _tasks("own", arm, _with_base(lines)), [0.0] * count)
 
@@ -132,7 +132,8 @@ def _foreign(arm: ArmSpec, count: int) -> CurveSet:
     lengths = arm.length * np.array(FOREIGN_MODULES)
     # as much bend a length as the arm has
     limits = lengths * (geometry.bend_limits / geometry.lengths).min()
-    bends = LARGEST_BEND * limits[:, None] * _directions(count, len(lengths))
+    drawn = drawn_directions(np.random.default_rng(0), count, len(lengths))
+    bends = LARGEST_BEND * limits[:, None] * drawn
     states = np.stack([np.asarray(states_from_bends(each, lengths)) for each in bends])
     lines = _with_base(center_line(states, lengths))
     reach = TrueReach(arm)
@@ -140,9 +141,10 @@ def _foreign(arm: ArmSpec, count: int) -> CurveSet:
     return CurveSet("foreign", arm, tasks, [best_fit(reach, line) for line in lines])
 
 
-def _directions(count: int, modules: int) -> np.ndarray:
+def drawn_directions(
+    random: np.random.Generator, count: int, modules: int
+) -> np.ndarray:
     """Vectors in the unit disc, nearby modules in similar directions."""
-    random = np.random.default_rng(0)
     sizes = np.sqrt(random.uniform(0.2, 1.0, (count, modules)))
     angles = random.uniform(0.0, 2.0 * np.pi, (count, 1))
     angles = angles + random.normal(0.0, 0.6, (count, modules))
