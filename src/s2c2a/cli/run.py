@@ -371,8 +371,8 @@ def _report_waypoints(
             gap = 100 * max(point.gap for point in far)
             times = _time_spans([point.time for point in far], track.times.tolist())
             print(
-                f"{len(far)} of {len(track.times)} waypoints of {end} are out of reach, "
-                f"by up to {gap:.1f} cm: {', '.join(times)} s"
+                f"out of reach by up to {gap:.1f} cm: waypoints of {end} at "
+                f"{', '.join(times)} s ({len(far)} of {len(track.times)})"
             )
     if all((track.positions[:, 2] < 0).all() for track in tracks):
         print(

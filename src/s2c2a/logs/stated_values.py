@@ -94,10 +94,9 @@ def unusual_numbers(
     parameters = fit.parameters
     priors = prior_std(log_map)
     texts = {
-        "gains": "gains of drives differ by {:.1f} (of the logarithm)",
+        "gains": "gains of drives differ by a factor of {1:.1f}",
         "offsets": "drives are off their rests by up to {:.1f} rad",
-        "lengths": "lengths differ from those of the shell of the ends by {:.1f} (of "
-        "the logarithm)",
+        "lengths": "a module is {1:.1f} times as long, or short, as its ends show",
         "tilt": "the arm is tilted by {:.2f} rad from the direction that the ends show",
         "base": "the base is {:.2f} m from where the ends show it",
     }
@@ -105,7 +104,7 @@ def unusual_numbers(
     for name, text in texts.items():
         errors = np.abs(getattr(parameters, name) - getattr(start, name))
         if errors.max() > UNUSUAL * priors[name]:
-            found.append(text.format(errors.max()))
+            found.append(text.format(errors.max(), np.exp(errors.max())))
     radius = log_map.arm.cable_radius
     if radius and log_map.drives[0].unit != "free" and not log_map.by_force:
         identified = 1 / np.exp(parameters.gain + np.mean(parameters.gains))
