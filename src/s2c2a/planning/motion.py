@@ -89,7 +89,6 @@ class GoalMotion(NamedTuple):
         offset: of the approach from the targets, as coefficients of a polynomial p: it is
             exp(-t) p(t) at the time t, in units of the decay.
         passes: whether the tip passes an obstacle beside its target.
-        is_within: whether the next target of the tip is in an obstacle.
     """
 
     latest: Rows
@@ -98,7 +97,6 @@ class GoalMotion(NamedTuple):
     is_known: Float[Array, "targets 1"]
     offset: Float[Array, "3 targets 3"]
     passes: Bool[Array, ""]
-    is_within: Bool[Array, ""]
 
     @classmethod
     def of(cls, modules: int) -> "GoalMotion":
@@ -106,8 +104,8 @@ class GoalMotion(NamedTuple):
         rows = jnp.zeros_like(_rows(Goal.of(modules)))
         targets = rows[: 2 * modules]
         offset = jnp.stack([targets] * 3)
-        no = jnp.asarray(False)
-        return cls(rows, rows, targets, targets[:, :1], offset, no, no)
+        passes = jnp.asarray(False)
+        return cls(rows, rows, targets, targets[:, :1], offset, passes)
 
     def stays(self, goal: Goal) -> Bool[Array, ""]:
         """Whether a goal is as the last one was."""
@@ -228,8 +226,7 @@ class GoalMotion(NamedTuple):
             self.passes | enters, pass_by, lambda: (jnp.asarray(False), targets)
         )
         passed = {"positions": positions.at[:, -1].set(points)}
-        motion = self._replace(passes=passes, is_within=gaps[0] < 0.0)
-        return motion, ahead._replace(**passed)  # type: ignore[arg-type]
+        return self._replace(passes=passes), ahead._replace(**passed)  # type: ignore[arg-type]
 
 
 def _gap(point: Point, scene: Goal) -> Float[Array, ""]:

@@ -17,7 +17,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.execution.compilation import all_finite, compiled, select, select_if_finite
-from s2c2a.goals import PREVIEW, Goal
+from s2c2a.goals import PREVIEW, START_TIME, Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
     commanded_configurations,
@@ -299,8 +299,14 @@ class Step(NamedTuple):
         memory = select_if_finite(hysteresis, plan.memory)
         rest, stride = plan.rest, self.approach.stride
         if rest is not None:
-            is_resting = rests(self._near(goal), plan.motion)
-            rest = select(is_resting, rest, Rest.none(self.arm))
+            none = Rest.none(self.arm)
+            # beside obstacles, an arm that starts at once swings into them
+            gain = none.limit * self.arm.control_period / START_TIME
+            fastest = terms.largest_bend(jnp.diff(plan.solver.knots, axis=0)) / stride
+            is_beside = (jnp.asarray(goal.thresholds) > 0.0).any()
+            started = jnp.where(is_beside, fastest + gain, none.limit)
+            none = none._replace(step=jnp.minimum(none.limit, started))
+            rest = select(rests(self._near(goal), plan.motion), rest, none)
         last = plan._replace(memory=memory, disturbances=disturbances, rest=rest)
         problem = self._begun(last, goal, lead)
         planned, motion, solver, tips = self.solver.next(problem, plan.solver)
@@ -355,8 +361,7 @@ class Step(NamedTuple):
             Candidate(configurations, bends, *[None] * 3),  # type: ignore[arg-type]
             self.arm.length,
             jnp.asarray(geometry.planned_bends, dtype=jnp.float32),
-            # at its full pace an arm swings into an obstacle beside which it stops
-            longest / (1.0 + (last.motion.passes & last.motion.is_within)),
+            longest,
             self.options.on_sphere,
             self._guarded.radii,
             steerable=geometry.steerable,

@@ -130,7 +130,7 @@ class GuardedPoints:
         return max(CENTER_LINE_POINTS, round(3 * CENTER_LINE_POINTS * share))
 
 
-def largest_bend(bends: Bends) -> Float[Array, ""]:
+def largest_bend(bends: Float[Array, "*knots modules 2"]) -> Float[Array, ""]:
     """Largest length of a module's bend vector [rad]."""
     return jnp.sqrt(jnp.max(squared_norm(bends)))
 
