@@ -33,20 +33,6 @@ def test_ten_plans_beside_eager_pytorch(in_turn, networks_of):
     )
 
 
-@pytest.mark.asked("over no capacity at most 1.1, so the ratio at least 0.91")
-def test_plan_beside_one_without_room_for_obstacles(in_turn, networks):
-    """No obstacle in use: capacity for as many as a goal holds, then for none."""
-    planner = planner_of(networks)
-    goals = circle(networks.arm).goals
-    small = [
-        goal._replace(obstacles=goal.obstacles[:0], thresholds=goal.thresholds[:0])
-        for goal in goals
-    ]
-    in_turn(
-        following(planner, goals), following(planner, small), "no capacity", rounds=1000
-    )
-
-
 def difference(networks, planner, goals, torch_planner) -> float:
     """Largest difference of any number between plans from the same start."""
     theirs = torch_planner.planner_of(networks)

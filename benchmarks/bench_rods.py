@@ -39,7 +39,7 @@ class Ours:
         self._robot = SimulatedRobot(case.arm, fidelity)
         self._tensions = case.tensions
         self._robot.open()
-        self._robot.push(case.tip_force)
+        self._robot.apply_force(case.tip_force)
 
     def advance(self, seconds: float) -> None:
         hold(self._robot, self._tensions)

@@ -1,7 +1,5 @@
 """Parts of a control step: sensing, control, and whole steps; see also `bench_plan`."""
 
-import operator
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,17 +8,21 @@ import pytest
 from s2c2a.control import Controller, CorrectedController, InversePCC, NetworkController
 from s2c2a.execution.compilation import compiled
 from s2c2a.kinematics import PCC
+from s2c2a.strategies import s2c2a_strategy
 from s2c2a.tasks import circle
 from s2c2a.tasks.lines import reach
 
-from driving import straight, ticks_on
+from driving import at_rest, straight, ticks_on
 
 
 def test_sense(benchmark, networks):
-    arm = networks.arm
-    sense = compiled(operator.call, networks.recipe.estimator(arm))
-    sensors = {"cables": np.zeros((arm.module_count, arm.cable_count), np.float32)}
-    benchmark(lambda: jax.block_until_ready(sense(sensors)))
+    estimator = s2c2a_strategy(networks).estimator
+    reading = at_rest(networks.arm)
+    estimate = estimator.start(reading)
+    command = np.zeros((networks.arm.module_count, networks.arm.cable_count))
+    benchmark(
+        lambda: jax.block_until_ready(estimator.update(estimate, reading, command))
+    )
 
 
 @pytest.mark.asked("at most 0.15 ms")

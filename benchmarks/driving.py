@@ -84,6 +84,7 @@ def ticking(
     strategy: Strategy, goals: Sequence[Goal], readings: Sequence[Reading]
 ) -> Call:
     """A call that does one control step: readings and their goals, again and again."""
+    strategy.planner.set_real_time(True)
     strategy.start(readings[0])
     pairs = cycle(zip(readings, goals, strict=False))
     return lambda: strategy.step(*next(pairs))

@@ -11,10 +11,9 @@ from s2c2a.strategies import load_networks, s2c2a_strategy
 networks = load_networks(sys.argv[1])
 arm = networks.arm
 strategy = s2c2a_strategy(networks)
+cables = np.zeros((arm.module_count, arm.cable_count))
 straight = np.tile([0.0, 0.0, 1.0], (arm.module_count, 1))
-reading = Reading(
-    0.0, np.zeros((arm.module_count, arm.cable_count)), configurations=straight
-)
+reading = Reading(0.0, {"cables": cables, "configurations": straight})
 strategy.start(reading)
 strategy.step(
     reading,

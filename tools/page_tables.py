@@ -839,3 +839,48 @@ def _csv_table(name: str, columns: Sequence[str] = ()) -> str:
     chosen = columns or list(rows[0])
     cells = [[row[column].replace(" %", "") for column in chosen] for row in rows]
     return table(chosen, cells)
+
+
+PERFORMANCE = {
+    "control step": "bench_step: tick[best-free]",
+    "control step, two obstacles": "bench_step: tick[best-past two obstacles]",
+    "control step, two obstacles, the whole arm guarded": "bench_step: "
+    "tick[best-past them, whole arm guarded]",
+    "control step, `paper`": "bench_step: tick[paper-free]",
+    "ten plans, `paper`": "bench_plan: ten_plans_beside_eager_pytorch",
+    "plans for 4096 arms": "bench_batch: batch[best-4096]",
+    "control step at 100 Hz": "bench_jitter: ticks_on_time",
+    "10,000 control steps": "bench_jitter: memory_over_ticks",
+    "a first start": "bench_startup: first_tick[best-first]",
+    "a later start": "bench_startup: first_tick[best-later]",
+    "`s2c2a --help`": "bench_startup: help",
+    "9000 samples": "bench_collect: 9000_samples",
+    "training": "bench_training: train[best]",
+    "training, `paper`": "bench_training: train[paper]",
+    "simulation, `fast`": "bench_simulation: simulate[fast-one thread]",
+    "simulation, `accurate`": "bench_simulation: simulate[accurate-one thread]",
+}
+"""What is timed -> row of `results/performance/`; the recipe is `best` unless stated."""
+
+
+@shown_as("performance")
+def performance_table() -> str:
+    """Times, and what the benchmarks state beside them."""
+    lines = []
+    for label, name in PERFORMANCE.items():
+        row = find_row("performance/times.json", benchmark=name)
+        beside = [
+            f"{key} {three_digits(value) if isinstance(value, float) else value}"
+            for key, value in row["beside"].items()
+        ]
+        times = [_time(row["median"]), _time(row["tail"])]
+        lines.append([label, *times, ", ".join(beside), f"`{name.split(':')[0]}.py`"])
+    return table(["", "median", "99 %", "beside it", "file"], lines)
+
+
+def _time(milliseconds: float | None) -> str:
+    if milliseconds is None:
+        return MISSING
+    if milliseconds < 1000.0:
+        return f"{three_digits(milliseconds)} ms"
+    return f"{three_digits(milliseconds / 1000.0)} s"

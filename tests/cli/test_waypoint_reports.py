@@ -34,7 +34,9 @@ def written(tmp_path, *rows):
 def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
     _report_waypoints(written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), TWIN, None)
     printed = capsys.readouterr().out
-    assert "out of reach by up to " in printed and "of the tip" in printed and "(2 of 2)" in printed
+    assert "out of reach by up to " in printed
+    assert "of the tip" in printed
+    assert "(2 of 2)" in printed
     assert "z grows from the base toward the tip" in printed
     _report_waypoints(str(tmp_path / "path.csv"), TWIN, ARCS)
     printed = capsys.readouterr().out
@@ -63,7 +65,9 @@ def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
     _report_waypoints(written(tmp_path, *rows), TWIN, None)
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
-    assert "out of reach by up to " in printed and "of the tip" in printed and "(6 of 14)" in printed
+    assert "out of reach by up to " in printed
+    assert "of the tip" in printed
+    assert "(6 of 14)" in printed
     assert "3 to 5, 8, 11 to 12 s" in printed
 
 
