@@ -1,39 +1,27 @@
-"""Growth of times with modules, cables, obstacles, waypoints (untrained networks)."""
+"""Growth of times with modules, obstacles, waypoints (untrained networks)."""
 
-import time
-
-import jax
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmSpec
-from s2c2a.strategies import s2c2a_strategy
 from s2c2a.tasks import circle, load_waypoints, unreachable_waypoints, waypoints_task
 
-from driving import at_rest, following, planner_of, ticking, untrained
+from driving import following, planner_of, untrained
 
 MODULES = (1, 2, 3, 5, 10, 20)
-CABLES = (3, 4, 6, 8)
 OBSTACLES = (0, 1, 2, 4, 8, 16, 32, 64)
 WAYPOINTS = (100, 1000, 10_000, 100_000)
 ROUNDS = 200
 either_recipe = pytest.mark.parametrize("recipe", ["best", "paper"])
-plan_or_tick = pytest.mark.parametrize("what", ["plan", "tick"])
 
 
-@pytest.mark.asked("plans: exponent at most 1")
-@plan_or_tick
+@pytest.mark.asked("exponent at most 1")
 @either_recipe
 @pytest.mark.parametrize("size", MODULES)
-def test_modules(benchmark, arm, size, recipe, what):
-    grow(benchmark, arm_of_modules(arm, size), recipe, what)
-
-
-@plan_or_tick
-@either_recipe
-@pytest.mark.parametrize("size", CABLES)
-def test_cables(benchmark, arm, size, recipe, what):
-    grow(benchmark, arm_of_cables(arm, size), recipe, what)
+def test_modules(benchmark, arm, size, recipe):
+    longer = arm_of_modules(arm, size)
+    plan = following(planner_of(untrained(longer, recipe)), circle(longer).goals)
+    benchmark.pedantic(plan, rounds=ROUNDS, warmup_rounds=20)
 
 
 @pytest.mark.asked("exponent at most 1")
@@ -64,22 +52,6 @@ def test_waypoints_checked(benchmark, arm, size, tmp_path):
     )
 
 
-def grow(benchmark, arm: ArmSpec, recipe: str, what: str) -> None:
-    """A plan or a tick of an arm; what compiling takes stands beside it."""
-    goals = circle(arm).goals
-    began = time.perf_counter()
-    networks = untrained(arm, recipe)
-    tick = (
-        ticking(s2c2a_strategy(networks), goals, [at_rest(arm)] * len(goals))
-        if what == "tick"
-        else None
-    )
-    call = tick or following(planner_of(networks), goals)
-    benchmark.extra_info["compiling [s]"] = time.perf_counter() - began
-    benchmark.pedantic(call, rounds=ROUNDS, warmup_rounds=20)
-    jax.clear_caches()
-
-
 def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:
     """The arm with its modules repeated and shortened, so that its length stays."""
     kinds = [arm.modules[number % arm.module_count] for number in range(count)]
@@ -89,22 +61,6 @@ def arm_of_modules(arm: ArmSpec, count: int) -> ArmSpec:
         [
             module.model_copy(update={"length": scale * module.length})
             for module in kinds
-        ],
-    )
-
-
-def arm_of_cables(arm: ArmSpec, count: int) -> ArmSpec:
-    """The arm with this many cables in every module, evenly spread."""
-    angles = [
-        module.cable_angles_deg[0] + 360.0 * np.arange(count) / count
-        for module in arm.modules
-    ]
-    pairs = zip(arm.modules, angles, strict=True)
-    return changed(
-        arm,
-        [
-            module.model_copy(update={"cable_angles_deg": tuple(each.tolist())})
-            for module, each in pairs
         ],
     )
 

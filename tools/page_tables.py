@@ -847,6 +847,9 @@ PERFORMANCE = {
     "control step, two obstacles, the whole arm guarded": "bench_step: "
     "tick[best-past them, whole arm guarded]",
     "control step, `paper`": "bench_step: tick[paper-free]",
+    "plan": "bench_plan: plan[best]",
+    "plan, `paper`": "bench_plan: plan[paper]",
+    "the core at best: product of two matrices": "bench_plan: matrix_product",
     "ten plans, `paper`": "bench_plan: ten_plans_beside_eager_pytorch",
     "plans for 4096 arms": "bench_batch: batch[best-4096]",
     "control step at 100 Hz": "bench_jitter: ticks_on_time",

@@ -1,4 +1,4 @@
-"""Pictures of docs/results/index.md, drawn from the rows in `results/`."""
+"""Pictures of docs/results/, drawn from the rows in `results/`."""
 
 import io
 import json
@@ -22,7 +22,7 @@ from tools.page_tables import (
     real_tips,
     sensor_row,
 )
-from tools.results_tables import find_row
+from tools.results_tables import find_row, load_rows
 
 FOLDER = ROOT / "docs" / "pictures"
 SIZE = (8.0, 3.0)  # inches, as wide as a page
@@ -115,12 +115,33 @@ def recording_bars() -> Bars:
     return Bars("tip error [mm]", groups, series)
 
 
+def growth_bars() -> Bars:
+    """Plans of arms of more modules, and beside more obstacles."""
+    rows = load_rows("performance/times.json")
+    series: dict[str, list[float | None]] = {"best": [], "paper": []}
+    groups = []
+    for kind in ("modules", "obstacles"):
+        for name in series:
+            grown = [
+                row
+                for row in rows
+                if row["benchmark"].startswith(f"bench_growth: {kind}[")
+                and name in row["benchmark"]
+            ]
+            grown.sort(key=lambda row: row["size"])
+            series[name] += [row["median"] for row in grown]
+        groups += [f"{row['size']}" for row in grown]
+        groups[-len(grown)] += f"\n{kind}"
+    return Bars("plan [ms]", groups, series)
+
+
 PICTURES: dict[str, Callable[[], Bars]] = {
     "results-paper": paper_bars,
     "results-randomized": randomized_bars,
     "results-sensors": sensor_bars,
     "results-speed": speed_bars,
     "results-recordings": recording_bars,
+    "results-growth": growth_bars,
 }
 """Functions that give the bars of a picture, by the name of its file."""
 
