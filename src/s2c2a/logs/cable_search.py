@@ -366,6 +366,8 @@ def _choose_signs(
             continue
         signs = np.where(members, -assignment.signs, assignment.signs)
         trial = replace(assignment, signs=signs)
+        # as far on its way as the trial
+        fit = _refit(observations, fit, TRIAL_ITERATIONS)
         angles = fit.parameters.angles + np.pi * members
         new = fit_parameters(
             observations,
