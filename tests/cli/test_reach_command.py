@@ -38,9 +38,8 @@ def path(tmp_path):
 @pytest.mark.slow
 def test_a_target_within_reach_is_reached_by_a_shape(capsys):
     printed = said(capsys, "--target 0.2 0.1 0.5")
-    assert (
-        "without --weights (those of s2c2a have one): modules bend as arcs" in printed
-    )
+    assert "without --weights, modules bend as arcs of a circle" in printed
+    assert "miss by centimeters what arcs reach" in printed
     assert "the tip reaches (0.200, 0.100, 0.500) m: it misses by 0.0" in printed
     assert "of 8 starts of the search end as near" in printed
     assert "bend deg" in printed
