@@ -66,9 +66,8 @@ MODEL = straight_arm([0.12, 0.12], ANGLES_DEG, gain=np.log(0.05))
 
 def two_modules(tip="", drive=""):
     """Map of six drives [mm] and both ends."""
-    text = (
-        '[rows]\nkind = "steps"\n[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
-    )
+    text = '[rows]\nkind = "steps"\n'
+    text += '[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
     for name in DRIVES:
         text += f'[[drives]]\ncommanded = "{name}"\nunit = "mm"\n{drive}'
     text += '[[ends]]\nmodule = 0\nposition = ["a", "b", "c"]\nunit = "m"\n'
@@ -87,10 +86,9 @@ def simulate(sign):
 def write_states(path, columns, states):
     ends = states[..., :3].reshape(600, 6)
     ends += np.random.default_rng(6).normal(0.0, 1e-3, ends.shape)
-    header = ",".join([*DRIVES, "a", "b", "c", "x", "y", "z"])
-    np.savetxt(
-        path, np.hstack([columns, ends]), "%.5f", ",", header=header, comments=""
-    )
+    header = ",".join([*DRIVES, *"abcxyz"])
+    table = np.hstack([columns, ends])
+    np.savetxt(path, table, "%.5f", ",", header=header, comments="")
     return path
 
 
@@ -99,9 +97,7 @@ def test_signs_that_all_drives_share_are_found(tmp_path, sign):
     _, columns, states = simulate(sign)
     path = write_states(tmp_path / "log.csv", columns, states)
     shown = []
-    imported = import_logs(
-        [path], two_modules(), progress=lambda *state: shown.append(state)
-    )
+    imported = import_logs([path], two_modules(), progress=lambda *s: shown.append(s))
     works = dict.fromkeys(work for work, _, _ in shown)
     assert list(works) == [READING, FITTING, COMPARING]
     parts = [done for work, done, _ in shown if work == FITTING]

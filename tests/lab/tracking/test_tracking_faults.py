@@ -5,7 +5,7 @@ trackers.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -36,8 +36,7 @@ def arm_poses(length):
     }
 
 
-@dataclass
-class Step:
+class Step(NamedTuple):
     """What a control step sees."""
 
     number: int
@@ -88,14 +87,9 @@ class Run:
         lost = np.flatnonzero(np.isnan(checked.states).any(axis=1)) + 1
         frozen = np.flatnonzero(self._frozen.find(frame)) + 1
         jump = self._jumps.find(tracked, now)
-        return Step(
-            frame.number,
-            now - frame.arrival_time,
-            lost.tolist(),
-            checked.reasons,
-            frozen.tolist(),
-            jump,
-        )
+        age = now - frame.arrival_time
+        reasons = checked.reasons
+        return Step(frame.number, age, lost.tolist(), reasons, frozen.tolist(), jump)
 
     @property
     def oldest(self):

@@ -9,12 +9,7 @@ from painted_tags import CAMERA, LAYOUT, collar_pose, errors, picture
 from streams import wait_until
 
 from s2c2a.lab.tracking import ModuleEnds, TrackingError, receiving
-from s2c2a.lab.tracking.tags import (
-    TagDropReason,
-    TagTracker,
-    save_camera,
-    tag_tracker,
-)
+from s2c2a.lab.tracking.tags import TagDropReason, TagTracker, save_camera, tag_tracker
 from s2c2a.lab.tracking.tags.capture import open_device
 from s2c2a.lab.tracking.tags.opencv import cv2
 
